@@ -105,7 +105,7 @@ def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path, collisions, links):
 
 
 def test_arms_that_ship_have_shapes_for_all_links():
-    assert [arm.unchecked_contacts() for arm, _ in ARMS.values()] == [()] * len(ARMS)
+    assert [arm.not_checked for arm, _ in ARMS.values()] == [()] * len(ARMS)
 
 
 @pytest.mark.parametrize("model", sorted(ARMS))

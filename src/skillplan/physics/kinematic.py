@@ -55,6 +55,14 @@ class KinematicEngine(Engine):
                     )
         return Verdict.feasible(present, facts.none)
 
+    def not_checked(self) -> tuple[str, ...]:
+        """Return the arms whose payload is unknown, so that no mass is held to it."""
+        return tuple(
+            f"payload of {robot.name}: not in the robot description; robot.payload_kg gives it"
+            for robot in self.task.scene.robots
+            if self.task.scene.bodies and robot.carries_kg is None
+        )
+
     def via_points(self, robot: Robot, visit: Visit) -> tuple[Point, Point]:
         """Return the tip positions [m] straight above a target at safe height, and at it."""
         x_m, y_m, z_m = visit.position

@@ -130,8 +130,10 @@ class Joint:
         Its frame at angle 0, in the frame of the joint before (of the base, if first).
     low_rad, high_rad
         Limits of its angle [rad].
-    speed_rad_per_s, acceleration_rad_per_s2, torque_nm
-        Greatest speed [rad/s], acceleration [rad/s2] and torque [Nm], > 0.
+    speed_rad_per_s, acceleration_rad_per_s2
+        Greatest speed [rad/s] and acceleration [rad/s2], > 0.
+    torque_nm
+        Greatest torque [Nm], > 0; None if unknown.
     link
         What it moves.
     axis
@@ -150,7 +152,7 @@ class Joint:
     high_rad: float
     speed_rad_per_s: float
     acceleration_rad_per_s2: float
-    torque_nm: float
+    torque_nm: float | None
     link: LinkInertia
     axis: Triple = (0.0, 0.0, 1.0)
 
@@ -167,7 +169,7 @@ class Joint:
             )
         for what in ("speed_rad_per_s", "acceleration_rad_per_s2", "torque_nm"):
             value = getattr(self, what)
-            if not (math.isfinite(value) and value > 0):
+            if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"Joint {self.name}: {what} must be > 0, not {value}.")
 
 
@@ -194,6 +196,9 @@ class ArmDescription:
         Of an arm with a spare joint whose first axis is its base's z and which points down at home:
         the joints, counted from 0, that turn all of it, swing its elbow, and turn its hand. None
         for others.
+    payload_kg
+        Greatest mass at the flange, hand and tool included, as its maker says [kg], > 0; None if
+        unknown.
 
     Raises
     ------
@@ -208,6 +213,7 @@ class ArmDescription:
     shapes: tuple[tuple[LinkShape, ...], ...] = ()
     reach_m: float | None = None
     swing: tuple[int, int, int] | None = None
+    payload_kg: float | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -230,8 +236,10 @@ class ArmDescription:
                 f"Arm {self.name}: shapes must be of the base and each of {len(self.joints)} "
                 f"links, not of {len(self.shapes)}."
             )
-        if self.reach_m is not None and not (math.isfinite(self.reach_m) and self.reach_m > 0):
-            raise ValueError(f"Arm {self.name}: reach_m must be > 0, not {self.reach_m}.")
+        for what in ("reach_m", "payload_kg"):
+            value = getattr(self, what)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"Arm {self.name}: {what} must be > 0, not {value}.")
 
     @property
     def works_within_m(self) -> float:
@@ -250,15 +258,22 @@ class ArmDescription:
             return tuple(range(len(self.joints) + 1))
         return tuple(number for number, shapes in enumerate(self.shapes) if not shapes)
 
-    def unchecked_contacts(self) -> tuple[str, ...]:
-        """Return a sentence on the links whose contacts cannot be checked; none if all can."""
+    @property
+    def not_checked(self) -> tuple[str, ...]:
+        """Sentences on contacts and torques that back ends cannot check for want of a figure."""
+        sentences = []
         links = ["the base" if not number else f"link {number}" for number in self.without_shape]
-        if not links:
-            return ()
-        return (
-            f"contacts of {', '.join(links)} of {self.name}: its description has no collision "
-            "shape for them",
-        )
+        if links:
+            sentences.append(
+                f"contacts of {', '.join(links)} of {self.name}: its description has no collision "
+                "shape for them"
+            )
+        joints = [joint.name for joint in self.joints if joint.torque_nm is None]
+        if joints:
+            sentences.append(
+                f"torques of {', '.join(joints)} of {self.name}: its description has no limit"
+            )
+        return tuple(sentences)
 
     @property
     def low_rad(self) -> tuple[float, ...]:
@@ -282,5 +297,5 @@ class ArmDescription:
 
     @property
     def torque_nm(self) -> tuple[float, ...]:
-        """Greatest torques of the joints [Nm]."""
-        return tuple(joint.torque_nm for joint in self.joints)
+        """Greatest torques of the joints [Nm], infinite if unknown."""
+        return tuple(joint.torque_nm or math.inf for joint in self.joints)

@@ -39,6 +39,8 @@ class Hand:
     body_corners_m
         Of the body more exactly, if not empty: where along the closing axis, across it, and how
         deep in the hand's frame. It need not be the same turned by half a turn.
+    mass_kg
+        Mass [kg], >= 0; 0 if unknown.
 
     Raises
     ------
@@ -54,12 +56,15 @@ class Hand:
     on_flange: Transform = _NOWHERE
     jaw_corners_m: tuple[Triple, ...] = ()
     body_corners_m: tuple[Triple, ...] = ()
+    mass_kg: float = 0.0
 
     def __post_init__(self) -> None:
         for what in ("opening_m", "tip_m", "force_n"):
             value = getattr(self, what)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"Hand {what} must be > 0, not {value}.")
+        if not (math.isfinite(self.mass_kg) and self.mass_kg >= 0):
+            raise ValueError(f"Hand mass_kg must be >= 0, not {self.mass_kg}.")
         for what, rows in (("jaw_m", self.jaw_m), ("body_m", self.body_m)):
             if len(rows) < 2 or not all(math.isfinite(one) for row in rows for one in row):
                 raise ValueError(f"Hand {what} needs two heights at least, all of them finite.")

@@ -81,6 +81,9 @@ HAND_OUTLINE_M: Final = (
 )
 # Greatest force of the jaws, held continuously [N].
 HAND_FORCE_N: Final = 70.0
+# Payload of the arm's data sheet, and mass of the hand as the maker's interface has it [kg].
+PAYLOAD_KG: Final = 3.0
+HAND_MASS_KG: Final = 0.73
 
 _LINKS: Final = (
     LinkInertia(
@@ -142,6 +145,7 @@ PANDA: Final = ArmDescription(
     shapes=SHAPES,
     reach_m=0.855,
     swing=(0, 2, 6),
+    payload_kg=PAYLOAD_KG,
 )
 """The arm without its hand; its tip is the flange."""
 
@@ -154,6 +158,7 @@ PANDA_HAND: Final = Hand(
     Transform(rpy_rad=(0.0, 0.0, HAND_YAW_RAD)),
     JAW_CORNERS_M,
     BODY_CORNERS_M,
+    HAND_MASS_KG,
 )
 """Its hand, as it is bolted on."""
 

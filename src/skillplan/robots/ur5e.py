@@ -1,9 +1,10 @@
 """Facts of the Universal Robots UR5e, as its maker publishes them.
 
 Kinematics (standard parameters of Denavit and Hartenberg), masses and centres of mass are from the
-maker's article "DH Parameters for calculations of kinematics and dynamics", angles and speeds from
-its user manual, torques from its article "Max. joint torques". The elbow turns by half of what
-the manual says, since the upper arm is in its way; the maker's ROS description does the same.
+maker's article "DH Parameters for calculations of kinematics and dynamics", angles, speeds and
+payload from its user manual, torques from its article "Max. joint torques". The elbow turns by half
+of what the manual says, since the upper arm is in its way; the maker's ROS description does the
+same.
 
 The article calls the inertias of the links negligible and states none: those here are of the
 maker's ROS description (`config/ur5e/physical_parameters.yaml`). Accelerations are not published;
@@ -83,5 +84,6 @@ UR5E: Final = ArmDescription(
     home_rad=(0.0, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0),
     shapes=SHAPES,
     reach_m=0.85,
+    payload_kg=5.0,
 )
 """The arm; its tip is the tool flange."""

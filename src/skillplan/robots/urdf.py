@@ -246,7 +246,8 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
             high,
             speed,
             speed / _SPEEDING_UP_S,
-            number(limit, "effort", most=math.inf),
+            # Files of industrial arms often have an effort of 0, or none.
+            number(limit, "effort", 0.0, most=math.inf) or None,
             link,
             (direction[0] / length, direction[1] / length, direction[2] / length),
         )

@@ -170,6 +170,8 @@ class Tool:
         engines choose.
     hand
         Of a gripper, what it looks like; None for the hand of the arm.
+    mass_kg
+        Mass on the flange while it is attached [kg], >= 0; None for that of the arm's hand.
     """
 
     name: str
@@ -180,6 +182,7 @@ class Tool:
     opening_m: float | None = None
     force_n: float | None = None
     hand: Hand | None = None
+    mass_kg: float | None = None
 
 
 @dataclass(frozen=True)
@@ -206,11 +209,13 @@ class Robot:
         How its base is turned in the world.
     hand
         What is on its flange. All tools end where its jaws do.
+    payload_kg
+        Greatest mass at the flange, tool included [kg], > 0; None for that of the model.
 
     Raises
     ------
     ValueError
-        If reach or safe height is not positive.
+        If reach, safe height or payload is not positive.
     """
 
     name: str
@@ -222,11 +227,12 @@ class Robot:
     model: ArmDescription = DEFAULT_MODEL
     base_orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     hand: Hand = DEFAULT_HAND
+    payload_kg: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("reach_m", "safe_height_m"):
+        for name in ("reach_m", "safe_height_m", "payload_kg"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
+            if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"Robot {self.name!r}: {name} must be > 0, not {value}.")
 
     @property
@@ -247,6 +253,15 @@ class Robot:
     def hand_of(self, tool: Tool | None) -> Hand:
         """Return what a gripper looks like; the arm's own hand for None and for other tools."""
         return self.hand if tool is None or tool.hand is None else tool.hand
+
+    @property
+    def carries_kg(self) -> float | None:
+        """Greatest mass at the flange, tool included [kg]; None if unknown."""
+        return self.model.payload_kg if self.payload_kg is None else self.payload_kg
+
+    def tool_kg(self, tool: Tool | None) -> float:
+        """Return the mass of a tool on the flange [kg]; that of the hand if none is given."""
+        return self.hand.mass_kg if tool is None or tool.mass_kg is None else tool.mass_kg
 
     def place(self, state: State) -> tuple[str, Point]:
         """Return the fact that says where it stands in `state`, and the position [m].

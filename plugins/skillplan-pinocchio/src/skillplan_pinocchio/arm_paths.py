@@ -20,6 +20,7 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_motion import Strokes
+from skillplan_pinocchio.gravity import GravityCheck
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kept_turns import holds_of
@@ -138,7 +139,13 @@ class ArmPaths:
             check_arm=self.settings.check_arm,
             held=self.sweeps.ends,
             holds=holds_of(self.task, self.settings.drop_height_m),
+            gravity=self.gravity,
         )
+
+    @cached_property
+    def gravity(self) -> GravityCheck:
+        """Hold the torques of gravity to the limits of the joints."""
+        return GravityCheck(ArmModel.of(self.robot), self.task.scene, self.robot)
 
     @cached_property
     def stands(self) -> Stands:
@@ -174,7 +181,7 @@ class ArmPaths:
 
     def travels(self, motions: Sequence[ArmMotion]) -> SkillTravels:
         """Return the travels to some motions in turn."""
-        return SkillTravels(motions, self.safe_travels, self.travel_planner)
+        return SkillTravels(motions, self.safe_travels, self.travel_planner, self.gravity)
 
     def motions(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
         """Return the motions as the arm makes them; they do not depend on where it stands."""

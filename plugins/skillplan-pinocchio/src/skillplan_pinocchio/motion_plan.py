@@ -15,6 +15,7 @@ from skillplan.task.pose import dot
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_motion import Strokes, descent_paths, strokes, there_and_back
+from skillplan_pinocchio.gravity import GravityCheck, Overload
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kept_turns import Hold, hold_of
 from skillplan_pinocchio.kinematics.joint_path import JointPath
@@ -39,11 +40,19 @@ class Elbow:
     itself
         How the arm, or what it holds, runs into the arm or its base; None where it does not. Its
         place is such a fraction.
+    overload
+        A joint that gravity overloads; None if there is none.
     """
 
     strokes: Strokes
     meets: tuple[tuple[Obstacle, LinkTouch], ...]
     itself: Hit | None = None
+    overload: Overload | None = None
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it meets nothing in any state, and no joint is overloaded."""
+        return not self.meets and self.itself is None and self.overload is None
 
     def at(self, fraction: float) -> Vector:
         """Return the joint angles after a fraction of all paths [rad]."""
@@ -53,8 +62,9 @@ class Elbow:
 
     @property
     def blocked(self) -> bool:
-        """Whether it runs into what is always there."""
-        return self.itself is not None or any(obstacle.fact is None for obstacle, _ in self.meets)
+        """Whether it runs into what is always there, or overloads a joint."""
+        never = self.itself is not None or self.overload is not None
+        return never or any(obstacle.fact is None for obstacle, _ in self.meets)
 
 
 @dataclass(frozen=True)
@@ -117,6 +127,8 @@ class MotionPlanner:
     holds
         Motions that handle the same part held the same way, by that: the hand has the same turn
         about what it points along in all of them, seen from the part.
+    gravity
+        Holds the torques of motions to the limits of the joints; None to leave them unchecked.
     """
 
     def __init__(
@@ -129,8 +141,10 @@ class MotionPlanner:
         check_arm: bool,
         held: Callable[[LinearMotion], tuple[Held, Held]] | None = None,
         holds: Mapping[Hold, tuple[LinearMotion, ...]] | None = None,
+        gravity: GravityCheck | None = None,
     ) -> None:
         self.arm = arm
+        self.gravity = gravity
         self.obstacles = tuple(obstacles)
         self.tolerance_m = tolerance_m
         self.samples = samples
@@ -190,8 +204,7 @@ class MotionPlanner:
         if not paths.elbows:
             return False
         best = paths.elbows[0]
-        clear = not best.meets and best.itself is None
-        return clear and dot(self._tip_closing(best.strokes), closing) > 0
+        return best.is_clear and dot(self._tip_closing(best.strokes), closing) > 0
 
     def _closing(self, motion: LinearMotion) -> Point | None:
         """Return the direction of the jaws that a motion has in common with others, or None."""
@@ -320,8 +333,11 @@ class MotionPlanner:
             if isinstance(one, Unreachable):
                 failures.append(one)
                 continue
-            elbow = Elbow(one, self._met(one, spares), self._hit_itself(one, motion))
-            if not elbow.meets and elbow.itself is None:
+            overload = None
+            if motion is not None and self.gravity is not None:
+                overload = self.gravity.on_strokes(motion, one)
+            elbow = Elbow(one, self._met(one, spares), self._hit_itself(one, motion), overload)
+            if elbow.is_clear:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
         if not elbows:

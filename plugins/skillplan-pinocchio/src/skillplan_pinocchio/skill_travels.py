@@ -9,6 +9,8 @@ from typing import Any
 from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Visit
 from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.gravity import GravityCheck, Overload
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
 from skillplan_pinocchio.planning.travel import Holds, Travel, Unfound
 from skillplan_pinocchio.planning.travel_heights import TravelHeights
@@ -24,16 +26,16 @@ class TravelTo:
     visit
         What is done there.
     travel
-        The way, or why there is none.
+        The way, why there is none, or what it overloads.
     """
 
     visit: Visit
-    travel: Travel | Unfound
+    travel: Travel | Unfound | Overload
 
     @property
     def evidence(self) -> dict[str, Any] | None:
         """A planned way as JSON values, None for any other."""
-        if isinstance(self.travel, Unfound) or self.travel.is_straight:
+        if not isinstance(self.travel, Travel) or self.travel.is_straight:
             return None
         nodes = self.travel.path.nodes
         return {
@@ -116,14 +118,21 @@ class SkillTravels:
         Which travels need no check.
     planner
         Finds the others.
+    gravity
+        Holds the torques of travels to the limits of the joints.
     """
 
     def __init__(
-        self, motions: Sequence[ArmMotion], safe: SafeTravels, planner: TravelPlanner
+        self,
+        motions: Sequence[ArmMotion],
+        safe: SafeTravels,
+        planner: TravelPlanner,
+        gravity: GravityCheck,
     ) -> None:
         self.motions = tuple(motions)
         self.safe = safe
         self.planner = planner
+        self.gravity = gravity
 
     def found(
         self, place: str, stand_rad: Vector | None, elbows: Mapping[int, int], holds: Holds
@@ -154,6 +163,15 @@ class SkillTravels:
                 travel = self.planner.travel(here, goal, one.motion, holds)
                 found.append(TravelTo(one.motion.visit, travel))
                 if isinstance(travel, Unfound):
+                    break
+            if here is not None and not self.gravity.is_safe(one.motion, one.motion.carries):
+                if number == 0:
+                    holds(place)
+                known = found[-1].travel if checked else None
+                path = known.path if isinstance(known, Travel) else JointPath([here, goal])
+                overload = self.gravity.on_travel(one.motion, path)
+                if overload is not None:
+                    found.append(TravelTo(one.motion.visit, overload))
                     break
             here = strokes.end
         return found

@@ -130,8 +130,8 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return which links have no shape to check; see :meth:`BackEnd.not_checked`."""
-        return () if self.refuses() is not None else self._robot.model.unchecked_contacts()
+        """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""
+        return () if self.refuses() is not None else self._robot.model.not_checked
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""

@@ -189,7 +189,13 @@ def _elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
         _collision(obstacle, f"link {found.link} of the arm", label, found.touch)
         for obstacle, found in elbow.meets
     )
-    return links if elbow.itself is None else (_own_collision(elbow.itself), *links)
+    own: tuple[Collision, ...] = ()
+    if elbow.itself is not None:
+        own = (_own_collision(elbow.itself),)
+    if elbow.overload is not None:
+        during = "the approach or retreat"
+        own += (Collision(None, elbow.overload.reason, elbow.overload.evidence(during)),)
+    return (*own, *links)
 
 
 def _own_collision(hit: Hit) -> Collision:

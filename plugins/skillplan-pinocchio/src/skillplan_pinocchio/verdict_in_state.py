@@ -11,6 +11,7 @@ from collections.abc import Callable
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.gravity import Overload
 from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports
@@ -75,6 +76,12 @@ class VerdictInState:
             status = VerdictStatus.INFEASIBLE if last.is_proof else VerdictStatus.UNKNOWN
             present, absent = self._rests
             return Verdict(status, last.reason, "", present, absent, evidence)
+        if isinstance(last, Overload):
+            during = "the travel"
+            reason = f"{last.reason} on {during}; no other way was looked for"
+            present, absent = self._rests
+            evidence = dict(last.evidence(during))
+            return Verdict(VerdictStatus.UNKNOWN, reason, "", present, absent, evidence)
         planned = [one.evidence for one in found if one.evidence is not None]
         return Verdict.feasible(*self._rests, {"travels": planned} if planned else None)
 

@@ -7,7 +7,7 @@ from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
 from skillplan.domains.assembly.concave_parts import piece_issues
-from skillplan.domains.assembly.geometry_faults import geometry_issues, shape_issues
+from skillplan.domains.assembly.geometry_faults import geometry_issues, payload_issues, shape_issues
 from skillplan.domains.assembly.gripping import grasp_issues
 from skillplan.domains.assembly.handling.insertion import insertion_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -37,7 +37,12 @@ def issues(config: AssemblyConfig) -> list[Issue]:
     )
     if not any(issue.path[0] in ("parts", "screws") for issue in found):
         found += islice(
-            chain(grasp_issues(config), insertion_issues(config), geometry_issues(config)),
+            chain(
+                payload_issues(config),
+                grasp_issues(config),
+                insertion_issues(config),
+                geometry_issues(config),
+            ),
             _MAX_ISSUES,
         )
     return found

@@ -59,6 +59,29 @@ def shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
         yield Issue(f"must have at most {_MAX_SHAPES} boxes in all.", ("parts",))
 
 
+def payload_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield tools, parts and screws that are heavier than the arm carries."""
+    robot = config.robot
+    limit_kg = robot.arm.payload_kg if robot.payload_kg is None else robot.payload_kg
+    if limit_kg is None:
+        return
+    source = f"payload of {robot.model}" if robot.payload_kg is None else "robot.payload_kg"
+    most = f"more than the arm carries, {limit_kg:g} kg ({source})."
+    on_flange_kg = {
+        name: robot.hand.mass_kg if tool.mass_kg is None else tool.mass_kg
+        for name, tool in config.tools.items()
+    }
+    for name, kg in on_flange_kg.items():
+        if kg > limit_kg:
+            yield Issue(f"{kg:g} kg is {most}", ("tools", name, "mass_kg"))
+    for section, items in (("parts", config.parts), ("screws", config.screws)):
+        for name, item in items.items():
+            kg = on_flange_kg[item.tool]
+            if item.mass_kg + kg > limit_kg >= kg:
+                words = f"{item.mass_kg:g} kg, with {kg:g} kg of {item.tool!r}, is {most}"
+                yield Issue(words, (section, name, "mass_kg"))
+
+
 def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield what is out of reach, overlaps, or hangs in the air, of parts that exist."""
     yield from _out_of_reach(config)

@@ -50,6 +50,7 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
                 robot.arm,
                 robot.base_orientation,
                 robot.hand,
+                robot.payload_kg,
             ),
         ),
         stations={
@@ -99,4 +100,5 @@ def _tool(config: AssemblyConfig, name: str) -> Tool:
         entry.opening_m,
         entry.force_n,
         entry.hand_on(config.robot.hand),
+        entry.mass_kg,
     )

@@ -135,10 +135,8 @@ class SimulatingEngine(Engine):
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return which links have no shape to touch anything; see :meth:`BackEnd.not_checked`."""
-        if self.refuses() is not None:
-            return ()
-        return self.task.scene.robots[0].model.unchecked_contacts()
+        """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""
+        return () if self.refuses() is not None else self.task.scene.robots[0].model.not_checked
 
     def record(self, skill: Skill, state: State) -> Record:
         """Return the execution of a skill, shared by all back ends that are queried about it."""

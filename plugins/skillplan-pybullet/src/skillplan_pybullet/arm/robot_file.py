@@ -30,6 +30,8 @@ JAW_LINKS = ("left_jaw", "right_jaw")
 
 # What a hand weighs, of which no description says it: that of the Panda, body and one jaw [kg].
 _BODY_KG, _JAW_KG = 0.73, 0.05
+# Of a joint whose torque limit is unknown [Nm].
+_NO_LIMIT_NM = 1e6
 _JAW_SPEED_M_PER_S = 0.2
 _WORLD = np.eye(3)
 
@@ -110,7 +112,8 @@ def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bo
     for name, pieces, inertia in zip(names, shapes, inertias, strict=True):
         _link(root, name, inertia, pieces if shaped else ())
     for number, joint in enumerate(description.joints):
-        limits = (joint.low_rad, joint.high_rad, joint.torque_nm, joint.speed_rad_per_s)
+        torque_nm = _NO_LIMIT_NM if joint.torque_nm is None else joint.torque_nm
+        limits = (joint.low_rad, joint.high_rad, torque_nm, joint.speed_rad_per_s)
         _joint(
             root,
             "revolute",

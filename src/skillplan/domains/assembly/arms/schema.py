@@ -39,6 +39,13 @@ from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
+
+
+def is_absent(value: Any) -> bool:
+    """Whether a key is left out: files without it keep the hash that they had before it."""
+    return value is None
+
+
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 
 
@@ -68,6 +75,12 @@ class RobotConfig(Strict):
     home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
     reach_m: Length | None = Field(
         None, description="greatest distance from base to tip [m]; left out: that of the model"
+    )
+    payload_kg: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="greatest mass at the flange, hand or tool included [kg]; left out: that of "
+        "the model, of a URDF unknown",
     )
     safe_height_m: Length = Field(
         0.15, description="height of the lowest carried point between two places [m]"
@@ -187,6 +200,13 @@ class ToolConfig(Strict):
         None,
         exclude_if=is_absent,
         description="dwell times with this tool [s]; left out: the task's",
+    )
+
+    mass_kg: Annotated[float, Field(ge=0, le=10_000)] | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="mass on the flange while it is attached [kg]; left out: that of the arm's "
+        "hand",
     )
 
     @model_validator(mode="after")
