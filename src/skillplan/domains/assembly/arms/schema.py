@@ -39,13 +39,6 @@ from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
-
-
-def is_absent(value: Any) -> bool:
-    """Whether a key is left out: files without it keep the hash that they had before it."""
-    return value is None
-
-
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 
 
