@@ -32,12 +32,13 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
+    "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",
     "domains/domain.py": "the starter that lies in the package of a domain",
     "views/report/player_files.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
-    "cli/writing.py": "the null device, once stdout or stderr is gone",
+    "cli/writing.py": "the null device, once stdout or stderr is gone; a copy of stdout",
     "cli/standard_streams.py": "the null device, where a standard stream is closed",
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/simulator/body_shapes.py": "meshes for pybullet, in a folder of its own",
@@ -126,9 +127,8 @@ def test_only_the_floor_of_files_opens_files() -> None:
 def test_only_the_floor_of_workers_starts_processes() -> None:
     """No exception: programs of others are started there, too."""
     found = {place(path): starting(path) for path in MODULES}
-    assert {"workers/program.py", "workers/local_processes.py"} == {
-        name for name, by in found.items() if by
-    }
+    starters = {"program", "local_processes", "supervisor"}
+    assert {f"workers/{name}.py" for name in starters} == {name for name, by in found.items() if by}
 
 
 def test_tasks_are_pure_data() -> None:

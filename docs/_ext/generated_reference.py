@@ -34,7 +34,7 @@ EXIT_MEANINGS = {
     "EXIT_WRONG_INPUT": "wrong input, option or plugin; also a solver that refuses the task or is "
     "caught in a wrong claim",
     "EXIT_BACK_END": "a physics or collision back end failed, or contradicts itself",
-    "EXIT_INTERRUPTED": "interrupted by Ctrl-C or SIGTERM; the best so far is printed",
+    "EXIT_INTERRUPTED": "interrupted by Ctrl-C, SIGTERM or SIGHUP; the best so far is printed",
 }
 
 

@@ -7,36 +7,44 @@ import signal
 import sys
 from types import FrameType
 
-# Ctrl-C, and what a batch system interrupts by.
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
 
 def main() -> None:
-    """Run the command line; a signal ends it with exit code 130 from the first instant on."""
+    """Run the command line in a child of this process; a signal ends it with exit code 130."""
+    before = None
+    if hasattr(signal, "pthread_sigmask"):
+        # Signals wait until the supervisor handles them.
+        numbers = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     # Importing makes a hundred thousand objects and no garbage.
     gc.set_threshold(200_000, *gc.get_threshold()[1:])
-    # What is to be ignored, as by a shell's job in the background, stays so.
-    heard = [one for one in SIGNALS if signal.getsignal(one) is not signal.SIG_IGN]
-    try:
-        for number in heard:
-            signal.signal(number, _interrupt)
-        from skillplan.cli.standard_streams import escape_warnings, open_standard_streams
+    from skillplan.cli.standard_streams import open_standard_streams
+    from skillplan.workers.supervisor import supervise
 
-        open_standard_streams()
-        escape_warnings()
-        from skillplan.cli.app import run
+    open_standard_streams()
+    sys.exit(supervise(_run, _report, _interrupt, before))
 
-        code = run(sys.argv[1:])
-    except KeyboardInterrupt:
-        # Before the command line was there to say so.
-        sys.stderr.write("skillplan: interrupted\n")
-        code = 130
-    # It is over: a signal that comes now must not change what it came to.
-    for number in heard:
-        signal.signal(number, signal.SIG_IGN)
-    # What is left ends with the process: nobody need search it for cycles.
+
+def _run() -> int:
+    from skillplan.cli.standard_streams import escape_warnings
+    from skillplan.cli.writing import reserve_stdout
+
+    reserve_stdout()
+    escape_warnings()
+    from skillplan.cli.app import run
+
+    code = run(sys.argv[1:])
+    # The rest ends with the process and need not be searched for cycles.
     gc.freeze()
-    sys.exit(code)
+    return code
+
+
+def _report(message: str, code: int, may_print: bool) -> None:
+    """Report in the supervisor that the command failed without a word of its own."""
+    from skillplan.cli.error_report import report_error
+    from skillplan.errors import BackEndError, SkillplanError
+
+    error = BackEndError if code == BackEndError.exit_code else SkillplanError
+    report_error(error(message), sys.argv[1:] if may_print else ())
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -220,8 +220,8 @@ class TestInterruption:
             env={**environment, "PYTHONPATH": os.environ["PYTHONPATH"]},
         )
         try:
-            assert process.stdout is not None
-            assert "asleep\n" == process.stdout.readline()
+            assert process.stderr is not None
+            assert "asleep\n" == process.stderr.readline()
             process.send_signal(signal.SIGINT)
             with pytest.raises(subprocess.TimeoutExpired):
                 process.wait(0.3)

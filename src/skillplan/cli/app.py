@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import Annotated, Any
 
@@ -18,8 +18,9 @@ from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
 from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
-from skillplan.cli.writing import tell, write_out
+from skillplan.cli.writing import restored_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
+from skillplan.workers.supervised import passed_limit
 
 # Panel of the group's help to its commands, each with its line.
 PANELS = {
@@ -180,14 +181,29 @@ def run(arguments: Sequence[str]) -> int:
     return _run(list(arguments))
 
 
+@contextmanager
+def _surroundings(words: Sequence[str]) -> Iterator[None]:
+    """Announce compilations, unless words are completed for a shell, which Typer prints."""
+    if os.environ.get(COMPLETION) or words[:1] in (["--show-completion"], ["--install-completion"]):
+        with restored_stdout():
+            yield
+    elif words[:1] == ["warm-up"]:
+        yield
+    else:
+        with compilation_announced():
+            yield
+
+
 def _run(words: list[str]) -> int:
     try:
-        with nullcontext() if words[:1] == ["warm-up"] else compilation_announced():
+        with _surroundings(words):
             code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except typer.TyperException as error:
         return report_usage(error, words)
     except (typer.Abort, KeyboardInterrupt, SearchStopped):
+        if message := passed_limit():
+            return report_error(SkillplanError(message), words)
         tell("skillplan: interrupted")
         return exit_code(interrupted=True)
     except SkillplanError as error:

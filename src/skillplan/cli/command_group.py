@@ -17,6 +17,7 @@ from skillplan.cli.options.grouped import grouped
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.writing import guarded_stdout
 from skillplan.errors import nearest
+from skillplan.workers.supervised import limit_imports
 
 # Brackets that rich would take for markup, as in [x, y], are written \[x, y].
 MARKUP: Literal["rich"] = "rich"
@@ -53,6 +54,12 @@ class Command(TyperCommand):
             untyped(option)
             option.callback = _print_help
         return option
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call the command; its time limit also ends a plugin that hangs on import."""
+        limit_s = ctx.params.get("time_limit_s")
+        limit_imports(None if limit_s is None else 1.2 * limit_s + 2)
+        return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return what the line is made of; what is needed stands without braces."""

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request to stop; the second ends the program."""
+"""The first signal as a request to stop; the second ends the program."""
 
 from __future__ import annotations
 
@@ -9,25 +9,30 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from skillplan.errors import SearchStopped
 from skillplan.plugins.blame import Interrupted
-
-# A batch system interrupts by SIGTERM.
-_REQUESTS = (signal.SIGINT, signal.SIGTERM)
+from skillplan.workers import supervised
 
 
 @contextmanager
 def heeding(request: Callable[[], None]) -> Iterator[None]:
     """Call `request` at the first signal; at the second raise `Interrupted`.
 
+    A supervisor that sees no reaction for two seconds has `SearchStopped` raised, which leaves the
+    best plan so far, and then ends the process.
+
     Parameters
     ----------
     request
-        Makes whoever works stop with what there is.
+        Makes the work stop and return its result so far.
     """
     interrupted = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted
+        if number == supervised.LAST_REQUEST:
+            request()
+            raise SearchStopped
         if interrupted:
             raise Interrupted
         interrupted = True
@@ -36,9 +41,15 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
             # Not print: a handler may interrupt a print.
             os.write(sys.stderr.fileno(), b"\nstopping; once more ends the program\n")
 
-    before = {number: signal.signal(number, interrupt) for number in _REQUESTS}
+    before = {
+        number: signal.signal(number, interrupt)
+        for number in supervised.requests()
+        if signal.getsignal(number) != signal.SIG_IGN
+    }
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        if interrupted:
+            supervised.report_finishing()

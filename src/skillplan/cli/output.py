@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skillplan import errors
-from skillplan.cli.writing import as_json, tell, write_out
+from skillplan.cli.writing import as_json, document_stream, tell, write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_new
 from skillplan.files.output_path import output_path, refusing
@@ -31,7 +30,7 @@ def emit(
         write_out(f"{as_json(document)}\n")
     else:
         # What is marked for a terminal is escaped before.
-        write_out(render(tables, style, sys.stdout), marked=style == "table")
+        write_out(render(tables, style, document_stream()), marked=style == "table")
     if style == "csv" and failed:
         for note in (note for table in tables for note in table.notes):
             tell(note)

@@ -5,6 +5,7 @@ Whatever is written goes through `escaped`, but for the marks that make a table'
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -14,6 +15,38 @@ from typing import Any, TextIO
 
 from skillplan.errors import OptionError
 from skillplan.views.text.escaping import escaped
+from skillplan.workers.supervised import report_printed
+
+
+class _Documents:
+    """The stream of documents if stdout was reserved for them."""
+
+    stream: TextIO | None = None
+
+
+_documents = _Documents()
+
+
+def reserve_stdout() -> None:
+    """Reserve stdout for documents: anything else that is printed there goes to stderr.
+
+    File descriptor 1 is redirected, so that this holds for plugins, libraries in C and programs
+    that they start.
+    """
+    before = sys.stdout
+    before.flush()
+    number = os.dup(1)
+    os.dup2(2, 1)
+    _documents.stream = open(  # noqa: SIM115
+        number, "w", encoding=before.encoding, errors=before.errors
+    )
+    if isinstance(before, io.TextIOWrapper):
+        before.reconfigure(line_buffering=True)
+
+
+def document_stream() -> TextIO:
+    """Return the stream that documents are written to."""
+    return sys.stdout if _documents.stream is None else _documents.stream
 
 
 def write_out(text: str, *, marked: bool = False) -> None:
@@ -31,30 +64,56 @@ def write_out(text: str, *, marked: bool = False) -> None:
     OptionError
         If the output cannot be written, for want of space for example.
     """
-    with guarded_stdout():
-        _write(sys.stdout, text if marked else escaped(text))
+    stream = document_stream()
+    with _guarded(stream):
+        _write(stream, text if marked else escaped(text))
+    report_printed()
 
 
 @contextmanager
 def guarded_stdout() -> Iterator[None]:
-    """Let others write to stdout; a reader who has gone is no fault.
+    """Let Typer and rich write to stdout; a reader who has gone is no fault.
 
     Raises
     ------
     OptionError
         If the output cannot be written.
     """
+    with restored_stdout(), _guarded(sys.stdout):
+        yield
+
+
+@contextmanager
+def restored_stdout() -> Iterator[None]:
+    """Let libraries write to stdout though it is reserved: they print help and completions."""
+    stream = _documents.stream
+    if stream is None:
+        yield
+        return
+    # Not another `sys.stdout`: they ask file descriptor 1 for the width of the terminal.
+    aside = os.dup(1)
+    os.dup2(stream.fileno(), 1)
     try:
         yield
+    finally:
         sys.stdout.flush()
+        os.dup2(aside, 1)
+        os.close(aside)
+
+
+@contextmanager
+def _guarded(stream: TextIO) -> Iterator[None]:
+    try:
+        yield
+        stream.flush()
     except OSError as error:
-        # Nothing more can be said on stdout, not even what Python flushes when it ends.
-        _mute(sys.stdout)
+        # Nothing more can be written there, not even what Python flushes when it ends.
+        _mute(stream)
         if not isinstance(error, BrokenPipeError):
             raise OptionError(f"The output cannot be written: {error.strerror}.") from None
     except SystemExit:
-        # So rich says that the reader has gone.
-        _mute(sys.stdout)
+        # So rich reports that the reader has gone.
+        _mute(stream)
 
 
 def as_json(document: dict[str, Any]) -> str:

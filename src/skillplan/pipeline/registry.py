@@ -21,6 +21,7 @@ from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.plugins import installed
 from skillplan.plugins.blame import ends_program
 from skillplan.records.plugin_info import PluginInfo
+from skillplan.workers.supervised import doing, import_limit_s
 
 # Kind to the base class that its plugins must have.
 KINDS = {
@@ -125,8 +126,11 @@ def load(kind: str, name: str) -> type[Any]:
         owners = " and ".join(_owner(entry) for entry in found)
         raise PluginError(f"The {kind} {name!r} is provided by {owners}. Uninstall one of them.")
     entry = found[0]
+    limit_s = import_limit_s()
+    activity = f"the import of the {kind} {name!r} of {_owner(entry)} ({entry.value})"
     try:
-        loaded = entry.load()
+        with doing(activity, limit_s=limit_s, forced=True, exit_code=PluginError.exit_code):
+            loaded = entry.load()
     except BaseException as error:
         if ends_program(error):
             raise

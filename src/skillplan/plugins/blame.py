@@ -17,7 +17,7 @@ from skillplan.errors import SearchStopped, SkillplanError
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM, as the handlers of the command line raise it."""
+    """Ctrl-C, SIGTERM or SIGHUP, as the handlers of the command line raise it."""
 
 
 def blame(

@@ -22,11 +22,20 @@ def resident_bytes() -> int | None:
     return _largest_bytes()
 
 
-def resident_bytes_of(process: int | None) -> int | None:
-    """Return the resident size of another process [B], or None where that is unknown."""
+def resident_bytes_of(process: int | None, *, private: bool = False) -> int | None:
+    """Return the resident size of another process [B], or None where that is unknown.
+
+    Parameters
+    ----------
+    process
+        Its number.
+    private
+        Whether to leave out pages of files and memory that it may share with others.
+    """
     with suppress(OSError, ValueError, IndexError):
-        held = Path(f"/proc/{process}/statm").read_bytes().split()[1]
-        return int(held) * os.sysconf("SC_PAGE_SIZE")
+        _, held, shared, *_ = Path(f"/proc/{process}/statm").read_bytes().split()
+        pages = int(held) - (int(shared) if private else 0)
+        return pages * os.sysconf("SC_PAGE_SIZE")
     return None
 
 

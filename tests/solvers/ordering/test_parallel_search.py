@@ -31,6 +31,7 @@ from skillplan.solvers.ordering.subsets.side_by_side import side_by_side
 from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 from skillplan.solvers.stop import Stop
 from skillplan.workers.executor import Answer, Ended, Executor
+from skillplan.workers.supervisor import descendants
 from sop_instances import BEST_KNOWN, instance
 
 PATIENCE_S = 120
@@ -49,12 +50,8 @@ def ordering(name: str) -> OrderingInstance:
 
 
 def children(process: int) -> set[int]:
-    """Return the numbers of the processes that a process has started and that still run."""
-    try:
-        listed = Path(f"/proc/{process}/task/{process}/children").read_text("utf-8").split()
-        return {int(child) for child in listed if running(int(child))}
-    except OSError:
-        return set()
+    """Return the processes that run below a process: that of the command, and those of it."""
+    return set(filter(running, descendants(process)))
 
 
 def running(process: int) -> bool:

@@ -12,6 +12,7 @@ from skillplan.plugins.blame import blame
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.workers.supervised import doing
 
 
 @contextmanager
@@ -41,8 +42,13 @@ def plain_answer(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> So
     SolverError
         If it fails, or returns what is no solution.
     """
+    names = ", ".join(back_end.name for back_end in model.feasibility.back_ends)
+    activity = f"the search by the solver {solver.name!r} with {names}"
+    left_s = stop.left_s
+    # The model ends a solver that does not poll a second after the limit; this comes after it.
+    limit_s = None if left_s is None else 1.1 * left_s + 1.5
     try:
-        with blamed(type(solver)):
+        with doing(activity, limit_s=limit_s), blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
     except SearchStopped:
         solution = Solution(stop.best, stop.lower_bound)

@@ -1,0 +1,162 @@
+"""What a command reports to the process that supervises it; without a supervisor, to nothing.
+
+The command line runs in a child of the process that the user started (`skillplan.workers.
+supervisor`). The child writes lines to a pipe: what it is doing, its limits, and its exit code as
+the last one. A process that ends without that code has failed, whatever its own code.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from skillplan.errors import BackEndError
+
+# First letters of the lines.
+BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
+NO_LIMIT = b"none"
+# A longer line would not be written in one piece.
+_MOST_BYTES = 1000
+
+# How the supervisor passes a signal on: as a request to stop, and as the last one before it ends
+# the process. The signals themselves also reach the child if they go to the group of processes, as
+# Ctrl-C does; it does not react to them, so that none counts twice.
+REQUEST = getattr(signal, "SIGUSR1", None)
+LAST_REQUEST = getattr(signal, "SIGUSR2", None)
+# Ctrl-C, what a batch system interrupts by, and a terminal that is closed.
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+
+
+class _Line:
+    """The pipe to the supervisor, and the limits that were reported through it."""
+
+    number: int | None = None
+    deadline_s: float | None = None
+    limit_s: float | None = None
+    # So long a plugin may take to be imported [s]; None for no limit.
+    import_limit_s: float | None = None
+
+
+_line = _Line()
+
+
+def connect(number: int) -> None:
+    """Report through a pipe from now on."""
+    _line.number = number
+
+
+def is_supervised() -> bool:
+    """Whether another process supervises this one."""
+    return _line.number is not None
+
+
+def requests() -> tuple[signal.Signals, ...]:
+    """Return the signals that request this process to stop."""
+    if _line.number is None or REQUEST is None or LAST_REQUEST is None:
+        return SIGNALS
+    return (REQUEST, LAST_REQUEST)
+
+
+def limit_command(time_limit_s: float | None = None, memory_limit_bytes: int | None = None) -> None:
+    """Have the whole command ended once it takes too long or holds too much memory.
+
+    Past the time limit an exception ends the command; if it is still there a second later, or past
+    the memory limit, it is killed with all processes that it has started. In both cases the exit
+    code is 2 and a message names the limit.
+
+    Parameters
+    ----------
+    time_limit_s
+        Time from now on [s], > 0; None for no limit.
+    memory_limit_bytes
+        Memory of the command and all its processes together [B], > 0; None for no limit.
+    """
+    _line.limit_s = time_limit_s
+    _line.deadline_s = None if time_limit_s is None else time.monotonic() + time_limit_s
+    texts = [
+        NO_LIMIT if value is None else repr(value).encode()
+        for value in (_line.deadline_s, time_limit_s, memory_limit_bytes)
+    ]
+    _report(LIMITS, b" ".join(texts))
+
+
+def limit_imports(time_limit_s: float | None) -> None:
+    """Limit how long the import of a single plugin may take [s]; None for no limit."""
+    _line.import_limit_s = time_limit_s
+
+
+def import_limit_s() -> float | None:
+    """Return the limit of `limit_imports`."""
+    return _line.import_limit_s
+
+
+def passed_limit() -> str:
+    """Return the message if the time limit of the whole command has passed; else empty."""
+    if _line.deadline_s is None or time.monotonic() < _line.deadline_s:
+        return ""
+    return time_limit_message(_line.limit_s or 0.0)
+
+
+def time_limit_message(limit_s: float) -> str:
+    """Return the message for a command that was ended by its time limit."""
+    return f"The command took longer than --time-limit {limit_s:g} and was ended. Allow more time."
+
+
+@contextmanager
+def doing(
+    activity: str,
+    *,
+    limit_s: float | None = None,
+    forced: bool = False,
+    exit_code: int = BackEndError.exit_code,
+) -> Iterator[None]:
+    """Name the present activity, for the message if the process does not survive it.
+
+    Parameters
+    ----------
+    activity
+        Completes "while ...", such as ``importing the solver 'x' of x 1.0``.
+    limit_s
+        Time after which the supervisor ends the activity [s], > 0; None for no limit.
+    forced
+        Whether it then kills the process at once, and does not raise an exception in it first.
+    exit_code
+        Exit code of the command if the process ends here.
+    """
+    if _line.number is None:
+        yield
+        return
+    limit = NO_LIMIT if limit_s is None else repr(limit_s).encode()
+    name = activity.encode("utf-8", "replace")
+    _report(BEGUN, b"%s %d %d %s" % (limit, forced, exit_code, name))
+    try:
+        yield
+    finally:
+        _report(ENDED)
+
+
+def report_finishing() -> None:
+    """Report that a request to stop was followed and that only the result is left to be written."""
+    _report(FINISHING)
+
+
+def report_printed() -> None:
+    """Report that the document was printed, so that the supervisor prints none."""
+    _report(PRINTED)
+
+
+def report_done(exit_code: int) -> None:
+    """Report the exit code; whatever happens to the process afterwards does not matter."""
+    _report(DONE, b"%d" % exit_code)
+
+
+def _report(kind: bytes, text: bytes = b"") -> None:
+    if _line.number is not None:
+        # A supervisor that is gone takes this process with it.
+        with suppress(OSError):
+            os.write(_line.number, kind + text.replace(b"\n", b" ")[:_MOST_BYTES] + b"\n")
