@@ -33,7 +33,8 @@ EXIT_MEANINGS = {
     "feasible, or a claim of a result fails",
     "EXIT_WRONG_INPUT": "wrong input, option or plugin; also a solver that refuses the task or is "
     "caught in a wrong claim",
-    "EXIT_BACK_END": "a physics or collision back end failed, or contradicts itself",
+    "EXIT_BACK_END": "a physics or collision back end failed, or contradicts itself; or the proof "
+    "of another planner contradicts a result",
     "EXIT_INTERRUPTED": "interrupted by Ctrl-C, SIGTERM or SIGHUP; the best so far is printed",
 }
 

@@ -56,8 +56,8 @@ def exit_code(
     interrupted
         Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
     back_end_failed
-        Whether physics or collision checks failed: ``EXIT_BACK_END``. No claim can be held against
-        those.
+        Whether physics or collision checks failed, or two proofs contradict each other:
+        ``EXIT_BACK_END``. No claim can be held against those.
     wrong
         Whether what was given or claimed is wrong: ``EXIT_WRONG_INPUT``.
     solved

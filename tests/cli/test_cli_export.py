@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from skillplan.judge import fast_downward
+from skillplan.judge.fast_downward import PlannerAnswer
+
 PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 
 
@@ -86,6 +89,18 @@ class TestVerifyWithFastDownward:
             claim["method"],
         )
         assert "it proves 1.86709 m, rounded by at most 7.5e-06" in claim["detail"]
+
+    def test_a_lower_proved_cost_is_a_contradiction_and_exit_code_3(
+        self, cli: Any, solved_board: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Though everything else holds."""
+        lower = PlannerAnswer(1_800_000, ("pick(pcb)", "place(pcb)"))
+        monkeypatch.setattr(fast_downward, "driver", lambda: Path())
+        monkeypatch.setattr(fast_downward, "asked", lambda task, limit_s: lower)
+        outcome = cli("verify", str(solved_board), "--with", "fast-downward", "--format", "json")
+        assert (3, False) == (outcome.code, outcome.document["valid"])
+        claim = outcome.document["claims"][-1]
+        assert ("fails", "fast-downward") == (claim["outcome"], claim["method"])
 
     def test_an_unknown_referee_and_one_that_is_not_installed_are_messages(
         self, cli: Any, solved_board: Path, monkeypatch: pytest.MonkeyPatch

@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
+import random
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from example_count import examples
 from handovers import BY_CHART, CONFIGS, best, solved
+from random_boards import board_text, seed_blocks
+from situations import assembly, crowded_assemblies, model_of
+from skillplan.collision.aabb import AabbDetector
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import OptionError
 from skillplan.exporters.handover import Handover
 from skillplan.exporters.pddl.action_costs import NoActionCosts, scale_of
+from skillplan.exporters.pddl.consistent_states import ConsistentStates
 from skillplan.exporters.pddl.exporter import PddlExporter
-from skillplan.exporters.pddl.planning_task import PlanningTask
+from skillplan.exporters.pddl.planning_task import ActionNames, PlanningTask
 from skillplan.judge import fast_downward
+from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.export import exported, handed_over
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
+from skillplan.task.condition import Condition
 from skillplan.task.task import Task
 
+BY_BOXES = Setup(collision=("aabb",))
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
 SEEDS = [(parts, seed) for seed, parts in enumerate((6, 7, 8, 9, 10, 12, 14, 16, 18, 20))]
 
@@ -36,10 +49,10 @@ def planner() -> None:
         pytest.skip(str(missing))
 
 
-def handed(name: str, setup: Setup = BY_CHART, *, derived: bool = False) -> Handover:
+def handed(name: str, setup: Setup = BY_CHART) -> Handover:
     """Return a config without a plan."""
     model = make_model(load_problem(CONFIGS / f"{name}.yaml").task, setup)
-    return handed_over(model, setup, None, derived=derived)
+    return handed_over(model, setup, None)
 
 
 def generated(parts: int, seed: int) -> Task:
@@ -49,15 +62,59 @@ def generated(parts: int, seed: int) -> Task:
 
 
 def agrees(handover: Handover) -> None:
-    """Hold Fast Downward's optimum against ours, which may differ by rounding alone."""
+    """Compare Fast Downward's optimum with ours: they differ by rounding alone."""
     assert handover.plan is not None
-    made = PlanningTask(handover)
+    made = PlanningTask(handover, accept_rounding=True)
     answer = fast_downward.asked(made, 140.0)
     assert answer.cost is not None, answer.silence
-    least_m = answer.cost / made.scale.per_unit
-    rounding_m = len(handover.skills) / 2 * 1e-6
-    assert abs(least_m - handover.plan.cost) <= rounding_m
-    assert sorted(answer.skills) == sorted(one.skill.name for one in handover.skills)
+    per_unit = made.scale.per_unit
+    exported = int(made.plan().split()[-3])
+    assert exported == sum(round(step.cost * per_unit) for step in handover.plan.steps)
+    assert answer.cost <= exported
+    found = replay(handover.model, [handover.task.skill(name) for name in answer.skills])
+    rounding = (len(handover.skills) + len(answer.skills)) / 2 / per_unit
+    assert found.complete
+    assert handover.plan.cost - 1e-9 <= found.cost <= handover.plan.cost + rounding
+
+
+def rack_task() -> Task:
+    """Return three tools in a row of equal pitch, and a part each for two of them."""
+    size = {"size_m": [0.01, 0.01, 0.01]}
+    return assembly(
+        {
+            "kind": "assembly",
+            "name": "rack",
+            "robot": {"home_m": [0.307, 0.0]},
+            "tools": {
+                name: {"type": "suction", "holder_m": [0.6, y]}
+                for name, y in (("b", 0.0), ("a", -0.1), ("c", 0.1))
+            },
+            "initial_tool": "a",
+            "parts": {
+                "p": {"tool": "c", "start_m": [0.45, 0.25], "goal_m": [0.35, -0.25], **size},
+                "q": {"tool": "b", "start_m": [0.50, 0.25], "goal_m": [0.40, -0.25], **size},
+            },
+            "chart": [{"before": "p", "after": ["q"]}],
+        }
+    )
+
+
+def bridge_content() -> Any:
+    """Return three posts and a plate over them, as the content of a file."""
+    post = {"tool": "cup", "size_m": [0.012, 0.03, 0.03]}
+    parts = {
+        f"post_{i}": {**post, "start_m": [0.3 + i / 10, 0.2], "goal_m": [0.4 + dx, -0.2]}
+        for i, dx in enumerate((-0.03, 0.01, 0.03))
+    }
+    plate = {"tool": "cup", "size_m": [0.08, 0.03, 0.01], "start_m": [0.6, 0.2]}
+    return {
+        "kind": "assembly",
+        "name": "bridge",
+        "robot": {"home_m": [0.307, 0.0]},
+        "tools": {"cup": {"type": "suction", "holder_m": [0.6, 0.0]}},
+        "initial_tool": "cup",
+        "parts": {**parts, "plate": {**plate, "goal_m": [0.4, -0.2], "goal_on": [*parts]}},
+    }
 
 
 class TestTheTexts:
@@ -110,6 +167,63 @@ class TestTheTexts:
         assert "(from-visit_1 ?from - thing)" in made.domain()
 
 
+class TestConditionsAndCosts:
+    """Actions of a skill, against the model in states that need not be reachable."""
+
+    @settings(max_examples=examples(200, 10))
+    @given(content=crowded_assemblies(odd_turns=False), seed=st.integers(0, 2**32))
+    def test_in_every_state_actions_and_model_agree_on_verdict_and_cost(
+        self, content: Any, seed: int
+    ) -> None:
+        """One action at least where the skill is feasible, each at its cost; else none."""
+        task, rng = assembly(content), random.Random(seed)
+        by_boxes = AabbDetector(task, AabbDetector.Options(check_support=rng.random() < 0.7))
+        model = model_of(task, by_boxes)
+        actions = PlanningTask(Handover(model), accept_rounding=True).variants
+        states, facts = ConsistentStates(task), task.facts
+        for _ in range(40):
+            skill = rng.choice(task.skills)
+            needs, bars = skill.precondition.requires.bits, skill.precondition.forbids.bits
+            drawn = [1 << rng.randrange(len(facts)) for _ in range(6)]
+            state = states.member((needs | drawn[0] | drawn[1], bars | sum({*drawn[2:]} - {0})))
+            if state is None or not skill.applicable(state):
+                continue
+            fitting = [
+                one
+                for one in actions
+                if one.skill is skill
+                and Condition(one.requires, one.forbids).holds(state)
+                and (not one.origins or {*one.origins} & {*state})
+            ]
+            assert bool(fitting) == model.verdict(state, skill).is_feasible
+            for one in fitting:
+                costs = [cost for place, cost in one.origins.items() if place in state]
+                assert [model.cost(state, skill)] == (costs or [one.constant])
+
+    def test_which_tool_is_put_back_decides_what_a_change_costs(self) -> None:
+        """Also in a rack of equal pitch, where the shortest way is the same for two tools."""
+        domain = PlanningTask(handed_over(model_of(rack_task()), BY_CHART, None)).domain()
+        loads = set(re.findall(r"\(:action (load_b\S*)", domain))
+        assert {"load_b-tool_a", "load_b-tool_c"} == loads
+
+    def test_a_choice_of_supports_is_an_action_each(self) -> None:
+        """A plate stays up on any two of three posts that are not on one side."""
+        task = assembly(bridge_content())
+        made = PlanningTask(handed_over(make_model(task, BY_BOXES), BY_BOXES, None))
+        domain = made.domain()
+        actions = re.findall(r"\(:action (place_plate\S*)\s.*\s.*:precondition (.*)", domain)
+        assert ["place_plate-case_1", "place_plate-case_2"] == [name for name, _ in actions]
+        posts = [set(re.findall(r"\(placed part_(post_\d)\)", needs)) for _, needs in actions]
+        assert [{"post_0", "post_2"}, {"post_0", "post_1"}] == posts
+        assert made.left_out == ""
+
+    def test_an_action_names_its_skill_without_asking_back_ends(self) -> None:
+        """Whatever tells the actions of a skill apart stands behind a hyphen."""
+        names = ActionNames(rack_task())
+        assert "load(b)" == names.skill_of("LOAD_B-TOOL_A")
+        assert names.skill_of("load_z-tool_a") is None
+
+
 class TestWhatPddlCannotSay:
     def test_chance(self) -> None:
         """With what to do instead."""
@@ -117,14 +231,6 @@ class TestWhatPddlCannotSay:
             OptionError, match=r"pick\(switch_1\) is left to chance.*grasp_failure=0"
         ):
             exported(PddlExporter(), handed("inverter_grasps"))
-
-    def test_verdicts_that_are_no_order(self) -> None:
-        """Unless the order that they come to is wanted; the file then says where it is from."""
-        by_boxes = Setup(collision=("aabb",))
-        with pytest.raises(OptionError, match="kinematic, aabb judge each skill in each state"):
-            exported(PddlExporter(), handed("inverter_board", by_boxes))
-        files = exported(PddlExporter(), handed("inverter_board", by_boxes, derived=True))
-        assert "derived from the verdicts of kinematic, aabb" in str(files["domain.pddl"])
 
     def test_costs_that_planners_add_up_wrongly(self) -> None:
         """They have 32 bits; whole numbers are handed over as they are."""
@@ -143,6 +249,33 @@ class TestWhatPddlCannotSay:
 
 class TestFastDownward:
     """An optimal planner that shares nothing with us."""
+
+    @pytest.mark.parametrize("limit", [6, 5])
+    def test_proves_the_step_limit_if_it_is_part_of_the_task(
+        self, planner: None, limit: int
+    ) -> None:
+        """The rack takes six skills; in five there is no plan."""
+        model = make_model(rack_task().replace(step_limit=limit), BY_CHART)
+        counted = PlanningTask(handed_over(model, BY_CHART, None), count_steps=True)
+        answer = fast_downward.asked(counted, 60.0)
+        assert (2_540_905 if limit == 6 else None) == answer.cost
+        assert (limit == 5) == answer.unsolvable
+
+    @pytest.mark.parametrize("seeds", seed_blocks(3, 20, 200, reason="three boards in every run"))
+    def test_proves_what_exact_search_proves_with_one_to_four_tools(
+        self, planner: None, tmp_path: Path, seeds: range
+    ) -> None:
+        """The exported plan costs what the result costs, and no plan costs less."""
+        for seed in seeds:
+            path = tmp_path / "board.yaml"
+            path.write_text(board_text(seed, tmp_path, tight=False), "utf-8")
+            task = load_problem(path).task
+            setup = BY_BOXES if seed % 2 else BY_CHART
+            if solve(task, "exact", setup).status is Status.INFEASIBLE:
+                made = PlanningTask(handed_over(make_model(task, setup), setup, None))
+                assert fast_downward.asked(made, 140.0).unsolvable, seed
+            else:
+                agrees(solved(task, setup))
 
     @pytest.mark.slow(reason="a planner of others; verify runs it in every run")
     def test_proves_the_board(self, planner: None, board: Handover) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handovers import BY_CHART, best
+from handovers import best
 from skillplan.errors import OptionError
 from skillplan.exporters.behaviour_tree import BehaviourTreeExporter
 from skillplan.exporters.exporter import Exporter
@@ -17,7 +17,6 @@ from skillplan.exporters.plan_files import MAX_BYTES, read_plan
 from skillplan.exporters.plan_table import CsvExporter
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.plan_input import given_plan
-from skillplan.pipeline.setup import Setup
 from skillplan.testing import hostile_task
 from skillplan.testing.exporter_suite import solved_lid
 
@@ -34,7 +33,7 @@ def test_what_is_exported_is_read_back(board: Handover, tmp_path: Path, exporter
         files = exporter.files(handover)
         content = files.get("plan.txt") or next(iter(files.values()))
         (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-        found = given_plan(f"@{tmp_path / 'plan'}", handover.task, Setup(collision=("precedence",)))
+        found = given_plan(f"@{tmp_path / 'plan'}", handover.task)
         assert [one.skill for one in handover.skills] == list(found)
 
 
@@ -50,7 +49,7 @@ def test_what_is_read_back_costs_exactly_what_it_did(
     files = exporter.files(handover)
     content = files.get("plan.txt") or next(iter(files.values()))
     (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-    found = given_plan(f"@{tmp_path / 'plan'}", handover.task, BY_CHART)
+    found = given_plan(f"@{tmp_path / 'plan'}", handover.task)
     assert handover.plan.cost == replay(handover.model, found).cost
 
 
@@ -67,7 +66,7 @@ def test_a_result_and_a_list_are_read_as_json(board: Handover, tmp_path: Path) -
 def test_a_planner_may_write_in_capitals(board: Handover, tmp_path: Path) -> None:
     """Names of PDDL are the same in both."""
     (tmp_path / "plan").write_text("; found\n(PICK_PCB LOCATION_HOME)\n\n; cost = 1\n")
-    found = given_plan(f"@{tmp_path / 'plan'}", board.task, Setup())
+    found = given_plan(f"@{tmp_path / 'plan'}", board.task)
     assert ["pick(pcb)"] == [skill.name for skill in found]
 
 
@@ -124,7 +123,7 @@ def test_what_is_wrong_is_said_with_its_line(
     path = tmp_path / "plan"
     path.write_bytes(content)
     with pytest.raises(OptionError, match=message) as raised:
-        given_plan(f"@{path}", board.task, Setup())
+        given_plan(f"@{path}", board.task)
     assert str(raised.value).startswith(str(path))
 
 
@@ -135,4 +134,4 @@ def test_what_is_too_large_or_no_file_is_not_read(board: Handover, tmp_path: Pat
         file.truncate(MAX_BYTES + 1)
     for name, message in ((path, "larger than"), (tmp_path, "folder"), ("no", "No such file")):
         with pytest.raises(OptionError, match=message):
-            given_plan(f"@{name}", board.task, Setup())
+            given_plan(f"@{name}", board.task)

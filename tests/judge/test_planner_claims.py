@@ -8,12 +8,15 @@ from typing import Any
 import pytest
 
 from handovers import best
+from situations import fake_back_end, model_of
 from skillplan.judge import fast_downward
 from skillplan.judge.fast_downward import PlannerAnswer
 from skillplan.judge.planner_claims import planner_claims
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status
 from skillplan.records.stored.result_file import StoredClaims
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
 
 MICROMETRES = 1_867_086
 
@@ -22,13 +25,18 @@ def judged(monkeypatch: pytest.MonkeyPatch, answer: PlannerAnswer, **claims: Any
     """Return what a planner that answers so makes of claims on the inverter board."""
     monkeypatch.setattr(fast_downward, "driver", lambda: Path())
     monkeypatch.setattr(fast_downward, "asked", lambda made, limit_s: answer)
+    model = best("inverter_board").model
+    (claim,) = planner_claims(stored(**claims), model, 1.0, charted=True)
+    return claim
+
+
+def stored(**claims: Any) -> StoredClaims:
+    """Return claims of a result; those not given are not made."""
     none = dict.fromkeys(("cost", "lower_bound", "gap", "makespan", "makespan_s"))
     stated = {"solver": "exact", "cost_unit": "m", "skills": [], "actions": [], "steps": []}
-    stored = StoredClaims.model_validate(
+    return StoredClaims.model_validate(
         {**none, **stated, **claims, "status": Status(claims["status"])}
     )
-    (claim,) = planner_claims(stored, best("inverter_board").model, 1.0, charted=True)
-    return claim
 
 
 def answer(cost: int = MICROMETRES) -> PlannerAnswer:
@@ -47,7 +55,7 @@ def test_an_optimum_within_the_rounding_holds(monkeypatch: pytest.MonkeyPatch) -
 def test_rounding_hides_no_better_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """An optimum that is 5 um too dear is within the rounding, and the planner's plan is not."""
     claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 + 5e-6)
-    assert Outcome.FAILS is claim.outcome
+    assert (Outcome.FAILS, True) == (claim.outcome, claim.contradiction)
     assert "its plan costs 1.86708" in claim.detail
 
 
@@ -71,8 +79,32 @@ def test_a_plan_refutes_that_there_is_none(monkeypatch: pytest.MonkeyPatch) -> N
     assert Outcome.FAILS is claim.outcome
 
 
-def test_a_plan_that_back_ends_refuse_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The order is all that the planner knows."""
+def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_not_hold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The files state the task as the model does, so that one of the two is wrong."""
     wrong = PlannerAnswer(MICROMETRES - 1000, answer().skills[::-1])
     claim = judged(monkeypatch, wrong, status="optimal", cost=MICROMETRES / 1e6)
-    assert Outcome.NOT_CHECKED is claim.outcome
+    assert (Outcome.FAILS, True) == (claim.outcome, claim.contradiction)
+    assert "its plan fails at fasten(screw_2): needs tool(screwdriver)" in claim.detail
+
+
+def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A verdict that is not known may be either."""
+    asked: list[object] = []
+    monkeypatch.setattr(fast_downward, "driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "asked", lambda *words: asked.append(words))
+    task = best("inverter_board").task
+
+    feasible = Verdict.feasible(task.facts.none, task.facts.none)
+
+    def answer_pick(skill: Any, state: State) -> Verdict:
+        return Verdict.unknown("no path in time") if skill.name == "pick(pcb)" else feasible
+
+    claims = stored(status="optimal", cost=1.0)
+    model = model_of(task, fake_back_end(task, answer_pick))
+    (claim,) = planner_claims(claims, model, 1.0, charted=False)
+    assert (Outcome.NOT_CHECKED, []) == (claim.outcome, asked)
+    assert claim.detail.startswith("PDDL cannot say it: verdicts are not known: pick(pcb) (fake:")

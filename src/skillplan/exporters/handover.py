@@ -58,14 +58,11 @@ class Handover:
         Replayed, feasible and complete; None where only the task is handed over.
     charted
         Whether the hand-made chart is all that the detectors go by.
-    derived
-        Whether verdicts may be handed over as the precedence relation that they come to.
     """
 
     model: SkillModel
     plan: Replay | None = None
     charted: bool = False
-    derived: bool = False
 
     @property
     def task(self) -> Task:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from skillplan.errors import OptionError
 from skillplan.exporters.pddl.exporter import DOMAIN, PROBLEM
-from skillplan.exporters.pddl.planning_task import PlanningTask
+from skillplan.exporters.pddl.planning_task import ActionNames, PlanningTask
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.regular_file import read_bytes
 from skillplan.workers.program import exit_code_of
@@ -109,7 +109,8 @@ def asked(made: PlanningTask, limit_s: float) -> PlannerAnswer:
 
 def _solved(made: PlanningTask, text: str) -> PlannerAnswer:
     cost = _COST.search(text)
-    names = [made.skill_of(line[1:].split()[0]) for line in text.splitlines() if line[:1] == "("]
+    skill_of = ActionNames(made.task).skill_of
+    names = [skill_of(line[1:].split()[0]) for line in text.splitlines() if line[:1] == "("]
     if cost is None or None in names:
         return PlannerAnswer(silence="what it wrote is no plan of this task")
     return PlannerAnswer(int(cost[1]), tuple(str(name) for name in names))

@@ -49,6 +49,8 @@ class Claim:
         How it was checked.
     open
         Whether the result may be confirmed although this claim was not checked.
+    contradiction
+        Whether two proofs contradict each other: a result's, and that of another program.
     """
 
     claim: str
@@ -56,6 +58,7 @@ class Claim:
     detail: str
     method: str
     open: bool = True
+    contradiction: bool = False
 
     def document(self) -> dict[str, str]:
         """Return the claim as JSON values."""
@@ -149,6 +152,11 @@ class Certificate:
             for claim in self.claims
             if claim.outcome is Outcome.NOT_CHECKED and not claim.open and claim.claim not in held
         ]
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether a proof of another program contradicts a claim."""
+        return any(claim.contradiction for claim in self.claims)
 
     def unconfirmed_words(self) -> str:
         """Return the first essential claims that were not checked, each with the reason."""

@@ -102,7 +102,7 @@ class Replayed:
             except OptionError as error:
                 raise OptionError(f"--from {self.start}: {error}") from None
             task = task.replace(initial=initial, sha256=task.sha256)
-        return task, given_plan(self.sequence or "", task, setup) if stored is None else stored
+        return task, given_plan(self.sequence or "", task) if stored is None else stored
 
 
 def command(

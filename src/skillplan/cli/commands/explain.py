@@ -118,7 +118,7 @@ def command(
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
         loaded, setup, made = reading.set_up(task, back_ends)
-        before = () if after is None else given_plan(after, loaded, setup)
+        before = () if after is None else given_plan(after, loaded)
     else:
         if after is not None:
             raise OptionError("Give either --after or --from: both say what was done before.")

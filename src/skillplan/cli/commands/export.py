@@ -71,9 +71,8 @@ def command(
         bool,
         typer.Option(
             "--derived",
-            help="Where the format states an order and back ends judge by more: hand over the "
-            "precedence relation derived from their verdicts, and say so in the file.",
-            rich_help_panel=OUTPUT,
+            hidden=True,
+            help="Kept for older scripts: verdicts are always handed over.",
         ),
     ] = False,
 ) -> int:
@@ -105,7 +104,7 @@ def command(
                 where = f"step {found.step + 1}, {found.skill}" if found.skill else "its end"
                 tell(f"skillplan: error: the plan does not hold: {where}: {found.reason}")
                 return exit_code(solved=False)
-            handover = handed_over(model, setup, plan, derived=derived)
+            handover = handed_over(model, setup, plan)
             files = exported(exporter, handover)
             notes = [*notes_of(exporter, handover), *([_FAMILY] if family else [])]
     _write(exporter, path, files)
@@ -151,7 +150,7 @@ def _read(
         return task, setup, None, problem.domain.has_family(problem.config)
     from skillplan.pipeline.exchange.plan_input import given_plan
 
-    given = given_plan(sequence, task, setup)
+    given = given_plan(sequence, task)
     return task, setup, given, problem.domain.has_family(problem.config)
 
 

@@ -95,7 +95,7 @@ def command(
     if start is not None:
         from skillplan.pipeline.exchange.plan_input import given_start
 
-        plan = given_start(start, problem, part, setup)
+        plan = given_start(start, problem, part)
     with nullcontext() if out is None else _held(out) as folder:
         with limits.stoppable(solver, gap) as stop:
             result = solve_problem(

@@ -240,7 +240,7 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
         task = reading.problem(path, chosen, warn=warn).part(reading.part)
         detectors = [choice.name for choice in task.collision]
         setup = chosen.setup(task)
-        return _Read(task, setup, given_plan(sequence or "", task, setup), (), detectors)
+        return _Read(task, setup, given_plan(sequence or "", task), (), detectors)
 
     # Of the detectors that the file chooses only those need to be installed that read contacts,
     # and which these are the engine says.

@@ -64,7 +64,8 @@ def command(
             "--with",
             metavar="REFEREE",
             help="Have the claims about all plans checked by a planner of others, too: "
-            "fast-downward, which sees nothing but PDDL. It comes with the extra planner.",
+            "fast-downward, which sees nothing but PDDL. It comes with the extra planner. If its "
+            "proof contradicts the result, the exit code is 3.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
@@ -107,7 +108,11 @@ def command(
         if referee is not None:
             more = referee_claims(result, task_file, time_limit_s, stop)
             certificate = replace(certificate, claims=(*certificate.claims, *more))
-    code = exit_code(interrupted=stop.interrupted, solved=certificate.valid)
+    code = exit_code(
+        interrupted=stop.interrupted,
+        back_end_failed=certificate.contradicted,
+        solved=certificate.valid,
+    )
     # Only people want it short: Markdown and CSV hold every claim.
     whole = verbose or style != "table"
     table = certificate_table(certificate) if whole else certificate_summary(certificate)

@@ -1,12 +1,18 @@
-"""Costs of skills in whole numbers, by where the robot stands and whatever else they depend on."""
+"""Actions of a skill, each with one cost for every place where the robot may stand.
+
+A cost depends on facts that can be read off it (`CostBasis`). An action is split by all of them, so
+that no two states of one action differ in cost.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import product
+from dataclasses import replace
 
-from skillplan.exporters.pddl.whole_state import whole_state
+from skillplan.exporters.pddl.conditions import Case, Cover, FeasibleRegion, named_bits, simplified
+from skillplan.exporters.pddl.consistent_states import ConsistentStates, Region
+from skillplan.model.fact_analysis import CostBasis
 from skillplan.model.skill_model import SkillModel
 from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Outcome, Skill
@@ -16,6 +22,8 @@ from skillplan.task.state import State
 MOST_SUM = 2**31 - 1
 _MICRO = 1_000_000
 _UNITS = {"m": "micrometre", "s": "microsecond"}
+# More actions than this for one skill are not written.
+_MOST_ACTIONS = 10_000
 
 
 class NoActionCosts(Exception):
@@ -24,22 +32,22 @@ class NoActionCosts(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A skill where what it costs depends on nothing but where the robot stands.
+    """An action: a skill in states in which its cost depends on the robot's place alone.
 
     Parameters
     ----------
     skill
         The skill.
     label
-        The facts that tell it from the other variants; empty where it is the only one.
+        Facts that tell it from other actions of the skill; empty for a single one.
     requires, forbids
-        Facts that must hold, and must not.
+        Facts that must hold, and that must not.
     outcome
-        What comes of it.
+        The nominal outcome.
     origins
-        Cost by the fact that says where the robot stands; empty where that does not matter.
+        Cost by the place where the robot may stand; empty if the place does not matter.
     constant
-        The cost where it does not matter.
+        The cost if the place does not matter.
     """
 
     skill: Skill
@@ -78,34 +86,165 @@ class Scale:
         return 0.0 if self.exact else skills / 2 / self.per_unit
 
 
-def variants(model: SkillModel, skill: Skill) -> Iterator[Variant]:
-    """Yield a skill as one action or several, so that each costs by the robot's place alone.
+class Variants:
+    """Splits the skills of a task into actions.
 
-    Raises
-    ------
-    NoActionCosts
-        If the cost depends on a fact that is no choice among several.
+    Parameters
+    ----------
+    model, states
+        The task.
     """
-    condition = skill.precondition
-    cases: Sequence[tuple[str, State, State, Outcome]] = [
-        ("", condition.requires, condition.forbids, one) for one in skill.outcomes[:1]
-    ] or [
-        (
-            str(*case.fact),
-            condition.requires | case.fact,
-            condition.forbids | case.forbids,
-            case.outcomes[0],
-        )
-        for case in skill.cases
-    ]
-    for label, requires, forbids, outcome in cases:
-        groups = _deciding_groups(model, skill, requires, forbids)
-        where = _places(model, groups)
-        others = [group for group in groups if group != where]
-        for choice in product(*others):
-            chosen = requires | model.task.facts.of(*choice)
-            labels = [*([label] if label else []), *choice]
-            yield from _variant(model, skill, " ".join(labels), chosen, forbids, outcome, where)
+
+    def __init__(self, model: SkillModel, states: ConsistentStates) -> None:
+        self._model = model
+        self._states = states
+        self._basis = CostBasis()
+
+    def of(self, case: Case, cover: Cover) -> list[Variant]:
+        """Return the actions of a case of a skill.
+
+        Raises
+        ------
+        NoActionCosts
+            If its cost depends on facts that cannot be read off it, or it takes too many actions.
+        """
+        basis = self._cost_bits(case.skill)
+        region = (case.requires.bits, case.forbids.bits)
+        where = self._places(region, basis | named_bits(cover))
+        groups = [group for group in self._states.groups(basis) if group != where]
+        found: list[Variant] = []
+        for way in cover.feasible:
+            for feasible in simplified(self._states, case, cover, way, where):
+                for part in self._split(case, feasible, groups, where):
+                    variant = self._priced(case, part, where, matters=bool(basis & where))
+                    found += [] if variant is None else [variant]
+                    if len(found) > _MOST_ACTIONS:
+                        raise NoActionCosts(
+                            f"{case.skill.name} comes to more than {_MOST_ACTIONS:,} actions"
+                        )
+        return _numbered(found)
+
+    def _cost_bits(self, skill: Skill) -> int:
+        """Return the bits of the facts that a skill's cost depends on."""
+        model = self._model
+        bits = self._basis.bits(skill.duration_s if model.asks_costs else skill.cost)
+        if bits is None:
+            raise NoActionCosts(f"it is not known which facts the cost of {skill.name} depends on")
+        return bits | model.feasibility.times.basis if model.asks_costs else bits
+
+    def _places(self, region: Region, bits: int) -> int:
+        """Return the group that says where the robot stands, which becomes the parameter."""
+        facts = self._model.task.facts
+        largest, most = 0, 1
+        for group in self._states.groups(bits & ~region[0]):
+            names = facts.names_of(group)
+            kinds = {name.partition("(")[0] if "(" in name else "" for name in names}
+            if len(kinds) != 1 or "" in kinds:
+                continue
+            choices = self._states.choices(group, region)
+            if len(choices) > most and all(true & group for true, _ in choices):
+                largest, most = group, len(choices)
+        return largest
+
+    def _split(
+        self, case: Case, feasible: FeasibleRegion, groups: Sequence[int], where: int
+    ) -> Iterator[_Part]:
+        """Yield the parts of a region in which the cost depends on the place alone."""
+        true = case.requires.bits | feasible.true
+        false = case.forbids.bits | feasible.false
+        closed = false | where & ~feasible.places
+        parts = [_Part("", true, false, (true, closed), feasible.places)]
+        for group in groups:
+            parts = [smaller for part in parts for smaller in self._divided(part, group)]
+        yield from parts
+
+    def _divided(self, part: _Part, group: int) -> list[_Part]:
+        """Return a part by the choices that it leaves of a group."""
+        choices = self._states.choices(group, part.region)
+        if len(choices) == 1:
+            return [replace(part, region=choices[0])]
+        divided = []
+        for region in choices:
+            held = region[0] & group
+            words = self._model.task.facts.names_of(held or group)
+            label = " ".join([part.label, *([] if held else ["no"]), *words]).strip()
+            requires, forbids = part.requires | held, part.forbids | (0 if held else group)
+            divided.append(_Part(label, requires, forbids, region, part.places))
+        return divided
+
+    def _priced(self, case: Case, part: _Part, where: int, *, matters: bool) -> Variant | None:
+        """Return the action for a part of a region; None if it is never done there.
+
+        Parameters
+        ----------
+        case, part, where
+            The case, the part and the group of the places.
+        matters
+            Whether its cost depends on the place.
+        """
+        facts = self._model.task.facts
+        label = " ".join(filter(None, [case.label, part.label]))
+        requires, forbids = facts.state(part.requires), facts.state(part.forbids)
+        open_ones = self._states.choices(where, (part.requires, part.forbids)) if where else []
+        if not matters and all(true & where & part.places for true, _ in open_ones):
+            cost = self._cost(case.skill, part.region)
+            action = Variant(case.skill, label, requires, forbids, case.outcome, {}, cost)
+            return action if math.isfinite(cost) else None
+        origins = {
+            facts.names_of(region[0] & where)[0]: self._cost(case.skill, region)
+            for region in self._states.choices(where, part.region)
+        }
+        origins = {place: cost for place, cost in origins.items() if math.isfinite(cost)}
+        action = Variant(case.skill, label, requires, forbids, case.outcome, origins)
+        return action if origins else None
+
+    def _cost(self, skill: Skill, region: Region) -> float:
+        """Return the cost in a region; infinite if the skill has none there."""
+        state = self._states.member(region)
+        if state is None:
+            return math.inf
+        try:
+            return self._model.cost(state, skill)
+        except ValueError:
+            # The state leaves open where the robot stands: no plan leads there.
+            return math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Part of a feasible region.
+
+    Parameters
+    ----------
+    label
+        Facts that tell it from other parts.
+    requires, forbids
+        Bits of the facts that its action needs and forbids.
+    region
+        Its states.
+    places
+        Bits of the places where the robot may stand; 0 if they are not told apart.
+    """
+
+    label: str
+    requires: int
+    forbids: int
+    region: Region
+    places: int
+
+
+def _numbered(variants: Sequence[Variant]) -> list[Variant]:
+    """Return actions of one skill with labels of their own."""
+    count: dict[str, int] = {}
+    for variant in variants:
+        count[variant.label] = count.get(variant.label, 0) + 1
+    numbers = dict.fromkeys(count, 0)
+    numbered = []
+    for variant in variants:
+        numbers[variant.label] += 1
+        number = f"case {numbers[variant.label]}" if count[variant.label] > 1 else ""
+        numbered.append(replace(variant, label=f"{variant.label} {number}".strip()))
+    return numbered
 
 
 def scale_of(
@@ -149,94 +288,3 @@ def scale_of(
             "planners that add up in 32 bits get wrong; lower step_limit or split the task"
         )
     return scale
-
-
-def _variant(
-    model: SkillModel,
-    skill: Skill,
-    label: str,
-    requires: State,
-    forbids: State,
-    outcome: Outcome,
-    where: tuple[str, ...],
-) -> Iterator[Variant]:
-    if not where:
-        cost = _cost(model, skill, whole_state(requires, forbids))
-        if math.isfinite(cost):
-            yield Variant(skill, label, requires, forbids, outcome, {}, cost)
-        return
-    facts = model.task.facts
-    costs = {
-        fact: _cost(model, skill, whole_state(requires | facts.of(fact), forbids)) for fact in where
-    }
-    origins = {fact: cost for fact, cost in costs.items() if math.isfinite(cost)}
-    if origins:
-        yield Variant(skill, label, requires, forbids, outcome, origins)
-
-
-def _cost(model: SkillModel, skill: Skill, state: State) -> float:
-    try:
-        return model.cost(state, skill)
-    except ValueError as error:
-        raise NoActionCosts(f"what {skill.name} costs depends on too much: {error}") from None
-
-
-def _deciding_groups(
-    model: SkillModel, skill: Skill, requires: State, forbids: State
-) -> list[tuple[str, ...]]:
-    """Return the choices on which the cost of a skill depends, each without what is ruled out."""
-    facts = model.task.facts
-    found: list[tuple[str, ...]] = []
-    grouped = 0
-    for group in facts.exclusive:
-        members = facts.of(*group)
-        grouped |= members.bits
-        if members.bits & requires.bits:
-            continue
-        left = tuple(fact for fact in group if fact not in forbids)
-        if _decides(model, skill, requires, forbids, left, members) and left not in found:
-            found.append(left)
-    for fact in facts.names:
-        bit = facts.bit(fact)
-        if bit & (grouped | requires.bits | forbids.bits):
-            continue
-        held = skill.cost.least(requires.bits | bit, forbids.bits)
-        if held != skill.cost.least(requires.bits, forbids.bits | bit):
-            raise NoActionCosts(f"what {skill.name} costs depends on {fact}, which may hold or not")
-    return found
-
-
-def _decides(
-    model: SkillModel,
-    skill: Skill,
-    requires: State,
-    forbids: State,
-    group: tuple[str, ...],
-    members: State,
-) -> bool:
-    """Whether a choice decides what a skill costs.
-
-    A back end that tells times goes by where robots stand and which tools they hold.
-    """
-    facts = model.task.facts
-    if model.asks_costs and set(group) & _known_to_back_ends(model):
-        return True
-    costs = set()
-    for fact in group:
-        bit = facts.bit(fact)
-        ruled_out = forbids.bits | members.bits & ~bit
-        costs.add(skill.cost.least(requires.bits | bit, ruled_out & ~requires.bits))
-    return len(costs) > 1
-
-
-def _known_to_back_ends(model: SkillModel) -> set[str]:
-    robots = model.task.scene.robots
-    places = {fact for robot in robots for fact in robot.places}
-    return places | {tool.fact for robot in robots for tool in robot.tools}
-
-
-def _places(model: SkillModel, groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the choice that is where the robot stands, which becomes the parameter."""
-    kinds = [group for group in groups if len({fact.partition("(")[0] for fact in group}) == 1]
-    named = [group for group in kinds if all("(" in fact for fact in group) and len(group) > 1]
-    return max(named, key=len, default=())

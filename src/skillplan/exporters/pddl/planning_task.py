@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import pairwise
 
 from skillplan.exporters.handover import Handover
 from skillplan.exporters.identifiers import Identifiers, quoted
-from skillplan.exporters.pddl.action_costs import Scale, Variant, scale_of, variants
-from skillplan.exporters.pddl.order import Order, order_of
+from skillplan.exporters.pddl.action_costs import Scale, Variant, Variants, scale_of
+from skillplan.exporters.pddl.conditions import Case, Cover, cases_of, covers_of
+from skillplan.exporters.pddl.consistent_states import ConsistentStates
 from skillplan.exporters.pddl.vocabulary import Vocabulary
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.condition import Condition
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
+# Between the identifier of a skill and that of what tells its actions apart; in neither of them.
+_JOINT = "-"
+# Like the words steps-done and step-after, no identifier of a task.
+_STEP = "step-number"
+_MOST_NAMED = 4
+
 
 class PlanningTask:
-    """A task as PDDL has it; back ends are queried when its order or its costs are needed.
+    """A task as PDDL has it; back ends are queried when its actions are needed.
 
     Parameters
     ----------
@@ -25,6 +33,8 @@ class PlanningTask:
         The task.
     accept_rounding
         Whether costs may be as small as what rounding comes to.
+    count_steps
+        Whether the step limit is part of the task.
 
     Raises
     ------
@@ -32,32 +42,84 @@ class PlanningTask:
         By what needs costs, if they cannot be said.
     """
 
-    def __init__(self, handover: Handover, *, accept_rounding: bool = False) -> None:
+    def __init__(
+        self, handover: Handover, *, accept_rounding: bool = False, count_steps: bool = False
+    ) -> None:
         self.handover = handover
         self.accept_rounding = accept_rounding
+        self.count_steps = count_steps
         self.model: SkillModel = handover.model
         self.task: Task = handover.task
         self.vocabulary = Vocabulary(self.task)
+        self._skills = _skill_identifiers(self.task, self.vocabulary)
 
     @cached_property
-    def order(self) -> Order:
-        """What the verdicts come to."""
-        return order_of(self.handover)
+    def origin(self) -> str:
+        """Where the conditions of the skills come from, in words."""
+        if self.handover.charted:
+            return "the task's hand-made chart"
+        if all(skill.motion is None for skill in self.task.skills):
+            return "the preconditions of the skills; no back end judges them"
+        names = ", ".join(back_end.name for back_end in self.model.feasibility.back_ends)
+        return f"derived from the verdicts of {names}"
+
+    @cached_property
+    def left_out(self) -> str:
+        """Skills whose verdicts are not all known, in words; empty if there are none."""
+        words = {
+            skill: f"{skill} ({cover.left_out})"
+            for (skill, _), cover in self._covers.items()
+            if cover.left_out
+        }
+        more = len(words) - _MOST_NAMED
+        listed = "; ".join([*words.values()][:_MOST_NAMED])
+        return f"{listed}; and {more} more" if more > 0 else listed
+
+    @cached_property
+    def impossible(self) -> Mapping[str, str]:
+        """Skills that are never feasible, with a reason."""
+        possible = {skill for (skill, _), cover in self._covers.items() if cover.feasible}
+        return {
+            skill: cover.refusal
+            for (skill, _), cover in self._covers.items()
+            if skill not in possible and cover.refusal
+        }
 
     @cached_property
     def variants(self) -> tuple[Variant, ...]:
-        """The actions there are."""
-        return tuple(one for one in self._possible if one.skill.name not in self.order.impossible)
+        """The actions."""
+        split = Variants(self.model, self._states)
+        return tuple(
+            variant
+            for case in self._cases
+            for variant in split.of(case, self._covers[case.skill.name, case.label])
+        )
 
     @cached_property
-    def _possible(self) -> tuple[Variant, ...]:
-        """The actions there would be if no skill were infeasible everywhere."""
-        return tuple(one for skill in self.task.skills for one in variants(self.model, skill))
+    def _states(self) -> ConsistentStates:
+        return ConsistentStates(self.task)
 
     @cached_property
-    def actions(self) -> Identifiers:
-        """Identifiers of the actions, by skill and what tells its variants apart."""
-        return Identifiers(map(_name, self._possible), self.vocabulary.taken)
+    def _cases(self) -> tuple[Case, ...]:
+        return tuple(case for skill in self.task.skills for case in cases_of(skill))
+
+    @cached_property
+    def _covers(self) -> dict[tuple[str, str], Cover]:
+        return covers_of(self.model, self._states, self._cases)
+
+    @cached_property
+    def actions(self) -> dict[str, str]:
+        """Identifiers of the actions, by skill and what tells its actions apart."""
+        labels: dict[str, list[str]] = {}
+        for variant in self.variants:
+            labels.setdefault(variant.skill.name, []).append(variant.label)
+        actions = {}
+        for skill, own in labels.items():
+            words = Identifiers(label for label in own if label)
+            for label in own:
+                suffix = f"{_JOINT}{words[label]}" if label else ""
+                actions[f"{skill} {label}".strip()] = f"{self._skills[skill]}{suffix}"
+        return actions
 
     @cached_property
     def scale(self) -> Scale:
@@ -74,6 +136,7 @@ class PlanningTask:
         lines = [*self._head(), f"(define (domain {self._name})"]
         lines.append("  (:requirements :strips :typing :negative-preconditions :action-costs)")
         types = [known.types[name] for name in known.types]
+        types += [_STEP] if self.count_steps else []
         lines += [f"  (:types {' '.join(types)} - object)"] if types else []
         # In the domain, as actions name them.
         constants = known.objects_by_type().items()
@@ -85,6 +148,8 @@ class PlanningTask:
             own, kind = known.predicates[name], known.type_of(name)
             lines.append(f"    ({own})" if kind is None else f"    ({own} ?x - {kind})")
         lines += [f"    ({guard} ?from - {kind})" for guard, kind in self._guards()]
+        if self.count_steps:
+            lines += [f"    (steps-done ?x - {_STEP})", f"    (step-after ?x ?y - {_STEP})"]
         lines.append("  )")
         lines.append("  (:functions (total-cost) - number")
         for one in self.variants:
@@ -100,7 +165,11 @@ class PlanningTask:
         known = self.vocabulary
         lines = [*self._head(), f"(define (problem {self._name}_problem)"]
         lines.append(f"  (:domain {self._name})")
+        steps = [f"step-{n}" for n in range(self.task.step_limit + 1)] if self.count_steps else []
+        lines += [f"  (:objects {' '.join(steps)} - {_STEP})"] if steps else []
         lines.append("  (:init (= (total-cost) 0)")
+        lines += [f"    (steps-done {step})" for step in steps[:1]]
+        lines += [f"    (step-after {step} {after})" for step, after in pairwise(steps)]
         lines += [f"    {known.atom(fact)}" for fact in self.task.initial]
         for one in self.variants:
             for fact, cost in one.origins.items():
@@ -119,11 +188,12 @@ class PlanningTask:
         by_skill: dict[str, list[Variant]] = {}
         for one in self.variants:
             by_skill.setdefault(one.skill.name, []).append(one)
-        for planned in self.handover.skills:
+        for number, planned in enumerate(self.handover.skills):
             variant = next(
                 one
                 for one in by_skill[planned.skill.name]
                 if Condition(one.requires, one.forbids).holds(planned.before)
+                and (not one.origins or any(fact in planned.before for fact in one.origins))
             )
             words = [self.actions[_name(variant)]]
             cost = variant.constant
@@ -132,14 +202,9 @@ class PlanningTask:
                     words.append(self.vocabulary.object(fact))
                     cost = known_cost
             total += self.scale.whole(cost)
+            words += [f"step-{number}", f"step-{number + 1}"] if self.count_steps else []
             lines.append(f"({' '.join(words)})")
         return "\n".join([*lines, f"; cost = {total} (general cost)"]) + "\n"
-
-    def skill_of(self, action: str) -> str | None:
-        """Return the name of the skill of an action; None of an unknown one."""
-        key = self.actions.name_of(action)
-        found = (one.skill.name for one in self._possible if _name(one) == key)
-        return None if key is None else next(found)
 
     @cached_property
     def _name(self) -> str:
@@ -148,10 +213,10 @@ class PlanningTask:
     def _head(self) -> Iterator[str]:
         task, scale = self.task, self.scale
         yield f"; {quoted(task.name)}, written by skillplan."
-        yield f"; Order of operations: {quoted(self.order.origin)[1:-1]}."
-        if self.order.beyond:
-            yield f"; Left out: {quoted(self.order.beyond)[1:-1]}. Replay plans before use."
-        for skill, why in self.order.impossible.items():
+        yield f"; Order of operations: {quoted(self.origin)[1:-1]}."
+        if self.left_out:
+            yield f"; Never done where no verdict is known: {quoted(self.left_out)[1:-1]}."
+        for skill, why in self.impossible.items():
             yield f"; No action for {quoted(skill)}, which is never feasible: {quoted(why)[1:-1]}."
         if scale.exact:
             yield f"; Costs are whole numbers [{scale.unit}], not rounded."
@@ -161,30 +226,31 @@ class PlanningTask:
             yield f"; is off by at most n / 2 of them, one of {most} by {most / 2:g}. Plans that"
             yield f"; are nearer to each other than {most} of them may change places: the best one"
             yield "; here may cost so much more than the best one of the task, and no more."
-        yield f"; Not said here: no plan of the task has more than {task.step_limit} skills."
+        if not self.count_steps:
+            yield f"; Not said here: no plan of the task has more than {task.step_limit} skills."
         yield "; Names:"
-        for names in (self.actions, self.vocabulary.predicates, self.vocabulary.objects):
+        yield from (f";   {own} = {quoted(name)}" for name, own in self.actions.items())
+        for names in (self.vocabulary.predicates, self.vocabulary.objects):
             yield from (f";   {line}" for line in names.lines())
 
     def _action(self, one: Variant) -> Iterator[str]:
-        known = self.vocabulary
-        needs = self.order.needs.get(one.skill.name, ())
-        forbids = self.order.forbids.get(one.skill.name, ())
         literals = self._literals(Condition(one.requires, one.forbids))
-        literals += [known.atom(fact) for fact in needs if fact not in one.requires]
-        literals += [f"(not {known.atom(fact)})" for fact in forbids if fact not in one.forbids]
         effects = self._effects(one)
+        parameters = []
         if one.origins:
             literals.append(f"({self._where(one)} ?from)")
             if not self._everywhere(one):
                 literals.append(f"({self._guard(one)} ?from)")
             effects.append(f"(increase (total-cost) ({self._cost_of(one)} ?from))")
-            parameters = f"(?from - {self._kind(one)})"
+            parameters.append(f"?from - {self._kind(one)}")
         else:
             effects.append(f"(increase (total-cost) {self.scale.whole(one.constant)})")
-            parameters = "()"
+        if self.count_steps:
+            literals += ["(steps-done ?now)", "(step-after ?now ?next)"]
+            effects += ["(not (steps-done ?now))", "(steps-done ?next)"]
+            parameters.append(f"?now ?next - {_STEP}")
         yield f"  (:action {self.actions[_name(one)]}"
-        yield f"    :parameters {parameters}"
+        yield f"    :parameters ({' '.join(parameters)})"
         yield f"    :precondition (and {' '.join(literals)})"
         yield f"    :effect (and {' '.join(effects)}))"
 
@@ -238,6 +304,27 @@ class PlanningTask:
         known = [f for f in self.task.facts.names if self.vocabulary.predicate(f) == predicate]
         left: State = self.task.facts.of(*known) - one.forbids
         return len(left) <= len(one.origins)
+
+
+class ActionNames:
+    """Reads the actions of plans, for which no back end is queried.
+
+    Parameters
+    ----------
+    task
+        The task.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._skills = _skill_identifiers(task, Vocabulary(task))
+
+    def skill_of(self, action: str) -> str | None:
+        """Return the name of the skill of an action; None of an unknown one."""
+        return self._skills.name_of(action.partition(_JOINT)[0])
+
+
+def _skill_identifiers(task: Task, vocabulary: Vocabulary) -> Identifiers:
+    return Identifiers((skill.name for skill in task.skills), vocabulary.taken)
 
 
 def _name(one: Variant) -> str:

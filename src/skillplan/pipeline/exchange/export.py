@@ -36,13 +36,7 @@ def make_exporter(name: str, options: Mapping[str, Any]) -> Exporter:
     return made
 
 
-def handed_over(
-    model: SkillModel,
-    setup: Setup,
-    plan: Replay | None,
-    *,
-    derived: bool = False,
-) -> Handover:
+def handed_over(model: SkillModel, setup: Setup, plan: Replay | None) -> Handover:
     """Return what an exporter is given.
 
     Parameters
@@ -53,10 +47,8 @@ def handed_over(
         The back ends that it queries.
     plan
         Replayed on it; None for the task alone.
-    derived
-        As in `Handover`.
     """
-    return Handover(model, plan, charted(model, setup), derived)
+    return Handover(model, plan, charted(model, setup))
 
 
 def charted(model: SkillModel, setup: Setup) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.judge.fast_downward import NAME, driver
@@ -60,9 +61,14 @@ def referee_claims(path: str, task_file: str | None, limit_s: float, stop: Stop)
     for task, claims in tasks:
         if stop.interrupted:
             return
-        model = make_model(task, loaded.setup)
+        clock = Stop(time_limit_s=limit_s)
+        model = make_model(task, loaded.setup, overdue=partial(_is_over, stop, clock))
         with closing(model.feasibility):
             by_chart = charted(model, loaded.setup)
             for claim in planner_claims(claims, model, limit_s, charted=by_chart):
                 prefix = f"{task.name}: " if stored.is_chain else ""
                 yield replace(claim, claim=f"{prefix}{claim.claim}")
+
+
+def _is_over(stop: Stop, clock: Stop) -> bool:
+    return stop.interrupted or clock.overdue()
