@@ -71,8 +71,8 @@ def command(
         bool,
         typer.Option(
             "--derived",
-            hidden=True,
-            help="Kept for older scripts: verdicts are always handed over.",
+            help="Has no effect any more: verdicts are always handed over. Kept for older scripts.",
+            rich_help_panel=OUTPUT,
         ),
     ] = False,
 ) -> int:
