@@ -27,7 +27,7 @@ from skillplan.task.task import Task
 _MOST_SHOWN = 5
 _LATER_KEYS = (
     *("proved_by", "simulation", "not_checked", "policy", "dwells_from"),
-    *("reachable", "relax"),
+    *("reachable", "relax", "sampling"),
 )
 MISSING = "is missing beside the result"
 _MOST_BYTES = 64 * 1024 * 1024

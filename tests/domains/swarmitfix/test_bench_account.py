@@ -135,6 +135,24 @@ class TestSupports:
         assert json_fault(pentagon.document) is None
 
 
+class TestSampling:
+    def test_the_deviation_of_sampled_curves_is_stated(self) -> None:
+        """A half circle of 0.3 m radius to 1 mm: a chord of angle w is off by 0.3 (1 - cos w/2)."""
+        path = [{"arc_to_m": [1.5, 0.8], "through_m": [1.2, 1.1]}]
+        trajectory = {"start_m": [0.9, 0.8], "path": path}
+        made = account(job_of(trajectory=trajectory))
+        chords = made.document["sampling"]["chords"]
+        off_m = 0.3 * (1 - math.cos(math.pi / chords / 2))
+        assert off_m == pytest.approx(made.document["sampling"]["deviation_m"])
+        said = f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off"
+        assert said in "\n".join(made.listings[0].notes)
+
+    def test_of_straight_lines_nothing_is_said(self) -> None:
+        made = account(job_of(trajectory={"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}))
+        assert {"chords": 0, "deviation_m": 0.0} == made.document["sampling"]
+        assert "sampled" not in "\n".join(made.listings[0].notes)
+
+
 class TestMachine:
     def test_a_reach_beyond_the_legs_is_told_with_the_leg(self) -> None:
         """Legs of hardly any stroke reach nothing, and the table says so if that is ignored."""

@@ -85,7 +85,9 @@ def _machine(verdict: Verdict) -> dict[str, Any]:
 
 def _workpiece(job: Job) -> dict[str, Any]:
     workpiece, base = job.workpiece, job.config.base
+    chords, off_m = job.sampling
     return {
+        "sampling": {"chords": chords, "deviation_m": off_m},
         "reachable": base.reach_rule,
         **({"relax": base.relax} if base.reach_rule == "required" else {}),
         "workpiece": {
@@ -270,6 +272,8 @@ def _goals_listing(
     spacing_m = [
         math.dist(one["position_m"], other["position_m"]) for one, other in pairwise(heads)
     ]
+    if job.sampling_text:
+        above.append(f"           {job.sampling_text}")
     above.append(f"heads      {len(heads)}, {min(spacing_m):.3f} to {max(spacing_m):.3f} m apart")
     close = sum(spacing < job.head_rules.side_m for spacing in spacing_m)
     if close:

@@ -59,6 +59,7 @@ from skillplan.domains.swarmitfix.pkm.reach import (
 )
 from skillplan.domains.swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
 from skillplan.domains.swarmitfix.trajectory.content import elements_of
+from skillplan.domains.swarmitfix.trajectory.path_elements import sampling_error_m
 from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
 from skillplan.task.task import BackEndChoice, Task
@@ -105,6 +106,34 @@ class Job:
             elements,
             closed=self.config.trajectory.closed,
             chord_tolerance_m=self.config.trajectory.chord_tolerance_m,
+        )
+
+    @cached_property
+    def sampling(self) -> tuple[int, float]:
+        """Number of chords that stand for curves, and their greatest distance from these [m]."""
+        trajectory = self.config.trajectory
+        assert trajectory is not None
+        start, elements = elements_of(trajectory)
+        starts = [start, *(element.end for element in elements)]
+        tolerance_m = trajectory.chord_tolerance_m
+        chords = sum(len(s.points) - 1 for s in self.workpiece.segments if s.is_curved)
+        off_m = [
+            sampling_error_m(*pair, tolerance_m) for pair in zip(starts, elements, strict=False)
+        ]
+        most_m = max(off_m, default=0.0)
+        if chords and (trajectory.file or "").lower().endswith(".dxf"):
+            # The reader puts its own curves through points of the drawing's.
+            from skillplan.domains.swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
+
+            most_m += CURVE_TOLERANCE_M
+        return chords, most_m
+
+    @property
+    def sampling_text(self) -> str:
+        """The same in words; empty for a trajectory without curves."""
+        chords, off_m = self.sampling
+        return (
+            f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off" if chords else ""
         )
 
     @cached_property

@@ -44,9 +44,17 @@ def chords_needed(span: BezierSpan, tolerance_m: float) -> int:
     A chord over 1/n of a span is off it by no more than |B''| / (8 n^2), and |B''| is no more
     than 6 times the greatest second difference of the control points (Wang's formula).
     """
+    return max(1, math.ceil(math.sqrt(deviation_m(span, 1) / tolerance_m)))
+
+
+def deviation_m(span: BezierSpan, chords: int) -> float:
+    """Return an upper bound of the distance of a span from so many chords [m].
+
+    Wang's formula, as in `chords_needed`.
+    """
     a, b, c, d = span
     bend = max(_second_difference(a, b, c), _second_difference(b, c, d))
-    return max(1, math.ceil(math.sqrt(0.75 * bend / tolerance_m)))
+    return 0.75 * bend / chords**2
 
 
 def point_of(span: BezierSpan, t: float) -> Point2:

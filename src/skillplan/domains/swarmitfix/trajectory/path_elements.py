@@ -15,6 +15,7 @@ from skillplan.domains.swarmitfix.trajectory.catmull_rom import (
     BezierSpan,
     bezier_spans,
     chords_needed,
+    deviation_m,
     point_of,
 )
 from skillplan.domains.swarmitfix.trajectory.plane_point import (
@@ -212,6 +213,28 @@ def sample(start: Point2, element: Element, chord_tolerance_m: float) -> list[Po
     return [element.end]
 
 
+def sampling_error_m(start: Point2, element: Element, chord_tolerance_m: float) -> float:
+    """Return an upper bound of the distance of an element from its sampled chords [m].
+
+    It is exact for an arc, and 0 for a line.
+
+    Parameters
+    ----------
+    start, element, chord_tolerance_m
+        As in `sample`, which accepts them.
+    """
+    match element:
+        case Arc():
+            circle = circle_of(start, element)
+            step_rad = abs(circle.sweep_rad) / _arc_chords(circle, chord_tolerance_m)
+            return 2 * circle.radius_m * math.sin(step_rad / 4) ** 2
+        case Spline():
+            spans = _spans(start, element)
+            counts = _spline_chords(spans, chord_tolerance_m)
+            return max(itertools.starmap(deviation_m, zip(spans, counts, strict=True)))
+    return 0.0
+
+
 def refuse_tolerance(chord_tolerance_m: float) -> None:
     """Raise a ValueError if curves cannot be sampled to a chord tolerance [m]."""
     if not MIN_CHORD_TOLERANCE_M <= chord_tolerance_m < math.inf:
@@ -282,17 +305,27 @@ def _spans(start: Point2, spline: Spline) -> list[BezierSpan]:
     return bezier_spans(points, closed=closed)
 
 
-def _sample_arc(circle: ArcCircle, end: Point2, tolerance_m: float) -> list[Point2]:
-    """Sample evenly: a chord of angle w is off its arc by r (1 - cos w/2) = 2 r sin^2 w/4."""
+def _arc_chords(circle: ArcCircle, tolerance_m: float) -> int:
+    """Return the chords of an arc: one of angle w is off by r (1 - cos w/2) = 2 r sin^2 w/4."""
     widest = 4 * math.asin(min(1.0, math.sqrt(tolerance_m / (2 * circle.radius_m))))
-    chords = max(2, math.ceil(abs(circle.sweep_rad) / min(widest, _WIDEST_CHORD_RAD)))
+    return max(2, math.ceil(abs(circle.sweep_rad) / min(widest, _WIDEST_CHORD_RAD)))
+
+
+def _spline_chords(spans: list[BezierSpan], tolerance_m: float) -> list[int]:
+    """Return the chords of each span of a spline."""
+    least = 2 if len(spans) == 1 else 1
+    return [max(least, chords_needed(span, tolerance_m)) for span in spans]
+
+
+def _sample_arc(circle: ArcCircle, end: Point2, tolerance_m: float) -> list[Point2]:
+    """Sample evenly in the angle."""
+    chords = _arc_chords(circle, tolerance_m)
     _refuse_too_many(chords, tolerance_m)
     return [*(circle.at(i / chords) for i in range(1, chords)), end]
 
 
 def _sample_spline(spans: list[BezierSpan], tolerance_m: float) -> list[Point2]:
-    least = 2 if len(spans) == 1 else 1
-    counts = [max(least, chords_needed(span, tolerance_m)) for span in spans]
+    counts = _spline_chords(spans, tolerance_m)
     _refuse_too_many(sum(counts), tolerance_m)
     sampled: list[Point2] = []
     for span, count in zip(spans, counts, strict=True):
