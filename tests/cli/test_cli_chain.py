@@ -344,3 +344,32 @@ class TestExitCodes:
         outcome = cli("search-optimal", goals, *words)
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
+
+
+class TestFleetMakespan:
+    """The makespan of a fleet is a number of parallel steps, with a bound of its own."""
+
+    @pytest.mark.parametrize(
+        ("objective", "skills", "makespan"),
+        [
+            ("swings", 11, "5 parallel steps, 58.2 s (lower bound 4, gap 20.00 %)"),
+            (
+                "makespan",
+                12,
+                "4 parallel steps, 50.7 s (lower bound 4, gap 0.00 %, proved to be the least)",
+            ),
+        ],
+    )
+    def test_it_is_shown_with_its_proof(
+        self, cli: Any, tmp_path: Path, objective: str, skills: int, makespan: str
+    ) -> None:
+        """Fewer parallel steps may take more swings."""
+        path = tmp_path / "fleet.yaml"
+        path.write_text(
+            "kind: swarmitfix\nname: f\nrobots:\n  r0: {home: C27, goal: C21}\n"
+            "  r1: {home: C48, goal: C55}\n  r2: {home: C19, goal: C30}\n"
+        )
+        outcome = cli("search-optimal", str(path), "-O", f"objective={objective}")
+        assert 0 == outcome.code
+        said = " ".join(outcome.out.split())
+        assert f"plan {skills} skills makespan {makespan}" in said

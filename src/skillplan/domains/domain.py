@@ -77,6 +77,10 @@ class Account:
         What a user must know before executing the plans; empty where nothing is amiss.
     makespan_s
         Time of the whole [s], where that is more than the skills'; None otherwise.
+    parallel_steps
+        Steps in which the skills of several robots are executed side by side; None for one robot.
+    parallel_bound
+        Lower bound of any plan's parallel steps, proved; None for one robot.
     """
 
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -87,6 +91,8 @@ class Account:
     bound_given: float | None = None
     caveat: str = ""
     not_checked: tuple[str, ...] = ()
+    parallel_steps: int | None = None
+    parallel_bound: int | None = None
 
 
 @dataclass(frozen=True)

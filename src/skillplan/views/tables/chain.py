@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
+from skillplan.solvers.gap import relative_gap
 from skillplan.views.tables.listing import listing_table
 from skillplan.views.tables.results import PROOF, not_checked_notes, one_line, proved_by_notes
 from skillplan.views.text.table import Column, Table
@@ -27,14 +28,12 @@ def chain_tables(result: ChainResult) -> list[Table]:
         Column("seconds", right=True),
     )
     rows = [_row(part) for part in result.parts]
-    unit = result.cost_unit
     notes = [f"status     {PROOF[result.status]}{_because(result)}", *proved_by_notes(result)]
     if result.cost is not None:
         main = result.main[0].task
         notes += [
             f"cost       {main.cost_text(result.cost)}  ({_bounds(result)}), stage {result.stage}",
-            f"makespan   {result.makespan} {unit if unit == 'steps' else 'skills'}, "
-            f"{number(result.makespan_s, 1)} s",
+            *_makespan(result),
         ]
         reused = sum(part.reused for part in result.parts)
         if reused:
@@ -47,6 +46,26 @@ def chain_tables(result: ChainResult) -> list[Table]:
     title += result.parts[-1].result.collision or "none"
     listings = [listing_table(listing) for listing in result.account.listings]
     return [*listings, Table(title, columns, rows, notes)]
+
+
+def _makespan(result: ChainResult) -> list[str]:
+    """Return the length of the plan: in steps of one robot, or in parallel steps of several."""
+    time_s = f"{number(result.makespan_s, 1)} s"
+    steps, bound = result.account.parallel_steps, result.account.parallel_bound
+    if steps is None:
+        if result.cost_unit == "steps":
+            return [f"makespan   {result.makespan} steps, {time_s}"]
+        return [f"plan       {result.makespan} skills, {time_s}"]
+    proof = (
+        ""
+        if bound is None
+        else f"  (lower bound {bound}, gap {percent(relative_gap(steps, bound))}"
+    )
+    proof += ", proved to be the least)" if steps == bound else ")" if proof else ""
+    return [
+        f"plan       {result.makespan} skills",
+        f"makespan   {steps} parallel steps, {time_s}{proof}",
+    ]
 
 
 def _bounds(result: ChainResult) -> str:
@@ -131,7 +150,7 @@ def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[
                 result.status.value,
                 _cost(result),
                 percent(result.gap),
-                "-" if result.makespan is None else str(result.makespan),
+                _steps(result),
                 number(result.makespan_s, 1),
                 "-" if result.iterations is None else str(result.iterations),
                 f"{result.wall_s:.3f}",
@@ -167,6 +186,18 @@ def _incomparable(results: Sequence[ChainResult]) -> list[str]:
     return ["the solvers planned the stages before differently: costs do not compare"]
 
 
+def _is_single(result: ChainResult) -> bool:
+    """Whether the chain is of one robot, whose makespan is its number of steps."""
+    return result.account.parallel_steps is None
+
+
+def _steps(result: ChainResult) -> str:
+    """Return the makespan in steps; those of several robots are taken in parallel."""
+    parallel = result.account.parallel_steps
+    steps = result.makespan if parallel is None else parallel
+    return "-" if steps is None else str(steps)
+
+
 def _cost(result: ChainResult) -> str:
     return number(result.cost, result.parts[-1].task.metric.decimals)
 
@@ -182,7 +213,10 @@ def _side_by_side(results: Sequence[ChainResult]) -> list[Table]:
 def _sequences(results: Sequence[ChainResult]) -> Table:
     """Return makespan, time and iterations of every sequence for every solver."""
     columns = [Column("sequence"), Column("from"), Column("to")]
-    columns += [Column(f"{result.solver} makespan", right=True) for result in results]
+    columns += [
+        Column(f"{result.solver} {'makespan' if _is_single(result) else 'skills'}", right=True)
+        for result in results
+    ]
     columns += [Column(f"{result.solver} [s]", right=True) for result in results]
     columns += [Column(f"{result.solver} iterations", right=True) for result in results]
     rows = []

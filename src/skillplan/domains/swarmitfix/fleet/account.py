@@ -59,7 +59,13 @@ def fleet_account(job: Job, document: Mapping[str, Any]) -> Account:
         "parallel_s": sum(steps_s),
         "simulated": "valid" if fault is None else str(fault),
     }
-    return Account(known, (_listing(job, known),), makespan_s=known["parallel_s"])
+    return Account(
+        known,
+        (_listing(job, known),),
+        makespan_s=known["parallel_s"],
+        parallel_steps=known["parallel_makespan"],
+        parallel_bound=known["independent_bound_max"],
+    )
 
 
 def _moves(job: Job, places: dict[str, int], plan: Sequence[str]) -> list[Move]:
