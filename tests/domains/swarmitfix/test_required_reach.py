@@ -267,6 +267,14 @@ class TestRelaxation:
                 assert 0.36 <= away_m(job.bench, position, goal_set.e1) <= 0.44
 
 
+def test_legs_of_hardly_any_stroke_are_no_fault_of_the_file(tmp_path: Path) -> None:
+    """They hold a head at some distance, between the millimetres; no position has that distance."""
+    pkm = {"leg_limits_m": {"A": [0.3, 0.3003]}}
+    chain = solve_chain(problem_of(tmp_path, content_of(TRIANGLE, closed=True, pkm=pkm)), "exact")
+    assert chain.status is Status.INFEASIBLE
+    assert "support 1 of" in chain.reason
+
+
 class TestFormerName:
     @pytest.mark.parametrize(
         ("former", "rule"), [(True, "preferred"), (False, "ignored")], ids=["true", "false"]

@@ -19,8 +19,9 @@ one machine's set-up are `SAFE_LIMITS`.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -230,46 +231,63 @@ def hold_fault(
 def horizontal_reach_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -> Range:
     """Return the least and the greatest distance from base centre to head within the limits [m].
 
-    Where the limits leave several intervals, the widest; found on a grid of 1 mm and refined
-    by bisection, so that a narrower interval may be missed.
+    If the limits leave several intervals, the widest that holds a point of a grid of 1 mm, refined
+    by bisection; if none does, one around the distance of least excess.
 
     Raises
     ------
     ValueError
-        If no distance on the grid is within the limits.
+        If no distance is within the limits.
     """
 
-    def within(distance_m: float) -> bool:
+    def excess_m(distance_m: float) -> float:
         try:
             joints = inverse(geometry, mount.head_pose(distance_m))
         except OutsideWorkspace:
-            return False
-        return _worst(limits, joints.legs_m)[0] <= 0
+            return math.inf
+        return _worst(limits, joints.legs_m)[0]
 
     steps = math.ceil(max(0.0, _farthest_m(geometry, limits, mount)) / _STEP_M) + 2
-    runs: list[tuple[int, int]] = []
-    for index in range(steps):
-        if within(index * _STEP_M):
-            start = runs.pop()[0] if runs and runs[-1][1] == index - 1 else index
-            runs.append((start, index))
-    if not runs:
-        raise ValueError(
-            f"The PKM cannot hold a level head {mount.sheet_m - mount.height_m:.3f} m above its "
-            "base at any distance: its legs' limits and its mount do not fit."
-        )
-    first, last = max(runs, key=lambda run: run[1] - run[0])
+    grid_m = [index * _STEP_M for index in range(steps)]
+    excesses_m = [excess_m(distance_m) for distance_m in grid_m]
+    inside = [index for index, off_m in enumerate(excesses_m) if off_m <= 0]
+    if not inside:
+        best_m = grid_m[int(np.argmin(excesses_m))]
+        near_m = _least_point(excess_m, max(0.0, best_m - _STEP_M), best_m + _STEP_M)
+        if excess_m(near_m) > 0:
+            raise ValueError(
+                f"The PKM cannot hold a level head {mount.sheet_m - mount.height_m:.3f} m above "
+                "its base at any distance: its legs' limits and its mount do not fit."
+            )
+        first_m = last_m = near_m
+    else:
+        cuts = [0, *(np.flatnonzero(np.diff(inside) > 1) + 1).tolist(), len(inside)]
+        runs = [inside[low:high] for low, high in itertools.pairwise(cuts)]
+        widest = max(runs, key=len)
+        first_m, last_m = grid_m[widest[0]], grid_m[widest[-1]]
 
     def edge(inside_m: float, outside_m: float) -> float:
         for _ in range(40):
             middle_m = (inside_m + outside_m) / 2
-            if within(middle_m):
+            if excess_m(middle_m) <= 0:
                 inside_m = middle_m
             else:
                 outside_m = middle_m
         return inside_m
 
-    least_m = edge(first * _STEP_M, (first - 1) * _STEP_M) if first else 0.0
-    return least_m, edge(last * _STEP_M, (last + 1) * _STEP_M)
+    least_m = edge(first_m, first_m - _STEP_M) if first_m > 0 else 0.0
+    return least_m, edge(last_m, last_m + _STEP_M)
+
+
+def _least_point(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function with one minimum between two points is least, by ternary search."""
+    for _ in range(60):
+        third = (high - low) / 3
+        if function(low + third) <= function(high - third):
+            high -= third
+        else:
+            low += third
+    return (low + high) / 2
 
 
 class ReachableCentres:
