@@ -63,6 +63,9 @@ def preview(
     described = [task for task in problem.tasks if task.operations and task.scene.bodies]
     orders = tuple(_order(task, setup, cache, named=named) for task in described)
     warnings = [*problem.warnings, *problem.hints]
+    chosen = Setup(physics, collision, options or {})
+    for task in problem.tasks:
+        warnings += problem.told(chosen.warnings(task, problem.domain))
     for order in orders:
         warnings += never_feasible(problem, order)
         warnings += [f"{problem.source}: {line}" for line in order.lines]
@@ -78,10 +81,11 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         left_out = _too_expensive(task)
         if left_out:
             return DerivedOrder(task.name, (), not_derived=left_out)
-        if AabbDetector(task).refuses() is not None:
-            if not setup.has_screen(task):
-                return DerivedOrder(task.name, (), not_derived="turned parts")
+    if setup.collision == DEFAULT_COLLISION and AabbDetector(task).refuses() is not None:
+        if setup.has_screen(task):
             setup = replace(setup, collision=(SCREEN,))
+        elif not named:
+            return DerivedOrder(task.name, (), not_derived="turned parts")
     feasibility = make_feasibility(task, setup, cache)
     with closing(feasibility):
         chart = derive_chart(feasibility)

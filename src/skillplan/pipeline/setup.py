@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, NoReturn
 
@@ -11,6 +11,7 @@ from skillplan.checks.single_check import tells_time
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
 from skillplan.plugins.simulators import AUTO, PREFERRED, installed_simulator
@@ -157,6 +158,18 @@ class Setup:
             return named or (("precedence",) if task.chart else ())
         return (SCREEN if self.has_screen(task) else "aabb",)
 
+    def warnings(self, task: Task, domain: Domain) -> Iterator[Issue]:
+        """Yield warnings of the back ends on a task, with the paths of their keys.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        for back_end in self.back_ends(task):
+            kind = "physics" if isinstance(back_end, Engine) else "collision"
+            yield from _located(kind, back_end, back_end.warnings, domain)
+
     def has_screen(self, task: Task) -> bool:
         """Return whether the geometric detector is installed and serves as many robots."""
         return SCREEN in registry.names("collision") and len(task.scene.robots) == 1
@@ -244,13 +257,15 @@ def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     return back_end if refusal is None else None
 
 
-def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
-    """Yield what a back end finds wrong with single bodies or skills, by their places."""
+def _located(
+    kind: str, back_end: BackEnd, ask: Callable[[], Mapping[str, str]], domain: Domain
+) -> Iterator[Issue]:
+    """Yield the faults or warnings of a back end with the paths of their keys."""
     try:
-        found = dict(back_end.faults())
+        messages = dict(ask())
     except BaseException as error:
         _blame(error, kind, type(back_end), back_end.task)
-    for fact, message in found.items():
+    for fact, message in messages.items():
         yield Issue(message, domain.locate(fact), at_key=True)
 
 
@@ -340,13 +355,13 @@ class _BackEndChecks(FileChecks):
                     yield Issue(message, (kind, choice.name), at_key=True)
                 else:
                     self.made.append(back_end)
-                    yield from _faults(kind, back_end, domain)
+                    yield from _located(kind, back_end, back_end.faults, domain)
             declared = {one.name for one in chosen[kind]}
             for name in dict.fromkeys(self._queried.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
                     self.made.append(willing)
-                    yield from _faults(kind, willing, domain)
+                    yield from _located(kind, willing, willing.faults, domain)
 
     def _kept(self, kind: str, name: str, options: Mapping[str, Any]) -> Mapping[str, Any]:
         if not self._former or name not in registry.names(kind):

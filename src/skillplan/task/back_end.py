@@ -99,6 +99,13 @@ class BackEnd(ABC):
         """
         return {}
 
+    def warnings(self) -> Mapping[str, str]:
+        """Return warnings on single bodies or skills, by a fact about them, as in `faults`.
+
+        Only ``check`` prints them: the file is valid, and a plan may exist.
+        """
+        return {}
+
     def not_checked(self) -> tuple[str, ...]:
         """Return sentences that name what this back end leaves unchecked of its task.
 
