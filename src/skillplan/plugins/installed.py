@@ -79,11 +79,14 @@ def name_and_version(distribution: Distribution) -> tuple[str, str]:
 
     Where they cannot be read, the name is that of its folder.
     """
+    name: str | None = None
+    version: str | None = None
     try:
         metadata = distribution.metadata
         name, version = metadata["Name"], metadata["Version"]
     except Exception:
-        name = version = None
+        # Whatever is wrong with it, the caller goes on with the name of the folder.
+        version = ""
     if name is None:
         name = getattr(getattr(distribution, "_path", None), "name", "a distribution without name")
     return name, version or ""
@@ -142,7 +145,7 @@ def shield_libraries() -> None:
         except Exception:
             return EntryPoints()
 
-    Distribution.entry_points = property(entry_points)  # type: ignore[misc,assignment]
+    Distribution.entry_points = property(entry_points)  # type: ignore[assignment]
 
 
 def _names(entry: EntryPoint, plugin: type[Any]) -> bool:
