@@ -17,7 +17,7 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import read_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.physics.planned_motion import PlannedMotion
+from skillplan.physics.planned_motion import MOST_PLAYED_S, PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
 from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan
 from skillplan.pipeline.presentation.planning_motion import plan_motion
@@ -164,7 +164,7 @@ class Reporter:
                 played = arm_playback(task, done, performed.samples, looks)
                 made = self.playback = played.document()
             else:
-                missing = "the page plays another plan, or nothing has moved"
+                missing = _why_not_played(performed)
         elif isinstance(performed, PlannedMotion):
             looks = looks_of_arm(task, None)
             played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
@@ -250,3 +250,9 @@ def _schema(path: Path) -> object:
     except (OSError, ValueError):
         return None
     return document.get("schema") if isinstance(document, dict) else None
+
+
+def _why_not_played(performed: Performed) -> str:
+    if performed.performance.simulated_s > MOST_PLAYED_S:
+        return f"the plan takes more than {MOST_PLAYED_S:,} s, and no more are played"
+    return "the page plays another plan, or nothing has moved"

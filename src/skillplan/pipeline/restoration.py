@@ -94,7 +94,7 @@ class LoadedResult:
     setup
         The back ends and options.
     times_note
-        How the times of a result of an earlier version are reproduced; empty for another.
+        Sentence on the times of a result of an earlier version; empty for others.
     """
 
     path: str

@@ -297,7 +297,7 @@ def load_problem(
         Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
         held.
     former
-        Whether options that were removed since are accepted, and left out: for stored results.
+        True to accept and leave out options that were removed since, for stored results.
 
     Raises
     ------

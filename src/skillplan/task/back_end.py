@@ -32,13 +32,13 @@ class RemovedDwell:
     Parameters
     ----------
     event
-        What the hand did in that time.
+        Act of the hand in that time.
     default_s
         Its default [s].
     key
         The key of a task file that replaces it.
     owners
-        Whose key it is, in words.
+        Objects that have the key, in words.
     """
 
     event: Event

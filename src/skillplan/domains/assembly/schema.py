@@ -137,7 +137,7 @@ class AssemblyConfig(Strict):
     )
     durations_s: DurationsConfig = Field(
         default_factory=DurationsConfig,
-        description="dwell times: how long the hand stays at a target to act, travel not counted "
+        description="dwell times: the hand stays so long at a target to act, travel not counted "
         "[s]; 'durations_s' of a part or screw comes first, then that of its tool",
     )
     tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)] = Field(
