@@ -32,6 +32,10 @@ SIGNALS = tuple(
 )
 
 
+# One of the first modules that a command imports.
+_IMPORTED_S = time.monotonic()
+
+
 class _Line:
     """The pipe to the supervisor, and the limits that were reported through it."""
 
@@ -62,22 +66,36 @@ def requests() -> tuple[signal.Signals, ...]:
     return (REQUEST, LAST_REQUEST)
 
 
-def limit_command(time_limit_s: float | None = None, memory_limit_bytes: int | None = None) -> None:
+def command_age_s() -> float:
+    """Return the time since the command was started [s]; 0 without a supervisor."""
+    return 0.0 if _line.number is None else time.monotonic() - _IMPORTED_S
+
+
+def limit_command(
+    time_limit_s: float | None = None,
+    memory_limit_bytes: int | None = None,
+    grace_s: float = 0.0,
+) -> None:
     """Have the whole command ended once it takes too long or holds too much memory.
 
-    Past the time limit an exception ends the command; if it is still there a second later, or past
-    the memory limit, it is killed with all processes that it has started. In both cases the exit
-    code is 2 and a message names the limit.
+    Past time limit and grace an exception ends the command; if it is still there a second later,
+    or past the memory limit, it is killed with all processes that it has started. In both cases
+    the exit code is 2 and a message names the limit.
 
     Parameters
     ----------
     time_limit_s
-        Time from now on [s], > 0; None for no limit.
+        Time from the start of the command [s], > 0; None for no limit.
     memory_limit_bytes
         Memory of the command and all its processes together [B], > 0; None for no limit.
+    grace_s
+        Time after the limit in which the command may still end by itself [s], >= 0.
     """
+    if _line.number is None:
+        return
     _line.limit_s = time_limit_s
-    _line.deadline_s = None if time_limit_s is None else time.monotonic() + time_limit_s
+    begun_s = time.monotonic() - command_age_s()
+    _line.deadline_s = None if time_limit_s is None else begun_s + time_limit_s + grace_s
     texts = [
         NO_LIMIT if value is None else repr(value).encode()
         for value in (_line.deadline_s, time_limit_s, memory_limit_bytes)

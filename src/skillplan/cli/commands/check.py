@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.shared import BackEnds, Caching, Reading
 from skillplan.cli.options.single import Style, TaskFile
@@ -16,6 +17,7 @@ def command(
     back_ends: BackEnds,
     reading: Reading,
     caching: Caching,
+    limits: CommandLimits,
     explain_errata: Annotated[
         bool,
         typer.Option(
@@ -42,6 +44,7 @@ def command(
     from skillplan.records.checked import Checked
     from skillplan.views.tables.checked import checked_tables
 
+    limits.begin(graceful=False)
     problem = reading.problem(task, back_ends, warn=False)
     setups = [back_ends.setup(one) for one in problem.tasks]
     names = [

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from skillplan.cli.options.completion import engine_names, plugin_options, task_files
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Style
@@ -38,6 +39,7 @@ def command(
         ),
     ],
     reading: PartReading,
+    limits: CommandLimits,
     sequence: Annotated[
         str | None,
         typer.Option(
@@ -135,7 +137,7 @@ def command(
     what force on a contact is a collision, say the detectors that read contacts, with the options
     of the task file or of RESULT; where none is chosen, contact-pairs. Of a skill with several
     ways, that of RESULT is executed, or else the first that the engine grants. The plan ends at
-    the first skill that fails; Ctrl-C ends it after the current skill.
+    the first skill that fails; Ctrl-C and --time-limit end it after the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -153,6 +155,7 @@ def command(
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
+    deadline = limits.begin(graceful=True)
     back_ends = BackEnds(physics, None, options or [])
     loaded, setup, skills, ways, _, timing = _load(task, sequence, back_ends, reading)
     made = introduce(setup.back_ends(loaded))
@@ -167,6 +170,7 @@ def command(
             show = stack.enter_context(video_file(film, fps, "--video")).add
         row = None if table is None else stack.enter_context(_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
+        stack.enter_context(deadline.calling(count.stop))
         with blamed(engine):
             taken = by_ways(loaded, possible, made, ways, lambda: count.interrupted)
         planned = planned_times(loaded, taken, *timing)
@@ -190,7 +194,7 @@ def command(
     )
     good = simulation.feasible and simulation.complete and not stopped
     emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
-    return exit_code(interrupted=stopped, solved=good)
+    return exit_code(interrupted=stopped and not deadline.tell_if_over(), solved=good)
 
 
 def _perform(
