@@ -57,7 +57,11 @@ def fail_by_limit(words: list[str], environment: dict[str, str], folder: Path) -
 @pytest.mark.skipif(not resident_bytes_of(1), reason="the system does not report sizes")
 @pytest.mark.parametrize(
     "name",
-    ["plot", "report", *(pytest.param(one, marks=SLOW) for one in ("simulate", "train", "import-cad"))],
+    [
+        "plot",
+        "report",
+        *(pytest.param(one, marks=SLOW) for one in ("simulate", "train", "import-cad")),
+    ],
 )
 def test_memory_of_a_whole_command_is_limited(
     name: str, board: str, environment: dict[str, str], tmp_path: Path

@@ -76,7 +76,7 @@ class Deadline:
         return time.monotonic() >= self._end_s
 
     def tell_if_over(self) -> bool:
-        """Return whether the deadline has passed, and name it as the reason of the end on stderr."""
+        """Return whether the deadline has passed; if so, tell that it ended the command."""
         if not self.is_over():
             return False
         tell(f"skillplan: note: ended by --time-limit {self.time_limit_s:g}")

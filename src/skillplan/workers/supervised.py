@@ -19,7 +19,7 @@ from skillplan.errors import BackEndError
 BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
 NO_LIMIT = b"none"
 # A longer line would not be written in one piece.
-_MOST_BYTES = 1000
+_LINE_BYTES = 1000
 
 # How the supervisor passes a signal on: as a request to stop, and as the last one before it ends
 # the process. The signals themselves also reach the child if they go to the group of processes, as
@@ -177,4 +177,4 @@ def _report(kind: bytes, text: bytes = b"") -> None:
     if _line.number is not None:
         # A supervisor that is gone takes this process with it.
         with suppress(OSError):
-            os.write(_line.number, kind + text.replace(b"\n", b" ")[:_MOST_BYTES] + b"\n")
+            os.write(_line.number, kind + text.replace(b"\n", b" ")[:_LINE_BYTES] + b"\n")

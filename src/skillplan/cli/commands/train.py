@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,6 +25,8 @@ from skillplan.cli.options.values import count_option, positive_seconds, whole_n
 from skillplan.cli.writing import tell
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.deadline import Deadline
+    from skillplan.cli.training_runs.family import Ordered
     from skillplan.records.training.result import TrainingResult
     from skillplan.training.trainer import Trainer
 
@@ -206,20 +209,16 @@ def command(
 
     deadline = limits.begin(graceful=True)
     if amount.family is not None and amount.family.startswith(_GENERATED):
-        from skillplan.cli.training_runs.family import Ordered, train_on_boards
+        from skillplan.cli.training_runs.family import Ordered
 
-        if task is not None:
-            raise OptionError(f"{task}: no TASK goes with --family {amount.family}.")
         refuse_given(ctx, _OF_TASK, f"does not go with --family {amount.family}")
-        limit_s = deadline.share_s()
-        ordered = Ordered(amount.family, solver, back_ends.options, seed, out, limit_s)
-        return train_on_boards(ordered, style)
+        ordered = (amount.family, solver, back_ends.options, seed, out, deadline.share_s())
+        return _train_on_boards(task, Ordered(*ordered), style)
     if task is None:
         raise OptionError("Missing TASK: a task file, or --family generated:A-B without one.")
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
-    part = reading.part
-    problem = reading.problem(task, back_ends)
+    problem, part = reading.problem(task, back_ends), reading.part
     setup = back_ends.setup(
         problem.part(part), (solver,), screening=not no_screening, executor=workers.executor
     )
@@ -256,14 +255,25 @@ def command(
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
     code = _exit_code(trainer, result)
-    ended = (
-        f"ended by --time-limit {deadline.time_limit_s:g}" if trainer.timed_out else "interrupted"
-    )
     emit(style, result.document(), training_tables(result), failed=code != 0)
     if result.interrupted:
-        again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
-        tell(f"{ended}; go on with: {again} --resume")
+        _tell_how_to_go_on(words, deadline, trainer.timed_out)
     return code
+
+
+def _train_on_boards(task: str | None, ordered: Ordered, style: str) -> int:
+    from skillplan.cli.training_runs.family import train_on_boards
+    from skillplan.errors import OptionError
+
+    if task is not None:
+        raise OptionError(f"{task}: no TASK goes with --family {ordered.family}.")
+    return train_on_boards(ordered, style)
+
+
+def _tell_how_to_go_on(words: Sequence[str], deadline: Deadline, timed_out: bool) -> None:
+    again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
+    ended = f"ended by --time-limit {deadline.time_limit_s:g}" if timed_out else "interrupted"
+    tell(f"{ended}; go on with: {again} --resume")
 
 
 def _exit_code(trainer: Trainer, result: TrainingResult) -> int:
