@@ -25,6 +25,10 @@ from skillplan.workers.executor_choice import ExecutorChoice
 DEFAULT_PHYSICS = "kinematic"
 SCREEN = "swept"
 """The detector that rules out by geometry what an engine need not execute."""
+BOXES = "aabb"
+"""The geometric detector that is always installed."""
+CHART = "precedence"
+"""The detector that checks the hand-made chart of the task file, and no geometry."""
 BACK_END_KINDS = ("physics", "collision")
 
 
@@ -38,8 +42,9 @@ class Setup:
         An engine's name; None for the task file's choice, or else ``kinematic``. ``auto`` becomes
         the name of the engine that executes skills, as `engine_named` has it.
     collision
-        Detectors' names; empty for the task file's choice, or else its chart, or else ``swept``, or
-        where that is not installed, or several robots move, ``aabb``.
+        Names of detectors; empty for the task file's choice, or else ``swept``, or ``aabb`` if that
+        is not installed or several robots move. A chart of the task file is checked in addition.
+        Names that include ``precedence`` are used as they are: alone it leaves geometry unchecked.
     options
         Plugin name to option values; they go before the task file's.
     screening
@@ -47,6 +52,8 @@ class Setup:
         and what it refuses is not executed.
     executor
         Where jobs are done; nothing that comes out depends on it.
+    with_chart
+        Whether a chart of the task file is checked although `collision` does not name it.
     """
 
     physics: str | None = None
@@ -54,6 +61,7 @@ class Setup:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     screening: bool = False
     executor: ExecutorChoice = field(default_factory=ExecutorChoice)
+    with_chart: bool = True
 
     def __post_init__(self) -> None:
         if self.physics is not None:
@@ -118,6 +126,10 @@ class Setup:
         screen = [_declared(task).get(SCREEN, BackEndChoice(SCREEN))] if self.screens(task) else []
         return [*screen, *named]
 
+    def detector_names(self, task: Task) -> str:
+        """Return the names of the detectors that will be queried, separated by commas."""
+        return ",".join(choice.name for choice in self.collision_choices(task))
+
     def named_collision_choices(self, task: Task) -> list[BackEndChoice]:
         """Return the detectors that will be queried but for a screen."""
         declared = _declared(task)
@@ -154,9 +166,17 @@ class Setup:
 
     def _detectors(self, task: Task) -> tuple[str, ...]:
         named = self.collision or tuple(choice.name for choice in task.collision)
-        if named or task.chart or not task.scene.bodies:
-            return named or (("precedence",) if task.chart else ())
-        return (SCREEN if self.has_screen(task) else "aabb",)
+        if not self.collision and not self.with_chart:
+            named = tuple(name for name in named if name != CHART)
+        if CHART in named:
+            return named
+        if not named and task.scene.bodies:
+            named = (self.geometric_detector(task),)
+        return (*named, CHART) if task.chart and self.with_chart else named
+
+    def geometric_detector(self, task: Task) -> str:
+        """Return the name of the default geometric detector for a task."""
+        return SCREEN if self.has_screen(task) else BOXES
 
     def warnings(self, task: Task, domain: Domain) -> Iterator[Issue]:
         """Yield warnings of the back ends on a task, with the paths of their keys.

@@ -191,7 +191,7 @@ class Trainer:
             optimum=optimum,
             options=plan.options,
             physics=self._folder.manifest.physics,
-            collision=",".join(one.name for one in plan.setup.collision_choices(plan.task)),
+            collision=plan.setup.detector_names(plan.task),
             checks=sum(one.checks for one in progress),
             executions=sum(one.executions for one in progress),
             wall_s=wall_s,

@@ -201,6 +201,8 @@ class BoardGenerator:
                     line, 98, initial_indent="  ", subsequent_indent=" " * 6, break_on_hyphens=False
                 )
             yield ""
+        yield "collision: {aabb: {}}    # all parts are boxes along the axes"
+        yield ""
         yield "# Table II of Moller et al."
         yield "reward:"
         yield "  infeasible: -10.0"

@@ -185,8 +185,8 @@ class AssemblyConfig(Strict):
     )
     collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
         {},
-        description="collision detectors and options, as {aabb: {}}; left out: the chart, "
-        "or else aabb",
+        description="collision detectors and options, as {aabb: {}}; left out: swept if it is "
+        "installed, or else aabb. A chart is checked in addition; {precedence: {}} checks it alone",
     )
     family: FamilyConfig | None = Field(
         None,

@@ -123,7 +123,7 @@ def perform_plan(
         return f"no engine that moves bodies is installed: pip install {known}"
     chosen = [choice.name for choice in setup.named_collision_choices(task)]
     detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
-    taking = replace(setup, physics=engine, collision=detectors, screening=False)
+    taking = replace(setup, physics=engine, collision=detectors, screening=False, with_chart=False)
     try:
         made = introduce(taking.back_ends(task))
     except OptionError as error:

@@ -49,7 +49,9 @@ def plan_motion(
     """
     if SCREEN not in registry.names("collision"):
         return "nothing that plans paths is installed: pip install skillplan-pinocchio"
-    asked = replace(setup, physics=DEFAULT_PHYSICS, collision=(SCREEN,), screening=False)
+    asked = replace(
+        setup, physics=DEFAULT_PHYSICS, collision=(SCREEN,), screening=False, with_chart=False
+    )
     try:
         made = introduce(asked.back_ends(task))
     except OptionError as error:
