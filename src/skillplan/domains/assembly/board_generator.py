@@ -244,7 +244,8 @@ class BoardGenerator:
         least, greatest = self.failures
         found = {}
         for number in _shuffled(self.parts, draw)[:count]:
-            probability = round(least + (greatest - least) * draw(), 2)
+            # The file holds two decimals, and a grasp that always fails is refused.
+            probability = min(round(least + (greatest - least) * draw(), 2), 0.99)
             if probability:
                 found[number] = probability
         return found
