@@ -204,6 +204,8 @@ class TestTheOverview:
             "segments": 3,
             "length_m": pytest.approx(length_m),
             "extent_m": near([(0.75, 0.60), (1.75, 1.20)]),
+            "chords": 0,
+            "deviation_m": 0.0,
         } == shown.document["trajectory"]
         assert (
             "trajectory closed, 2.562 m long, 3 segments, x 0.750 to 1.750 m, y 0.600 to 1.200 m",
