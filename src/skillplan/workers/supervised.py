@@ -44,6 +44,9 @@ class _Line:
     limit_s: float | None = None
     # So long a plugin may take to be imported [s]; None for no limit.
     import_limit_s: float | None = None
+    # How many activities are under way, and whether they were requested to stop.
+    activities: int = 0
+    is_stopping: bool = False
 
 
 _line = _Line()
@@ -152,15 +155,25 @@ def doing(
     limit = NO_LIMIT if limit_s is None else repr(limit_s).encode()
     name = activity.encode("utf-8", "replace")
     _report(BEGUN, b"%s %d %d %s" % (limit, forced, exit_code, name))
+    _line.activities += 1
     try:
         yield
     finally:
+        _line.activities -= 1
         _report(ENDED)
+        if _line.is_stopping:
+            report_stopping()
 
 
-def report_finishing() -> None:
-    """Report that a request to stop was followed and that only the result is left to be written."""
-    _report(FINISHING)
+def report_stopping() -> None:
+    """Report that a request to stop was heard.
+
+    If no activity is under way, only its result is left to be judged and written, for which the
+    supervisor gives more time than for the activity itself.
+    """
+    _line.is_stopping = True
+    if _line.activities == 0:
+        _report(FINISHING)
 
 
 def report_printed() -> None:

@@ -61,17 +61,23 @@ def supervise(
     # A signal that is ignored, as by nohup or in a shell's background, stays so.
     heard = [number for number in supervised.SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     if supervised.REQUEST is None or not hasattr(os, "fork"):
-        for number in heard:
-            signal.signal(number, request)
-        return _completed(command)
+        return _completed(command, heard, request)
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, heard)
     mask = blocked if mask is None else mask
-    near, far = os.pipe()
-    alive, parent = os.pipe()
-    wake, woken = os.pipe()
+    # Before the fork, as the child of a process that ignores it leaves no exit code.
+    on_child = signal.signal(signal.SIGCHLD, _nothing)
     folder = _temporary_folder()
-    process = os.fork()
+    try:
+        near, far = os.pipe()
+        alive, parent = os.pipe()
+        wake, woken = os.pipe()
+        process = os.fork()
+    except OSError:
+        # No process or pipe is to be had: then without a supervisor.
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        return _completed(command, heard, request)
     if process == 0:
+        signal.signal(signal.SIGCHLD, on_child)
         if folder:
             os.environ["TMPDIR"] = folder
         for number in (near, parent, wake, woken):
@@ -80,10 +86,7 @@ def supervise(
         supervised.connect(far)
         for number in heard:
             signal.signal(number, _nothing)
-        for number in supervised.requests():
-            signal.signal(number, request)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        code = _completed(command)
+        code = _completed(command, supervised.requests(), request, mask)
         supervised.report_done(code)
         sys.exit(code)
     os.close(far)
@@ -91,7 +94,7 @@ def supervise(
     os.set_blocking(woken, False)
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
-    for number in (*heard, signal.SIGCHLD):
+    for number in heard:
         signal.signal(number, _nothing)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     watch = _Watch(process, near, wake, set(heard), report)
@@ -124,12 +127,21 @@ def _remove(folder: str) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _completed(command: Command) -> int:
+def _completed(
+    command: Command,
+    requests: Iterable[int],
+    request: Callable[..., None],
+    mask: Iterable[int] | None = None,
+) -> int:
     """Return the exit code of a command; a signal that comes too late does not change it."""
     code: int | None = None
     while True:
         try:
             if code is None:
+                for number in requests:
+                    signal.signal(number, request)
+                if mask is not None:
+                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 code = command()
             _ignore_requests()
         except KeyboardInterrupt:
