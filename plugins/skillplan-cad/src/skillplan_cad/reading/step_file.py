@@ -110,22 +110,26 @@ def _refuse_numbers(path: Path, bare: bytes) -> None:
 
 def _refuse_references(path: Path, bare: bytes) -> None:
     """Refuse entities that are missing, as OCCT leaves out what needs them, or too far on."""
-    named = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)", bare)}
-    largest = max(named, key=lambda digits: (len(digits), digits), default=b"")
-    if len(largest) > 10 or int(largest or b"0") > _MOST_NUMBER:
+    named = _numbers(rb"#([0-9]+)", bare)
+    largest = max(named, key=lambda digits: (len(digits), digits), default=b"0")
+    if len(largest) > 10 or int(largest) > _MOST_NUMBER:
         digits = largest.decode()
         raise OptionError(
             f"{path}: numbers an entity #{digits[:20]}{'...' if digits[20:] else ''}, of "
             f"{len(digits)} digits; OCCT reads up to #{_MOST_NUMBER}. {_ASSEMBLE}, numbered anew."
         )
-    defined = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)\s*=", bare)}
-    lost = named - defined
+    lost = named - _numbers(rb"#([0-9]+)\s*=", bare)
     if lost:
         entities = "entity" if len(lost) == 1 else "entities"
         raise OptionError(
             f"{path}: is damaged: it refers to {len(lost)} {entities} that it lacks, such as "
             f"#{min(map(int, lost))}; parts would be missing. Save or copy it anew."
         )
+
+
+def _numbers(pattern: bytes, bare: bytes) -> set[bytes]:
+    """Return the distinct numbers of entities, without zeros before them."""
+    return {digits.lstrip(b"0") or b"0" for digits in re.findall(pattern, bare)}
 
 
 def _remedy(words: str, content: bytes) -> str:
