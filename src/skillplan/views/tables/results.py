@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 
 from skillplan.model.replay import Step
 from skillplan.records.chain_result import ChainResult
@@ -180,6 +181,8 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
     notes = [f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason]
     for result in results:
         notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
+    sentences = chain.from_iterable(result.not_checked for result in results)
+    notes += not_checked_notes(tuple(dict.fromkeys(sentences)))
     return Table(title, columns, rows, notes)
 
 
