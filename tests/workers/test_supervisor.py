@@ -203,6 +203,22 @@ class TestSignals:
         assert ("", "") == process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
 
+    def test_an_exception_that_is_lost_in_a_callback_is_raised_again(self) -> None:
+        """Without a traceback; libraries in C call back, and so does the end of an object."""
+        body = """
+            class Loud:
+                def __del__(self):
+                    print("begun", flush=True)
+                    time.sleep(600)
+            Loud()
+            time.sleep(600)
+        """
+        process = start(body)
+        wait_for_line(process, "begun")
+        process.terminate()
+        assert ("", "skillplan: interrupted\n") == process.communicate(timeout=PATIENCE_S)
+        assert 130 == process.returncode
+
     def test_an_ignored_signal_stays_ignored(self) -> None:
         """As under nohup."""
         body = "print('begun', flush=True)\ntime.sleep(0.5)\nreturn 0"

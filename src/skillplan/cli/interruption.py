@@ -32,8 +32,11 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
         nonlocal interrupted
         if number == supervised.LAST_REQUEST:
             request()
+            if interrupted:
+                supervised.note_interrupt()
             raise SearchStopped
         if interrupted:
+            supervised.note_interrupt()
             raise Interrupted
         interrupted = True
         request()

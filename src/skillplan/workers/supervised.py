@@ -17,6 +17,7 @@ from skillplan.errors import BackEndError
 
 # First letters of the lines.
 BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
+SWALLOWED = b"S"
 NO_LIMIT = b"none"
 # A longer line would not be written in one piece.
 _LINE_BYTES = 1000
@@ -47,6 +48,8 @@ class _Line:
     # How many activities are under way, and whether they were requested to stop.
     activities: int = 0
     is_stopping: bool = False
+    # Whether a signal has raised an exception, which a library may have wrapped in its own.
+    is_interrupted: bool = False
 
 
 _line = _Line()
@@ -165,6 +168,16 @@ def doing(
             report_stopping()
 
 
+def note_interrupt() -> None:
+    """Note that an exception is raised by a signal handler."""
+    _line.is_interrupted = True
+
+
+def is_interrupted() -> bool:
+    """Whether an exception was raised by a signal handler."""
+    return _line.is_interrupted
+
+
 def report_stopping() -> None:
     """Report that a request to stop was heard.
 
@@ -174,6 +187,11 @@ def report_stopping() -> None:
     _line.is_stopping = True
     if _line.activities == 0:
         _report(FINISHING)
+
+
+def report_swallowed() -> None:
+    """Report that the exception of a signal was lost in a callback, so that it is raised again."""
+    _report(SWALLOWED)
 
 
 def report_printed() -> None:

@@ -31,6 +31,8 @@ _FINISHING_S = 30.0
 _EXIT_S = 5.0
 # Two signals within this time are one, sent to the process and to its group [s].
 _SAME_SIGNAL_S = 0.1
+# An exception of a signal that was lost in a callback is raised again after this time [s].
+_AGAIN_S = 0.05
 # How often memory is measured, if it is limited [s].
 _MEMORY_EVERY_S = 0.1
 
@@ -84,6 +86,7 @@ def supervise(
             os.close(number)
         _die_with_parent(alive)
         supervised.connect(far)
+        sys.unraisablehook = _report_unraisable
         for number in heard:
             signal.signal(number, _nothing)
         code = _completed(command, supervised.requests(), request, mask)
@@ -155,6 +158,14 @@ def _completed(
             code = exit_code(back_end_failed=True)
             continue
         return code
+
+
+def _report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Print what cannot be raised, unless it is the exception of a signal."""
+    if isinstance(unraisable.exc_value, KeyboardInterrupt):
+        supervised.report_swallowed()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _ignore_requests() -> None:
@@ -234,6 +245,7 @@ class _Watch:
         self._limit_s = 0.0
         self._memory_limit_bytes: int | None = None
         self._signalled_s: float | None = None
+        self._again_s: float | None = None
         # When the next step is due towards a child that does not stop, and why it has to.
         self._next_s: float | None = None
         self._is_last = False
@@ -259,7 +271,12 @@ class _Watch:
 
     def _pause_ms(self) -> float | None:
         """Return the time until something is due [ms]; None if nothing is."""
-        due = [self._next_s, self._deadline_s, *(one.deadline_s for one in self._activities)]
+        due = [
+            self._again_s,
+            self._next_s,
+            self._deadline_s,
+            *(one.deadline_s for one in self._activities),
+        ]
         if self._memory_limit_bytes is not None:
             due.append(time.monotonic() + _MEMORY_EVERY_S)
         known = [one for one in due if one is not None]
@@ -284,6 +301,9 @@ class _Watch:
 
     def _act(self, now_s: float) -> None:
         """Take the step that is due."""
+        if self._again_s is not None and now_s >= self._again_s:
+            self._again_s = None
+            self._send(supervised.REQUEST)
         if self._next_s is not None and now_s >= self._next_s:
             if self._is_last:
                 self._kill()
@@ -375,6 +395,8 @@ class _Watch:
         elif kind == supervised.FINISHING:
             if self._signalled_s is not None:
                 self._next_s, self._is_last = now_s + _FINISHING_S, True
+        elif kind == supervised.SWALLOWED:
+            self._again_s = now_s + _AGAIN_S
         elif kind == supervised.PRINTED:
             self._printed = True
         elif kind == supervised.DONE:
