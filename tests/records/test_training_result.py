@@ -19,11 +19,11 @@ from skillplan.records.training.outcome import (
     RunStatus,
     Tally,
     TrainingRecord,
-    deviation,
     training_record,
 )
 from skillplan.records.training.published_runs import TABLE_III, published_runs
 from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
+from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task
 from skillplan.views.tables.learning.layouts import layouts_table

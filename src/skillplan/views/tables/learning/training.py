@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from skillplan.records.interval import Estimate
-from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, deviation
+from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.result import TrainingResult
+from skillplan.solvers.gap import deviation
 from skillplan.views.tables.learning.layouts import layouts_table
 from skillplan.views.tables.learning.shortfall import shortfall_notes
 from skillplan.views.text.table import Column, Table
