@@ -75,7 +75,6 @@ _DISTRIBUTIONS = {
     ("sampler", "optuna"): "skillplan-optuna",
     ("solver", "cp-sat"): "skillplan-ortools",
     ("solver", "dqn"): "skillplan-torch",
-    ("solver", "imitate"): "skillplan-torch",
     ("solver", "ppo"): "skillplan-torch",
     ("solver", "relational"): "skillplan-torch",
 }
