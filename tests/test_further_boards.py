@@ -13,7 +13,7 @@ from skillplan.task.scene import ToolKind
 from skillplan.testing import reachable_states
 
 FOLDER = Path(__file__).parents[1] / "configs"
-BY_BOXES = Setup(collision=("aabb",))
+BY_BOXES = Setup(collision=("aabb",), with_chart=False)
 
 
 def task_of(name: str) -> Task:

@@ -204,15 +204,11 @@ def question_on(name):
     return next((k, s) for k, s in all_questions(TASK) if k.name == name)
 
 
-@pytest.mark.parametrize(
-    "how",
-    ["kill", pytest.param("exit", marks=pytest.mark.slow(reason="by a signal in every run"))],
-)
-def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
+def test_a_process_that_is_killed_costs_its_check_only(tmp_path):
     """The check is made once more; after the second time it is unknown, and says why."""
     log = tmp_path / "log"
     log.mkdir()
-    options = {"log": str(log), "fail_on": "pick(fuse)", "how": how}
+    options = {"log": str(log), "fail_on": "pick(fuse)", "how": "kill"}
     questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())
     feasibility = Feasibility(
         TASK, one_engine(**options), DiskVerdictCache(tmp_path / "kept"), jobs=2
@@ -221,7 +217,7 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
         zip([k.name for k, _ in questions], feasibility.verdicts(questions), strict=True)
     )
     lost = verdicts.pop("pick(fuse)")
-    what = "signal 9 (SIGKILL)" if how == "kill" else "exit code 7"
+    what = "signal 9 (SIGKILL)"
     assert lost.status == "unknown"
     assert lost.reason == f"the process that checked it was ended by {what}, twice"
     assert lost.stage == "expensive-engine"
@@ -234,6 +230,19 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
     # Within the run it is not tried again.
     feasibility.verdict(*next(one for one in questions if one[0].name == "pick(fuse)"))
     assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
+
+
+@pytest.mark.slow(reason="two processes that end; one that is killed twice in every run")
+def test_a_back_end_that_ends_its_process_twice_has_failed(tmp_path):
+    """As it has in this process, whatever the exit code."""
+    log = tmp_path / "log"
+    log.mkdir()
+    options = {"log": str(log), "fail_on": "pick(fuse)", "how": "exit"}
+    feasibility = Feasibility(TASK, one_engine(**options), jobs=2)
+    words = "failed on pick\\(fuse\\): the process that checked it was ended by exit code 7, twice"
+    with pytest.raises(BackEndError, match=words):
+        feasibility.verdicts([question_on("pick(fuse)")])
+    assert len(checks_in(log)) == 2
 
 
 @pytest.mark.slow(reason="a process that is killed; one that is killed twice in every run")

@@ -7,6 +7,8 @@ from typing import Any
 import ezdxf
 import pytest
 
+from skillplan.pipeline import registry
+
 Cli = Callable[..., Any]
 
 
@@ -57,16 +59,21 @@ def test_a_rectangle_drawn_in_metres_is_told_of_by_other_commands_once_on_stderr
 def test_check_derives_the_order_by_the_back_ends_that_it_is_given(cli: Cli, board: str) -> None:
     """And lists them as those that will be queried."""
     document = cli("check", board, "--collision", "aabb", "--format", "json").document
-    assert [["kinematic", "aabb"]] == [task["back_ends"] for task in document["tasks"]]
+    assert [["kinematic", "precedence", "aabb"]] == [
+        task["back_ends"] for task in document["tasks"]
+    ]
     assert ["kinematic", "aabb"] == document["precedence"][0]["back_ends"]
     assert [] == document["precedence"][0]["cycle"]
 
 
-def test_check_derives_the_order_by_boxes_whatever_the_file_chooses(cli: Cli, board: str) -> None:
+def test_check_derives_the_order_by_geometry_whatever_the_file_chooses(
+    cli: Cli, board: str
+) -> None:
     """The board's own choice, its chart, would only repeat itself."""
     document = cli("check", board, "--format", "json").document
     assert [["kinematic", "precedence"]] == [task["back_ends"] for task in document["tasks"]]
-    assert ["kinematic", "aabb"] == document["precedence"][0]["back_ends"]
+    geometric = "swept" if "swept" in registry.names("collision") else "aabb"
+    assert ["kinematic", geometric] == document["precedence"][0]["back_ends"]
 
 
 def test_check_refuses_a_detector_that_is_not_there(cli: Cli, board: str) -> None:

@@ -79,7 +79,9 @@ def test_a_contradiction_is_listed_once_with_what_both_say(
     assert found["verdicts"]["kinematic"]["status"] == "feasible"
     said = found["verdicts"]["doubter"]
     assert (said["reason"], said["evidence"]) == ("hardly", {"doubt": 0.5})
-    assert [one["stage"] for one in said["stages"]] == ["precondition", "precedence", "doubter"]
+    stages = {stage["stage"] for stage in said["stages"]}
+    assert {"precondition", "doubter"} <= stages
+    assert "precedence" not in stages
     assert document["complete"]
     assert document["questions"] == document["agree"] + found["states"]
     assert set(document["seconds"]) == {"kinematic", "doubter"}

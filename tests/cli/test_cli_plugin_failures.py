@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from skillplan.pipeline import registry
 from thinned import thinned
 
 SOLVER = '''
@@ -33,6 +37,26 @@ class Faulty(Detector):
     def check(self, skill, state):
         return Verdict.feasible()
 '''
+HANG = """
+import time
+while True:
+    try:
+        time.sleep(600)
+    except BaseException:
+        pass
+"""
+POLICY_THAT_EXITS = """
+    def solve(self, model, *, seed=0):
+        import sys
+        from skillplan import Policy
+
+        class Exiting(Policy):
+            def get(self, state, default=None):
+                sys.exit(0)
+
+        return Solution(Exiting({}))
+"""
+PATIENCE_S = 60
 RAISES = {
     "solve": "def solve(self, model, *, seed=0):",
     "check": "def check(self, skill, state):",
@@ -300,3 +324,178 @@ def test_nor_does_a_back_end_end_a_process_of_its_own(
     outcome = cli("search-optimal", board, "--collision", "faulty", "--jobs", "2", "--no-cache")
     assert 3 == outcome.code
     assert NO_EXCEPTIONS[raised] in outcome.err
+
+
+ENDINGS = {
+    "exit": ("import os; os._exit(0)", "exit code 0"),
+    "crash": (
+        "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
+        "signal 11 (SIGSEGV)",
+    ),
+}
+
+
+def run_process(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own."""
+    command = [sys.executable, "-m", "skillplan", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def ending(install: Any) -> Any:
+    """Install a plugin that executes something in one method, or on import."""
+
+    def put(kind: str, method: str, text: str) -> None:
+        source = (SOLVER if kind == "solver" else DETECTOR).replace("DEAR", "False")
+        if kind == "solver" and method != "solve":
+            source += REST_OF_A_SOLVER
+        if method == "import":
+            source = f"{text}\n{source}"
+        else:
+            source += f"\n    {RAISES[method]}\n        {text}\n"
+        install(kind, "faulty", "faulty_plugin:Faulty", source)
+
+    return put
+
+
+class TestTheProcess:
+    """Run as a user does: a plugin acts on the process in which the command runs."""
+
+    @pytest.mark.parametrize("end", ["exit", "crash"])
+    @pytest.mark.parametrize(
+        ("kind", "method", "code", "where"),
+        [
+            ("solver", "import", 2, "the import of the solver 'faulty' of faulty-plugin 1.5"),
+            ("solver", "solve", 3, "the search by the solver 'faulty' with kinematic, precedence"),
+            ("collision", "check", 3, "a check of pick(pcb) by the back end 'faulty'"),
+        ],
+    )
+    def test_that_ends_without_an_answer_has_failed(
+        self, board: str, ending: Any, end: str, kind: str, method: str, code: int, where: str
+    ) -> None:
+        """With exit code 0 of its own as with a crash; the document is that of an error."""
+        text, how = ENDINGS[end]
+        ending(kind, method, text)
+        words = ("search-optimal", board, f"--{kind}", "faulty", "--format", "json")
+        done = run_process(*words)
+        message = f"The process ended without an answer, by {how} in {where}"
+        assert code == done.returncode
+        assert done.stderr.startswith(f"skillplan: error: {message}")
+        document = json.loads(done.stdout)
+        assert ("skillplan.error/1", code) == (document["schema"], document["exit_code"])
+        assert document["message"].startswith(message)
+
+    @pytest.mark.slow(reason="many processes; search-optimal in every run")
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("check", "BOARD", "--collision", "faulty"),
+            ("evaluate", "BOARD", "--sequence", "0,1,2", "--collision", "faulty"),
+            ("compare", "BOARD", "--solvers", "exact,greedy", "--collision", "faulty"),
+            ("chart", "BOARD", "--collision", "faulty"),
+            ("train", "BOARD", "--steps", "200", "--collision", "faulty", "--out", "NEW"),
+            ("report", "BOARD", "--collision", "faulty", "--out", "NEW.html"),
+            ("sweep", "BOARD", "--collision", "faulty", "-O", "episodes=9,10", "--out", "NEW"),
+        ],
+        ids=lambda words: words[0],
+    )
+    def test_so_it_is_in_every_command(
+        self, board: str, ending: Any, tmp_path: Path, words: tuple[str, ...]
+    ) -> None:
+        """Nothing is written."""
+        ending("collision", "check", ENDINGS["exit"][0])
+        new = str(tmp_path / "new")
+        done = run_process(*(one.replace("BOARD", board).replace("NEW", new) for one in words))
+        assert (3, "") == (done.returncode, done.stdout)
+        assert "by exit code 0 in a check of " in done.stderr
+        assert not (tmp_path / "new.html").exists()
+
+    def test_prints_nothing_into_a_document(self, board: str, ending: Any) -> None:
+        """Neither through Python, nor the file descriptor, nor a program that it starts."""
+        text = "import os; print('print'); os.write(1, b'raw\\n'); os.system('echo program')"
+        ending("collision", "check", f"{text}; return Verdict.feasible()")
+        words = ("--collision", "faulty", "--set", "step_limit=15", "--format", "json")
+        done = run_process("search-optimal", board, *words)
+        assert 0 == done.returncode
+        assert "optimal" == json.loads(done.stdout)["status"]
+        assert {"print", "raw", "program"} == set(done.stderr.split())
+
+    def test_does_not_hang_on_import_past_the_time_limit(self, board: str, ending: Any) -> None:
+        """Though it swallows every exception."""
+        ending("solver", "import", HANG)
+        done = run_process("search-optimal", board, "--solver", "faulty", "--time-limit", "0.1")
+        assert (2, "") == (done.returncode, done.stdout)
+        assert done.stderr == (
+            "skillplan: error: Stopped by the time limit: the import of the solver 'faulty' of "
+            "faulty-plugin 1.5 (faulty_plugin:Faulty) took longer than 2.1 s and was ended.\n"
+        )
+
+    @pytest.mark.slow(reason="waits three seconds; a program that hangs in every run")
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("search-optimal", "BOARD", "--solver", "faulty"),
+            ("plugins",),
+            ("compare", "BOARD", "--solvers", "faulty"),
+        ],
+        ids=lambda words: words[0],
+    )
+    def test_that_hangs_is_ended_by_the_first_signal(
+        self, board: str, ending: Any, words: tuple[str, ...], number: int
+    ) -> None:
+        """Within four seconds, though it swallows every exception."""
+        ending("solver", "import", f"import sys; print('hangs', file=sys.stderr)\n{HANG}")
+        line = [one.replace("BOARD", board) for one in words]
+        command = [sys.executable, "-m", "skillplan", *line]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        with process:
+            assert process.stderr is not None
+            assert "hangs\n" == process.stderr.readline()
+            process.send_signal(number)
+            out, err = process.communicate(timeout=PATIENCE_S)
+        assert (130, "", "skillplan: interrupted\n") == (process.returncode, out, err)
+
+    def test_whose_policy_ends_the_program_is_named(
+        self, cli: Any, board: str, install: Any
+    ) -> None:
+        """`SystemExit` of a policy is a failure of the solver as any exception is."""
+        source = SOLVER + POLICY_THAT_EXITS
+        install("solver", "faulty", "faulty_plugin:Faulty", source)
+        outcome = cli("search-optimal", board, "--solver", "faulty")
+        assert 2 == outcome.code
+        assert "SystemExit" in outcome.out + outcome.err
+        assert "internal error" not in outcome.err
+
+
+class TestADistributionWhoseEntryPointsCannotBeRead:
+    @pytest.mark.parametrize(
+        "content",
+        [b"\xff\xfe\x00[[[\n=\n", b"[skillplan.solver]\nno value\n"],
+        ids=["bytes", "syntax"],
+    )
+    def test_it_stops_nothing_and_is_listed(
+        self, cli: Any, board: str, install: Any, content: bytes
+    ) -> None:
+        """As broken, with the reason."""
+        folder = install("solver", "faulty", "faulty_plugin:Faulty", SOLVER + REST_OF_A_SOLVER)
+        (folder / "faulty_plugin-1.5.dist-info" / "entry_points.txt").write_bytes(content)
+        registry.refresh()
+        assert 0 == cli("search-optimal", board).code
+        listed = cli("plugins", "--format", "json").document["plugins"]
+        (broken,) = [one for one in listed if one["distribution"] == "faulty-plugin"]
+        assert ("unknown", "1.5") == (broken["kind"], broken["version"])
+        assert broken["problem"].startswith("its entry_points.txt cannot be read: ")
+
+    @pytest.mark.slow(reason="loads numba and networkx; the command itself in every run")
+    def test_libraries_that_read_entry_points_work(self, install: Any) -> None:
+        """Which they do when they are imported."""
+        folder = install("solver", "faulty", "faulty_plugin:Faulty", SOLVER + REST_OF_A_SOLVER)
+        path = folder / "faulty_plugin-1.5.dist-info" / "entry_points.txt"
+        path.write_bytes(b"\xff")
+        code = "from skillplan.plugins import installed; print(len(installed.unreadable()))"
+        code += "; import numba, networkx"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (0, "1\n") == (done.returncode, done.stdout), done.stderr

@@ -189,7 +189,8 @@ class TestDetectors:
 
     def test_the_chart_can_be_left_out(self, cli: Any, board: str) -> None:
         """With `aabb` alone geometry finds the paper's optimum without the hand-made chart."""
-        document = cli("search-optimal", board, "--collision", "aabb", "--format", "json").document
+        words = ("--collision", "aabb", "--set", "chart=[]")
+        document = cli("search-optimal", board, *words, "--format", "json").document
         assert ("optimal", "aabb") == (document["status"], document["collision"])
         assert "1.86709" == f"{document['cost']:.5f}"
 

@@ -42,7 +42,10 @@ COMMANDS: dict[str, tuple[int, tuple[str, ...]]] = {
     "explain": (1, ("explain", BOARD, "place(brace)", "--collision", "aabb")),
     "explain by position": (
         1,
-        ("explain", BOARD, "place(transformer)", "--after", "0,1,10,11,8", "--collision", "aabb"),
+        (
+            *("explain", BOARD, "place(transformer)", "--after", "0,1,10,11,8"),
+            *("--collision", "aabb", "--set", "chart=[]"),
+        ),
     ),
     "chart": (0, ("chart", BOARD)),
     "plugins": (0, ("plugins",)),
@@ -188,10 +191,10 @@ def test_several_trainings_side_by_side_fit(
 
 
 class TestVerifyInShort:
-    def test_a_valid_result_takes_five_lines(self, cli: Any, result: Callable[[str], str]) -> None:
-        """What was replayed, what was calculated, what was proved again, and the verdict."""
+    def test_a_valid_result_takes_six_lines(self, cli: Any, result: Callable[[str], str]) -> None:
+        """What was replayed, calculated, proved again and not checked, and the verdict."""
         lines = cli("verify", result(BOARD)).out.splitlines()
-        assert ["inverter-board:", "replay", "figures", "proof", "verdict"] == [
+        assert ["inverter-board:", "replay", "figures", "proof", "not", "verdict"] == [
             line.split()[0] for line in lines if line
         ]
 
@@ -218,8 +221,8 @@ class TestVerifyInShort:
 
 def test_explain_prints_evidence_as_a_list(cli: Any) -> None:
     """One line for each thing measured, under the stage that measured it."""
-    words = ("place(transformer)", "--after", "0,1,10,11,8", "--collision", "aabb")
-    lines = cli("explain", BOARD, *words).out.splitlines()
+    words = ("--after", "0,1,10,11,8", "--collision", "aabb", "--set", "chart=[]")
+    lines = cli("explain", BOARD, "place(transformer)", *words).out.splitlines()
     begin = lines.index("aabb: infeasible")
     assert [["rests", "on", "placed(brace)"], ["moving", "transformer"], ["bodies", "brace"]] == [
         line.split() for line in lines[begin + 1 : begin + 4]

@@ -167,6 +167,22 @@ class TestInterruption:
         assert 2 == outcome.code
         assert "--resume needs --out DIR" in outcome.err
 
+    def test_without_time_left_it_can_go_on(self, cli: Any, kept: Path, tmp_path: Path) -> None:
+        """Its folder is whole, and what it learns in the end is the same."""
+        cut = str(tmp_path / "cut")
+        outcome = cli("train", BOARD, *QUICK, "--out", cut, "--time-limit", "0.001")
+        assert 1 == outcome.code
+        assert "ended by --time-limit 0.001; go on with: skillplan " in outcome.err
+        assert 0 == cli("train", BOARD, *QUICK, "--out", cut, "--resume").code
+        assert learned_bytes(kept) == learned_bytes(Path(cut))
+
+    def test_the_proof_has_a_limit_of_its_own(self, cli: Any, tmp_path: Path) -> None:
+        """The runs are done all the same."""
+        words = ("--proof-time-limit", "1e-9", "--out", str(tmp_path / "a"), "--format", "json")
+        outcome = cli("train", BOARD, *QUICK, *words)
+        assert outcome.document["optimum"] is None
+        assert [True] * 3 == [one["actions"] != [] for one in outcome.document["runs"]]
+
     @pytest.mark.parametrize(
         ("kills", "steps"),
         [
@@ -188,7 +204,7 @@ class TestInterruption:
     ) -> None:
         """Of the whole group, so that processes for groups of runs are ended, too."""
         words = ["--solver", "tabular", "--runs", "6", "--steps", str(steps), "--checkpoint", "200"]
-        words += ["-O", "pause_s=0.0005", "--time-limit", "5"]
+        words += ["-O", "pause_s=0.0005", "--proof-time-limit", "5"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--out"]
         whole, cut = tmp_path / "whole", tmp_path / "cut"
         assert 0 == cli("train", BOARD, *words, "--out", str(whole)).code

@@ -23,15 +23,16 @@ BOARD = str(ROOT / "configs/inverter_board.yaml")
 FLEET = str(ROOT / "configs/swarmitfix_fleet.yaml")
 Path_ = tuple[str | int, ...]
 
-# What nobody can tell from a plan, as docs/howto/verify.md lists it.
+# What nobody can tell from a plan, as docs/howto/verify.md lists it. A policy that is claimed and
+# missing is named.
 SINGLE = re.compile(
-    r"solver|seed|bound_method|stats\.\w+|trace\..*|trace"
+    r"solver|seed|bound_method|policy|stats\.\w+|trace\..*|trace"
     r"|origin\.(file|screening|options\..*|set\..*)"
 )
 # Of a chain the whole is made of its parts: less is left open.
 CHAIN = re.compile(
     r"seed|origin\.(file|screening|options\..*|set\..*)|solver"
-    r"|(sequences|stages)\.\d+\.(bound_method|reason|trace.*"
+    r"|(sequences|stages)\.\d+\.(bound_method|policy|reason|trace.*"
     r"|stats\.cache_hits|stats\.checks|stats\.states|stats\.trajectories)"
 )
 CELLS = re.compile(r"[^,\n]+")

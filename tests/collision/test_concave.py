@@ -106,7 +106,7 @@ def provided(monkeypatch, tmp_path):
 
     def install(provider):
         monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path))
-        decomposition_of.cache_clear()
+        decomposition._pieces_of.cache_clear()
         entry = EntryPoint("boxes", "nowhere:boxes", "skillplan.decomposition")
         listed = [] if provider is None else [entry]
         monkeypatch.setattr(decomposition, "decompositions", lambda: listed)
@@ -114,7 +114,7 @@ def provided(monkeypatch, tmp_path):
         return tmp_path / "pieces"
 
     yield install
-    decomposition_of.cache_clear()
+    decomposition._pieces_of.cache_clear()
 
 
 def test_pieces_are_made_once_and_kept_by_hash(provided):
@@ -124,18 +124,29 @@ def test_pieces_are_made_once_and_kept_by_hash(provided):
     made = decomposition_of(channel())
     assert (3, 1) == (len(made.pieces), provider.asked)
     assert made.error_m < 1e-6
-    decomposition_of.cache_clear()
+    decomposition._pieces_of.cache_clear()
     assert made == decomposition_of(channel())
     assert provider.asked == 1
     (kept,) = folder.iterdir()
     kept.write_text("{")
-    decomposition_of.cache_clear()
+    decomposition._pieces_of.cache_clear()
     assert made == decomposition_of(channel())
     assert provider.asked == 2
     provider.version = "2"
-    decomposition_of.cache_clear()
+    decomposition._pieces_of.cache_clear()
     decomposition_of(channel())
     assert (2, 3) == (len(list(folder.iterdir())), provider.asked)
+
+
+def test_a_line_announces_pieces_that_are_made_and_none_those_that_are_kept(provided, caplog):
+    """With the name that the caller gives, and how many faces there are to take apart."""
+    provided(Provider(channel_boxes()))
+    decomposition_of(channel(), "'case', mesh 2 of 9")
+    (line,) = caplog.messages
+    assert line.startswith("skillplan: making convex pieces of 'case', mesh 2 of 9 (28 faces)")
+    decomposition._pieces_of.cache_clear()
+    decomposition_of(channel(), "'case', mesh 2 of 9")
+    assert caplog.messages == [line]
 
 
 def test_the_error_of_pieces_is_measured_both_ways(provided):

@@ -7,6 +7,7 @@ import pytest
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import preview as stage
+from skillplan.pipeline import registry
 from skillplan.pipeline.preview import preview
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.preview import DerivedOrder
@@ -65,12 +66,15 @@ def loaded(folder: Path, text: str) -> Problem:
     return load_problem(path)
 
 
+GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
+
+
 class TestTheDerivedOrder:
     def test_of_the_board_has_no_cycle(self) -> None:
-        """By boxes, and without a warning."""
+        """By the default detector, although the file leaves geometry out, and without a warning."""
         found = preview(BOARD)
         (order,) = found.orders
-        assert ("inverter-board", ("kinematic", "aabb"), ()) == (
+        assert ("inverter-board", ("kinematic", GEOMETRIC), ()) == (
             order.task,
             order.back_ends,
             order.cycle,
@@ -81,7 +85,7 @@ class TestTheDerivedOrder:
     def test_names_a_cycle_with_the_file(self, tmp_path: Path) -> None:
         """Nothing else in the file is wrong."""
         problem = loaded(tmp_path, CIRCULAR)
-        found = preview(problem)
+        found = preview(problem, collision=("aabb",))
         assert set(found.orders[0].cycle) == {"mainboard", "cpu"}
         assert found.warnings == (
             f"{problem.source}: by kinematic, aabb no order exists: mainboard before cpu before "
@@ -91,9 +95,11 @@ class TestTheDerivedOrder:
         assert found.document()["precedence"][0]["cycle"] == list(found.orders[0].cycle)
 
     def test_is_that_of_the_detectors_named(self) -> None:
-        """The chart's own, instead of boxes."""
+        """Except the chart's own, of which an order says nothing."""
+        (order,) = preview(BOARD, collision=("aabb", "precedence")).orders
+        assert order.back_ends == ("kinematic", "aabb")
         (order,) = preview(BOARD, collision=("precedence",)).orders
-        assert order.back_ends == ("kinematic", "precedence")
+        assert order.back_ends == ("kinematic", GEOMETRIC)
 
     def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """A preview is instant; with a detector named it takes its time."""
@@ -124,7 +130,7 @@ class TestTheDerivedOrder:
     def test_takes_the_options_of_back_ends(self) -> None:
         """And refuses those that they do not have."""
         with pytest.raises(OptionError, match="'aabb' has no option"):
-            preview(BOARD, options={"aabb": {"colour": 1}})
+            preview(BOARD, collision=("aabb",), options={"aabb": {"colour": 1}})
 
 
 class TestGrasps:

@@ -23,6 +23,9 @@ from skillplan.testing import lid_task
 BOARD = CONFIGS / "inverter_board.yaml"
 
 
+GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
+
+
 def names(task, setup=Setup()):
     return [back_end.name for back_end in setup.back_ends(task)]
 
@@ -54,19 +57,49 @@ def test_the_makespan_is_durations_and_travel(board_task):
 
 
 def test_the_task_file_chooses_the_back_ends():
-    """Else its chart, else geometry, and nothing where there are no bodies."""
-    task = lid_task()
-    assert names(task) == ["kinematic", "precedence"]
-    geometry = "swept" if "swept" in registry.names("collision") else "aabb"
-    assert names(task.replace(chart=())) == ["kinematic", geometry]
+    """Or else the default geometric detector; none for a task without bodies."""
+    task = lid_task().replace(collision=(), chart=())
+    assert names(task) == ["kinematic", GEOMETRIC]
     assert names(two_roads_task()) == ["kinematic"]
-    both = (BackEndChoice("aabb", {"tolerance_m": 0.001}), BackEndChoice("precedence"))
-    assert names(task.replace(collision=both)) == ["kinematic", "aabb", "precedence"]
+    assert names(task.replace(collision=(BackEndChoice("aabb"),))) == ["kinematic", "aabb"]
+
+
+def test_a_chart_is_checked_beside_the_geometric_detector():
+    """Whether that is the default, the task file's choice or the user's."""
+    task = lid_task().replace(collision=())
+    assert names(task) == ["kinematic", GEOMETRIC, "precedence"]
+    assert names(task, Setup(collision=("aabb",))) == ["kinematic", "aabb", "precedence"]
+    by_boxes = task.replace(collision=(BackEndChoice("aabb"),))
+    assert names(by_boxes) == ["kinematic", "aabb", "precedence"]
+    assert names(by_boxes, Setup(with_chart=False)) == ["kinematic", "aabb"]
+
+
+def test_detectors_that_include_the_chart_are_used_as_they_are():
+    """Only then a chart may stand alone; the task lists that geometry is not checked."""
+    task = lid_task().replace(collision=())
+    assert names(task, Setup(collision=("precedence",))) == ["kinematic", "precedence"]
+    assert names(task, Setup(collision=("precedence", "aabb"))) == [
+        "kinematic",
+        "precedence",
+        "aabb",
+    ]
+    in_file = task.replace(collision=(BackEndChoice("precedence"),))
+    assert names(in_file) == ["kinematic", "precedence"]
+    assert names(in_file, Setup(with_chart=False)) == ["kinematic", GEOMETRIC]
+
+
+def test_a_search_by_the_chart_alone_lists_geometry_as_not_checked():
+    """With a geometric detector beside the chart it does not."""
+    task = lid_task().replace(collision=())
+    (sentence,) = solve(task, "exact", Setup(collision=("precedence",))).not_checked
+    assert sentence.startswith("geometry (collisions, support, the arm's motion)")
+    by_both = solve(task, "exact", Setup(collision=("precedence", "aabb")))
+    assert sentence not in by_both.not_checked
 
 
 def test_the_user_chooses_before_the_task_file():
     """A detector named twice is asked once."""
-    task = lid_task().replace(collision=(BackEndChoice("precedence"),))
+    task = lid_task().replace(chart=(), collision=(BackEndChoice("swept"),))
     assert names(task, Setup(collision=("aabb",))) == ["kinematic", "aabb"]
     assert names(task, Setup(collision=("aabb", "aabb"))) == ["kinematic", "aabb"]
 
@@ -74,7 +107,7 @@ def test_the_user_chooses_before_the_task_file():
 def test_options_of_the_file_hold_until_the_user_changes_them():
     """One by one."""
     choice = BackEndChoice("aabb", {"tolerance_m": 0.001, "check_support": False})
-    task = lid_task().replace(collision=(choice,))
+    task = lid_task().replace(chart=(), collision=(choice,))
     (_, aabb) = Setup().back_ends(task)
     assert (aabb.options.tolerance_m, aabb.options.check_support) == (0.001, False)
     (_, aabb) = Setup(options={"aabb": {"tolerance_m": 0.002}}).back_ends(task)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.cells import cell_len
 
 from skillplan.physics.performance import Arrival, Performance, PerformedSkill
-from skillplan.records.execution.simulation import Simulation
+from skillplan.records.execution.simulation import PlannedTimes, Simulation
 from skillplan.task.scene import Pose
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
@@ -63,3 +64,50 @@ def test_arrivals_have_a_table_of_their_own(simulation: Simulation) -> None:
     first, last = simulation_tables(simulation)
     assert [("pcb", "0.120", "0.057", "0.4890 0.0000 0.0000")] == list(first.rows)
     assert 3 == len(last.rows)
+
+
+def timed(simulation: Simulation, timed_by: str, *acting_s: float | None) -> Simulation:
+    """Return the simulation with planned times, and times that the hand acts."""
+    done = [
+        replace(one, acting_s=taken_s)
+        for one, taken_s in zip(simulation.performance.skills, acting_s, strict=False)
+    ]
+    done += simulation.performance.skills[len(done) :]
+    made = replace(simulation.performance, skills=tuple(done), pace="strokes at 0.25 m/s")
+    return replace(simulation, performance=made, planned=PlannedTimes([1.5, 1.0, 9.0], timed_by))
+
+
+def times_note(simulation: Simulation) -> str:
+    (note,) = (n for n in simulation_tables(simulation)[-1].notes if n.startswith("times"))
+    return note
+
+
+def test_the_difference_from_the_planned_time_is_told_with_its_reasons(
+    simulation: Simulation,
+) -> None:
+    """Over the skills that succeeded, whose dwells are 3 s each; shares add up."""
+    made = timed(simulation, "swept", 3.0, 3.5)
+    assert times_note(made) == (
+        "times      4.0 s simulated, 2.5 s planned by swept: +1.5 s; +0.5 s acting beyond the "
+        "dwells; +1.0 s travels and strokes (strokes at 0.25 m/s)"
+    )
+    times = made.document()["times"]
+    shares = (times["settling_s"], times["acting_s"], times["moving_s"])
+    assert sum(shares) == pytest.approx(times["difference_s"])
+    planned = [column.heading for column in simulation_tables(made)[-1].columns]
+    assert "planned [s]" in planned
+
+
+def test_without_trajectories_the_note_says_that_strokes_are_left_out(
+    simulation: Simulation,
+) -> None:
+    """Travel is by the task's speed then."""
+    note = times_note(timed(simulation, "", 3.0, 3.0))
+    assert "planned by the task's travel speed" in note
+    assert "planned without strokes" in note
+
+
+def test_an_engine_that_measures_no_acting_is_said_to(simulation: Simulation) -> None:
+    """The sum is told all the same."""
+    note = times_note(timed(simulation, "swept", None, None))
+    assert note.endswith("2.5 s planned by swept: +1.5 s; the engine measures no more")

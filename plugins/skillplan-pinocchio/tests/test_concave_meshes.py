@@ -1,5 +1,10 @@
 """Meshes that are not convex: exact triangles where they stand, pieces by CoACD where they move."""
 
+import json
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -54,6 +59,21 @@ def test_coacd_takes_a_channel_apart_and_says_how_well():
     made = decomposition_of(mesh)
     assert 3 <= len(made.pieces) <= 8
     assert made.error_m < 5e-4
+
+
+@pytest.mark.slow(reason="takes a mesh apart in a process; the line by itself in every run")
+def test_check_announces_on_stderr_what_takes_long_and_prints_one_document(tmp_path):
+    (tmp_path / "channel.obj").write_text(as_obj(channel(**WIDE)))
+    (tmp_path / "task.yaml").write_text(TASK)
+    done = subprocess.run(
+        [sys.executable, "-m", "skillplan", "check", "task.yaml", "--format", "json"],
+        cwd=tmp_path,
+        env={**os.environ, "SKILLPLAN_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr.startswith("skillplan: making convex pieces of 'channel', mesh 1 of 1")
+    assert json.loads(done.stdout)["pieces"][0]["part"] == "channel"
 
 
 def test_a_part_stands_as_its_triangles_and_moves_as_its_pieces(task):

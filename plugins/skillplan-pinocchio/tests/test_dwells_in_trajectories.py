@@ -92,6 +92,17 @@ def test_a_planned_motion_lasts_as_long_as_the_plan():
     assert taken_s == pytest.approx([step.duration_s for step in result.steps], abs=1e-6)
 
 
+def test_a_plan_of_more_than_an_hour_is_not_played():
+    """In words: its frames would fill the memory. It is planned all the same."""
+    content = lid_content() | {"durations_s": {"fasten": 86_400}}
+    task = assembly(content)
+    result = solve(task, "exact", SWEPT)
+    assert result.makespan_s > 86_400
+    skills = [task.skill(step.skill) for step in result.steps]
+    with pytest.raises(ValueError, match="takes more than 3,600 s, and no more are played"):
+        SweptDetector(task).planned_motion(skills, 60)
+
+
 @pytest.fixture(scope="module")
 def still():
     """A detector on a task without any dwell."""

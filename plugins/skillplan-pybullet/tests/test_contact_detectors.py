@@ -133,6 +133,13 @@ class TestContactPairs:
         assert (evidence["during"], evidence["at_s"]) == ("the approach to switch_2", 0.166667)
         assert evidence["limits"] == {"force_n": 0.05, "moved_mm": 1.0}
 
+    @pytest.mark.parametrize(("after", "at_s"), [(10, 28.166667), (11, 20.166667)])
+    def test_a_dwell_before_a_collision_is_in_its_time(self, task, after, at_s) -> None:
+        """As in the rows of the trace; one that comes later is not."""
+        pressing = {("transformer", "left finger"): bump(8, 12.0)}
+        record = a_record(task, pairs_n=pressing, begin_s=20.0, pauses=((after, 8.0),))
+        assert ContactPairsDetector(task).verdict_on(record).evidence["at_s"] == at_s
+
     def test_what_touches_by_its_side_is_told_how_much_room_it_needs(self, task) -> None:
         pair = ("switch_2", "transformer")
         pressing = a_record(task, pairs_n={pair: bump(8, 0.6)}, beside=frozenset([pair]))

@@ -89,6 +89,23 @@ def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(perfor
     assert times == sorted(times)
 
 
+def test_the_hand_acts_for_the_dwells_of_the_task(performance):
+    """Dwells are counted to a frame; at rest nothing is simulated, and nothing moves."""
+    plan, _, found, samples = performance
+    tip = {round(60 * sample.time_s): sample.tip for sample in samples}
+    kinds = {"pick": 3.0, "place": 3.0, "load": 5.0, "fasten": 8.0}
+    if "place(pcb)" in plan:
+        kinds["load"] = 10.0
+    for one in found.skills:
+        kind = one.skill.partition("(")[0]
+        dwells_s = kinds[kind] + (5.0 if kind == "load" else 0.0)
+        assert one.acting_s == pytest.approx(dwells_s, abs=2 / 60), one.skill
+        frames = range(round(60 * one.begin_s) + 1, round(60 * one.end_s))
+        still = sum(tip[frame] == tip[frame + 1] for frame in frames)
+        assert 60 * (dwells_s - 2.5) < still < 60 * dwells_s
+    assert found.simulated_s - found.held_s == pytest.approx(found.steps / 240)
+
+
 @pytest.mark.slow(reason="executes a wrong plan; a part that ends below its goal in every run")
 def test_a_plan_ends_at_the_first_skill_that_fails(task):
     wrong = [task.skills[action] for action in (2, 3, 4)]

@@ -16,7 +16,7 @@ from skillplan.task.task import Task
 
 pytest.importorskip("skillplan_pinocchio", reason="geometry is asked by swept hulls")
 
-PHYSICS = Setup("pybullet", ("contact-pairs",), screening=True)
+PHYSICS = Setup("pybullet", ("contact-pairs",), screening=True, with_chart=False)
 # Two parts so near to each other that the second one's finger finds no room, whichever it is.
 TIGHT = """
 kind: assembly
@@ -73,9 +73,9 @@ class TestWhoIsAsked:
     @pytest.mark.parametrize(
         "setup",
         [
-            Setup("pybullet", ("contact-pairs",)),
-            Setup("kinematic", ("aabb",), screening=True),
-            Setup("pybullet", ("aabb", "swept"), screening=True),
+            Setup("pybullet", ("contact-pairs",), with_chart=False),
+            Setup("kinematic", ("aabb",), screening=True, with_chart=False),
+            Setup("pybullet", ("aabb", "swept"), screening=True, with_chart=False),
         ],
         ids=["not asked for", "nothing to execute", "named anyway"],
     )

@@ -101,6 +101,26 @@ def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str,
     return ()
 
 
+def shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tuple[str, ...]:
+    """Return the components on a shortest path from one to another, both included; or none."""
+    after: dict[str, list[str]] = {}
+    for before, later in pairs:
+        after.setdefault(before, []).append(later)
+    came = {start: start}
+    queue = [start]
+    for component in queue:
+        for later in after.get(component, ()):
+            if later not in came:
+                came[later] = component
+                queue.append(later)
+    if end not in came or end == start:
+        return ()
+    path = [end]
+    while path[-1] != start:
+        path.append(came[path[-1]])
+    return tuple(reversed(path))
+
+
 def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
     """Return the components that are neither on a cycle nor after one."""
     closed = closure(pairs)

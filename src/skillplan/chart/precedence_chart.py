@@ -7,12 +7,13 @@ want of a, or a's operation fails because b is an obstacle.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 
 from skillplan.chart.alternatives import Alternatives, alternatives
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.hypothetical_state import HypotheticalStates
-from skillplan.chart.partial_order import ClosedRelation, closure
+from skillplan.chart.partial_order import ClosedRelation, closure, shortest_path
 from skillplan.chart.partial_order import cycle as shortest_cycle
 from skillplan.chart.precedence_query import (
     CheckSteps,
@@ -104,6 +105,36 @@ class DerivedChart:
             "which no order of parts expresses; searches check it in every state"
             for kind, names in skills.items()
         )
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """Hand-made pairs that contradict the derived relation, each with its reason, in words.
+
+        If no single pair does, but several together, the shortest cycle of both relations. Empty
+        if the derived relation alone leaves no order.
+        """
+        if self.cycle:
+            return ()
+        derived = [(r.before, r.after) for r in self.relations]
+        lines = []
+        for before, after in self.hand_made or ():
+            path = shortest_path(derived, after, before)
+            if path:
+                words = f"chart: {before} before {after} contradicts geometry: "
+                lines.append(words + self._path_words(path))
+        if not lines and self.contradiction:
+            lines.append(f"chart and geometry contradict: {self._path_words(self.contradiction)}")
+        return tuple(lines)
+
+    def _path_words(self, path: Sequence[str]) -> str:
+        """Return a path with the reason for each of its derived pairs, in words."""
+        relations = {(r.before, r.after): r for r in self.relations}
+        reasons = [
+            f"{relations[pair].evidence['skill']}: {relations[pair].reason}"
+            for pair in pairwise(path)
+            if pair in relations
+        ]
+        return f"{' before '.join(path)} ({'; '.join(reasons)})"
 
     def obstacle(self, task: Task) -> str | None:
         """Return why no order can exist, in at most three lines, or None where one may.

@@ -15,7 +15,7 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
-# Fields that change no verdict: how long the hand acts at a target.
+# Fields that change no verdict: dwell times.
 _IRRELEVANT = ("dwell_s",)
 
 

@@ -48,7 +48,7 @@ def compare_detectors(
     if not split_names(back_ends.collision or ""):
         raise OptionError("--detectors names no detector.")
     task = reading.problem(path, back_ends).tasks[-1]
-    setup = back_ends.setup(task)
+    setup = back_ends.setup(task, with_chart=False)
     if not task.scene.bodies:
         raise OptionError(f"{task.name!r} has no bodies: there is nothing to collide.")
     begin_s = time.monotonic()

@@ -111,7 +111,7 @@ def _setup(
         chosen = [choice.name for choice in task.collision]
         collision = ",".join(contact_detectors(engine, chosen)) or None
     own = replace(back_ends, physics=engine, collision=collision, options=options)
-    return own.setup(task, executor=executor)
+    return own.setup(task, executor=executor, with_chart=False)
 
 
 def _drawn(

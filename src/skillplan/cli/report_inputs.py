@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from skillplan.cli.counting import counting
+from skillplan.cli.deadline import Deadline
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.result_input import load, verify_before_showing
 from skillplan.cli.waiting import stoppable
@@ -17,7 +18,7 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import read_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.physics.planned_motion import PlannedMotion
+from skillplan.physics.planned_motion import MOST_PLAYED_S, PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
 from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan
 from skillplan.pipeline.presentation.planning_motion import plan_motion
@@ -46,6 +47,8 @@ _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
 # A relation of more components is no picture.
 _MOST_COMPONENTS = 60
+# Of the time that is left, what a search or verification may take: the page is to show a plan.
+_SEARCH_SHARE = 0.6
 
 
 @dataclass
@@ -56,27 +59,34 @@ class Reporter:
     ----------
     reading, back_ends
         Of the command line.
+    deadline
+        When the page has to be written.
     simulate
         Whether plans are performed for the playback; else they are played as planned.
     plays
         Whether the page has a player.
-    time_limit_s
-        For a task that is solved first [s]; None for none.
     seed
         Governs all randomness.
     """
 
     reading: PartReading
     back_ends: BackEnds
+    deadline: Deadline
     simulate: bool
     plays: bool = True
-    time_limit_s: float | None = None
     seed: int = 0
     playback: Mapping[str, Any] | None = None
     interrupted: bool = False
 
-    def chapter(self, path: str, name: str) -> Chapter:
+    def chapter(self, path: str, name: str, share: float = 1.0) -> Chapter:
         """Return the chapter on one input.
+
+        Parameters
+        ----------
+        path, name
+            Of the input and of the chapter.
+        share
+            Share of the time that is left which the chapter may take, from 0 to 1.
 
         Raises
         ------
@@ -90,20 +100,21 @@ class Reporter:
             from skillplan.cli.training_runs.report_chapter import training_chapter_of
             from skillplan.records.training.run_folder import RunFolder
 
-            return training_chapter_of(RunFolder(folder), name, self.time_limit_s)
+            limit_s = self.deadline.share_s(_SEARCH_SHARE * share)
+            return training_chapter_of(RunFolder(folder), name, limit_s)
         if not is_result(path):
-            return self._of_task(path, name)
+            return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
         if _schema(result_path(path)) == schemas.COMPARISON:
             return comparison_chapter(
                 read_document(result_path(path), schemas.COMPARISON, _REMEDY), name
             )
         return self._of_result(path, name)
 
-    def _of_task(self, path: str, name: str) -> Chapter:
+    def _of_task(self, path: str, name: str, limit_s: float | None) -> Chapter:
         problem = self.reading.problem(path, self.back_ends)
         part = self.reading.part
         setup = self.back_ends.setup(problem.tasks[-1], screening=True)
-        with stoppable(self.time_limit_s, label=f"solving {problem.name}") as stop:
+        with stoppable(limit_s, label=f"solving {problem.name}") as stop:
             result = solve_problem(
                 problem, part, None, setup, seed=self.seed, stop=stop, cache=warm_cache()
             )
@@ -115,7 +126,7 @@ class Reporter:
 
     def _of_result(self, path: str, name: str) -> Chapter:
         loaded = load(path, self.reading, self.back_ends)
-        certificate = verify_before_showing(path, self.time_limit_s)
+        certificate = verify_before_showing(path, self.deadline.share_s(_SEARCH_SHARE))
         document = read_document(result_path(path), schemas.RESULT, _REMEDY)
         ways: tuple[str | None, ...] = ()
         if not loaded.stored.is_chain:
@@ -154,7 +165,9 @@ class Reporter:
             )
             return chain_chapter(given, name)
         task = problem.part(part)
-        performed = self._perform(task, setup, document, ways)
+        performed = self.deadline.attempt(lambda: self._perform(task, setup, document, ways))
+        if performed is None:
+            performed = f"it was left out, as --time-limit {self.deadline.time_limit_s:g} was over"
         made = None
         missing = performed if isinstance(performed, str) else ""
         if isinstance(performed, Performed):
@@ -164,7 +177,7 @@ class Reporter:
                 played = arm_playback(task, done, performed.samples, looks)
                 made = self.playback = played.document()
             else:
-                missing = "the page plays another plan, or nothing has moved"
+                missing = _why_not_played(performed)
         elif isinstance(performed, PlannedMotion):
             looks = looks_of_arm(task, None)
             played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
@@ -175,7 +188,7 @@ class Reporter:
             task,
             description,
             distribution_versions(),
-            self._graph(task, setup),
+            self.deadline.attempt(lambda: self._graph(task, setup)) or self._late_graph(task),
             None if measured is None else measured.performance,
             "" if measured is None else measured.engine,
             made,
@@ -242,6 +255,13 @@ class Reporter:
             return precedence_graph(task, None) if task.chart else None
         return precedence_graph(task, chart, names)
 
+    def _late_graph(self, task: Task) -> PrecedenceGraph | None:
+        """Return the relation by hand, and tell if there was no time to derive one."""
+        if not self.deadline.is_over() or not task.operations:
+            return None
+        tell("skillplan: note: the precedence relation is not derived: --time-limit was over")
+        return precedence_graph(task, None) if task.chart else None
+
 
 def _schema(path: Path) -> object:
     """Return what a file of JSON says that it is; None where it says nothing, or is no JSON."""
@@ -250,3 +270,9 @@ def _schema(path: Path) -> object:
     except (OSError, ValueError):
         return None
     return document.get("schema") if isinstance(document, dict) else None
+
+
+def _why_not_played(performed: Performed) -> str:
+    if performed.performance.simulated_s > MOST_PLAYED_S:
+        return f"the plan takes more than {MOST_PLAYED_S:,} s, and no more are played"
+    return "the page plays another plan, or nothing has moved"

@@ -6,10 +6,13 @@ the transformer before the brace, the brace before the screws.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Precedence, Task
@@ -39,6 +42,17 @@ class PrecedenceDetector(Detector):
             for component in (line.before, line.after):
                 self._lines.setdefault(component, []).append(line)
         self._elements: dict[str, str | None] = {}
+        self._is_alone = True
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Note whether another back end checks geometry."""
+        self._is_alone = not any(other.expensive or isinstance(other, Detector) for other in others)
+
+    def not_checked(self) -> tuple[str, ...]:
+        """Return that geometry is not checked, if only the chart is."""
+        if not self._is_alone or not self.task.scene.bodies:
+            return ()
+        return ("geometry (collisions, support, the arm's motion): only the chart is checked",)
 
     def refuses(self) -> str | None:
         """Return why not, where the task has no chart."""

@@ -94,7 +94,7 @@ def _words(fault: Mapping[str, Any]) -> str:
     if kind in _BOUNDS:
         sign, bound = _BOUNDS[kind]
         most = context[bound]
-        most = f"{most:g}" if isinstance(most, float) else most
+        most = f"{most:.10g}" if isinstance(most, float) else most
         return f"must be {sign}{most}, not {shown(value)}."
     if kind in ("too_short", "too_long"):
         bound = context.get("min_length") if kind == "too_short" else context.get("max_length")

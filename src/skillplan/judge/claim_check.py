@@ -241,9 +241,9 @@ def _proof_claims(
 
 
 def _unproved(stored: StoredClaims, least: LeastCost) -> Claim:
-    """Return the claim of a proof that was not repeated; a status that is a proof stays open."""
-    name, essential = _proved_name(stored), stored.status in _PROVED
-    return Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method, open=not essential)
+    """Return the claim of a proof that was not repeated."""
+    name = _proved_name(stored)
+    return Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method, open=False)
 
 
 def _cost_without_policy(stored: StoredClaims, least: LeastCost) -> Claim:

@@ -101,7 +101,7 @@ def asked(made: PlanningTask, limit_s: float) -> PlannerAnswer:
     if code in _UNSOLVABLE:
         return PlannerAnswer(unsolvable=True)
     if code is None or code in _NO_TIME:
-        return PlannerAnswer(silence=f"it has not ended within {limit_s:g} s")
+        return PlannerAnswer(silence=f"it has not ended within {limit_s:.3g} s")
     if code in _NO_MEMORY:
         return PlannerAnswer(silence="it has run out of memory")
     return PlannerAnswer(silence=f"it has failed with exit code {code}")

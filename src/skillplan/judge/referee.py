@@ -12,6 +12,7 @@ from skillplan.errors import ModelTooLarge, SkillplanError
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
+from skillplan.plugins.blame import ends_program
 from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.solution import Plan, Solution
@@ -97,7 +98,9 @@ def _judge_policy(policy: Mapping[State, Skill], model: SkillModel) -> Grade:
             return None if skill is None else task.skills[task.action(skill)]
         except SkillplanError as error:
             raise _NotOfThisTask(str(error)) from error
-        except Exception as error:
+        except BaseException as error:
+            if ends_program(error):
+                raise
             raise _NotOfThisTask(f"{type(error).__name__}: {error}") from error
 
     try:

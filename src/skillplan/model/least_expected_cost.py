@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.model.policy_value import Convergence
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 
@@ -134,13 +135,14 @@ def least_expected_cost(
 def _come_to_rest(rows: _Rows, values: NDArray[np.float64], over: Callable[[], bool]) -> bool:
     """Sweep over the values of all states that have rows until they change no more."""
     states = rows.owners[rows.begins]
+    convergence = Convergence(_AT_REST)
     for _ in range(_MOST_SWEEPS):
         if over():
             return False
         lowest = np.minimum.reduceat(rows.values(values), rows.begins)
         change = float(np.abs(lowest - values[states]).max())
         values[states] = lowest
-        if change <= _AT_REST * max(1.0, float(lowest.max())):
+        if convergence.reached(change, float(lowest.max())):
             return True
     return False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,9 @@ _MOST_EQUATIONS = 2_000
 _MOST_SWEEPS = 20_000
 # Values that a sweep changes by less, as a fraction of the largest, have come to rest.
 _AT_REST = 1e-14
+_ABOVE_ROUNDING = 1e3
+# With such a rate the changes to come add up to a thousand times the last one.
+_SLOWEST = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,41 @@ class PolicyValue:
     steps: float | None = None
     problem: str | None = None
     infeasible: bool = False
+
+
+class Convergence:
+    """Decides whether the values of sweeps have converged.
+
+    A small change alone is no sign of it: if a chain hardly ever ends, every sweep changes little,
+    and there are many to come.
+
+    Parameters
+    ----------
+    tolerance
+        Largest change of a value, as a fraction of the largest value, > 0.
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._previous = math.inf
+        self._rate = 0.0
+
+    def reached(self, change: float, largest: float) -> bool:
+        """Record the change of a sweep; whether the changes to come are negligible.
+
+        Parameters
+        ----------
+        change
+            Largest change of a value, >= 0.
+        largest
+            Largest value.
+        """
+        scale = max(1.0, largest)
+        # Below, rounding decides how fast changes shrink.
+        if change > _ABOVE_ROUNDING * self._tolerance * scale and math.isfinite(self._previous):
+            self._rate = change / self._previous
+        self._previous = change
+        return change == 0 or (change <= self._tolerance * scale and self._rate <= _SLOWEST)
 
 
 def roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> list[Skill]:
@@ -130,11 +169,15 @@ def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> Polic
     for state, step in chain.items():
         if step is None:
             continue
-        gains[index[state]] = (step.cost, step.duration_s, 1.0)
-        for probability, next_state in step.outcomes:
-            owners.append(index[state])
-            successors.append(index[next_state])
-            shares.append(probability)
+        # Tries that leave the state as it is are divided out: with failures that are almost
+        # certain, the equations would lose all digits.
+        leaving = math.fsum(share for share, following in step.outcomes if following != state)
+        gains[index[state]] = (step.cost / leaving, step.duration_s / leaving, 1.0 / leaving)
+        for share, following in step.outcomes:
+            if following != state:
+                owners.append(index[state])
+                successors.append(index[following])
+                shares.append(share / leaving)
     first = index[model.initial]
     if len(chain) <= _MOST_EQUATIONS:
         matrix = np.eye(len(chain))
@@ -166,6 +209,7 @@ def _swept(
 
     rows, following, share = np.array(owners), np.array(successors), np.array(shares)
     values = np.zeros_like(gains)
+    convergence = Convergence(_AT_REST)
     for _ in range(_MOST_SWEEPS):
         after = gains + np.stack(
             [
@@ -176,6 +220,6 @@ def _swept(
         )
         change = float(np.abs(after - values).max())
         values = after
-        if change <= _AT_REST * max(1.0, float(values.max())):
+        if convergence.reached(change, float(values.max())):
             return values
     raise ModelTooLarge(f"The policy takes too long to evaluate in {len(gains):,} states.")

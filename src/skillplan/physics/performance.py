@@ -108,12 +108,16 @@ class PerformedSkill:
         sensed; with the figures as evidence.
     begin_s, end_s
         Simulated time [s].
+    acting_s
+        Part of it in which the hand acted at targets, dwells included [s], >= 0; None if the engine
+        does not measure it.
     """
 
     skill: str
     verdict: Verdict
     begin_s: float
     end_s: float
+    acting_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +159,10 @@ class Performance:
         How many simulation steps that took.
     figures
         What else was measured.
+    held_s
+        Part of the simulated time in which the arm dwelt at rest, which takes no steps [s].
+    pace
+        Speeds of the arm in the engine, in a clause; empty if the engine gives none.
     """
 
     skills: tuple[PerformedSkill, ...]
@@ -162,6 +170,8 @@ class Performance:
     simulated_s: float
     steps: int
     figures: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    held_s: float = 0.0
+    pace: str = ""
 
     @property
     def failed(self) -> PerformedSkill | None:
@@ -225,7 +235,8 @@ class Performer(ABC):
         frames_per_s, show
             How many pictures a simulated second are shown, and to what.
         note
-            Called with a row of the trace 60 times a simulated second.
+            Called with a row of the trace 60 times a simulated second; of a dwell at rest, for its
+            first hour at most.
         stopped
             Called often; once true, the plan ends after the current skill.
         angle

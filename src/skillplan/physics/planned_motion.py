@@ -9,6 +9,9 @@ from skillplan.physics.performance import PerformedSkill, Sample
 from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 
+MOST_PLAYED_S = 3_600
+"""Length of the longest plan that is played [s], as all its frames are in memory."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlannedMotion:

@@ -101,7 +101,7 @@ def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin
         solver=solver,
         seed=stored.seed,
         physics=setup.physics_choice(task).name,
-        collision=",".join(choice.name for choice in setup.collision_choices(task)),
+        collision=setup.detector_names(task),
         status=stored.status,
         cost=cost,
         cost_unit=task.metric.unit,

@@ -37,7 +37,7 @@ def without_removed(origin: Origin) -> tuple[Origin, Options]:
 
 
 def with_former_dwells(
-    path: str, problem: Problem, origin: Origin, removed: Options
+    path: str, problem: Problem, setup: Setup, removed: Options
 ) -> tuple[Problem, str]:
     """Return a problem with the dwell times of earlier versions, and a sentence about them.
 
@@ -47,8 +47,8 @@ def with_former_dwells(
         The result, for messages.
     problem
         As it is loaded now; its hash stays.
-    origin
-        Without removed options.
+    setup
+        The back ends under which the result was made.
     removed
         The removed options that the result names, by plugin.
 
@@ -58,7 +58,6 @@ def with_former_dwells(
         If a removed option is not a time.
     """
     tasks, sentences = [], []
-    setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
     for task in problem.tasks:
         if not task.dwells_from:
             tasks.append(task)

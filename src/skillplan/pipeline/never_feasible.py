@@ -21,31 +21,44 @@ from skillplan.task.verdict import Verdict
 _SHORT = {SCREEN: {"check_travel": False}}
 
 
-def never_feasible(problem: Problem, order: DerivedOrder) -> tuple[str, ...]:
+def never_feasible(
+    problem: Problem, task: Task, order: DerivedOrder, known: Collection[str] = ()
+) -> tuple[str, ...]:
     """Return what a derived order says of skills that are never feasible.
+
+    Parts too wide for jaws are left out: the file's own checks report them.
 
     Parameters
     ----------
     problem
         The file.
+    task
+        One of its tasks.
     order
-        Of one of its tasks.
+        Of the task.
+    known
+        Skills that are reported already.
     """
     by = f"by {', '.join(order.back_ends)}"
-    reach = SCREEN in order.back_ends
+
+    def is_about_reach(skill: str, why: str) -> bool:
+        # If the part itself is in the way, no other grasp helps.
+        part = task.skill(skill).parameters.get("part")
+        return why.startswith((SCREEN, "ways")) and not why.startswith(f"{SCREEN}: {part} runs ")
+
     return problem.told(
         Issue(
             f"{by} {skill} is never feasible: {why}.",
-            problem.domain.locate_skill(
-                problem.config, skill, reach=reach and why.startswith((SCREEN, "ways"))
-            ),
+            problem.domain.locate_skill(problem.config, skill, reach=is_about_reach(skill, why)),
         )
         for skill, why in order.never.items()
+        if skill not in known
+        and too_wide(task.scene, task.scene.robots[0], task.skill(skill)) is None
     )
 
 
-def unreachable(problem: Problem, task: Task, known: Collection[str] = ()) -> tuple[str, ...]:
-    """Return what the arm cannot do whatever the state: each with its place in the file.
+def unreachable(problem: Problem, task: Task) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return messages about what the arm can do in no state, with places in the file; and skills.
 
     Parameters
     ----------
@@ -53,19 +66,17 @@ def unreachable(problem: Problem, task: Task, known: Collection[str] = ()) -> tu
         The file.
     task
         One of its tasks, which the geometric detector serves.
-    known
-        Skills that something was said of already.
     """
     try:
         found = list(_unreachable(task))
     except (PluginError, BackEndError) as error:
-        return (f"{problem.source}: what the arm reaches was not checked: {error}",)
+        return (f"{problem.source}: what the arm reaches was not checked: {error}",), ()
     by_key: dict[tuple[str | int, ...], list[tuple[str, Verdict]]] = {}
     for skill, verdict in found:
-        if skill not in known:
-            path = problem.domain.locate_skill(problem.config, skill, reach=True)
-            by_key.setdefault(path, []).append((skill, verdict))
-    return problem.told(Issue(_words(said), path) for path, said in by_key.items())
+        path = problem.domain.locate_skill(problem.config, skill, reach=True)
+        by_key.setdefault(path, []).append((skill, verdict))
+    messages = problem.told(Issue(_words(said), path) for path, said in by_key.items())
+    return messages, tuple(skill for skill, _ in found)
 
 
 def _words(said: Sequence[tuple[str, Verdict]]) -> str:
@@ -84,7 +95,7 @@ def _instead(skill: str) -> str:
 
 def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
     """Yield the skills, with the verdict where nothing else is done."""
-    setup = Setup(DEFAULT_PHYSICS, (SCREEN,), _SHORT)
+    setup = Setup(DEFAULT_PHYSICS, (SCREEN,), _SHORT, with_chart=False)
     hypothetical = HypotheticalStates(task)
     queries = [
         PrecedenceQuery(hypothetical, component, skill)

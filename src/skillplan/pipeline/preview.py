@@ -12,14 +12,12 @@ from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.collision.aabb import AabbDetector
 from skillplan.domains.load import Problem
+from skillplan.errors import Issue
 from skillplan.pipeline.never_feasible import never_feasible, unreachable
 from skillplan.pipeline.run import make_feasibility
-from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
+from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.records.preview import DerivedOrder, Preview
 from skillplan.task.task import Task
-
-DEFAULT_COLLISION = ("aabb",)
-"""The detector of which a relation is derived where none is named: no other is as fast."""
 
 MOST_COMPONENTS = 100
 """A relation of more components is derived only where a back end is named."""
@@ -42,8 +40,8 @@ def preview(
         The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
         is instant.
     collision
-        Detectors that are queried; empty for ``aabb``, or ``swept`` where parts are turned. Of
-        hollow parts and many components no order is derived by itself.
+        Detectors that are queried; empty for the default one, whatever the file chooses. Of hollow
+        parts and many components no order is derived by itself.
     options
         Plugin name to option values.
     cache
@@ -58,18 +56,28 @@ def preview(
     BackEndError
         If a back end fails.
     """
-    setup = Setup(physics or DEFAULT_PHYSICS, collision or DEFAULT_COLLISION, options or {})
+    # An order derived from the chart would say nothing of it.
+    geometric = tuple(name for name in collision if name != CHART)
+    setup = Setup(physics or DEFAULT_PHYSICS, geometric, options or {}, with_chart=False)
     named = physics is not None or bool(collision)
     described = [task for task in problem.tasks if task.operations and task.scene.bodies]
     orders = tuple(_order(task, setup, cache, named=named) for task in described)
     warnings = [*problem.warnings, *problem.hints]
-    for order in orders:
-        warnings += never_feasible(problem, order)
+    chosen = Setup(physics, collision, options or {})
+    for task in problem.tasks:
+        warnings += problem.told(chosen.warnings(task, problem.domain))
+    for task, order in zip(described, orders, strict=True):
+        messages: tuple[str, ...] = ()
+        skills: tuple[str, ...] = ()
+        if not named and order.never and SCREEN in order.back_ends:
+            messages, skills = unreachable(problem, task)
+        warnings += [*messages, *never_feasible(problem, task, order, skills)]
         warnings += [f"{problem.source}: {line}" for line in order.lines]
-    if not named:
-        for task, order in zip(described, orders, strict=True):
-            if order.back_ends and SCREEN not in order.back_ends and setup.has_screen(task):
-                warnings += unreachable(problem, task, order.never)
+        issues = (
+            Issue(line.removeprefix("chart: "), ("chart",), at_key=True)
+            for line in order.contradictions
+        )
+        warnings += problem.told(issues)
     return Preview(tuple(warnings), orders, problem.domain.overview(problem.config))
 
 
@@ -78,10 +86,10 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         left_out = _too_expensive(task)
         if left_out:
             return DerivedOrder(task.name, (), not_derived=left_out)
-        if AabbDetector(task).refuses() is not None:
-            if not setup.has_screen(task):
-                return DerivedOrder(task.name, (), not_derived="turned parts")
-            setup = replace(setup, collision=(SCREEN,))
+        if not setup.has_screen(task) and AabbDetector(task).refuses() is not None:
+            return DerivedOrder(task.name, (), not_derived="turned parts")
+    if not setup.collision:
+        setup = replace(setup, collision=(setup.geometric_detector(task),))
     feasibility = make_feasibility(task, setup, cache)
     with closing(feasibility):
         chart = derive_chart(feasibility)
@@ -93,6 +101,7 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         chart.cycle,
         chart.impossible,
         tuple(_obstacles(chart, task, names)),
+        contradictions=chart.contradictions,
     )
 
 

@@ -175,15 +175,17 @@ class RecordCheck:
 def _fit_to_version(should: dict[str, Any], document: Mapping[str, Any]) -> None:
     """Remove keys that results of older versions lack, also from the parts of a chain.
 
-    If there is a policy is compared with policies.json, not with the plan.
+    The policy of a task is compared with policies.json, not with the plan.
     """
-    should["policy"] = document.get("policy")
+    parts = [*(document.get("stages") or ()), *(document.get("sequences") or ())]
+    claimed = [part.get("policy") is True for part in parts]
+    should["policy"] = any(claimed) if parts else document.get("policy")
     for key in _LATER_KEYS:
         if key not in document:
             should.pop(key, None)
-    for parts in ("sequences", "stages"):
-        for part, claimed in zip(should.get(parts, ()), document.get(parts) or (), strict=False):
-            _fit_to_version(part, claimed)
+    for key in ("sequences", "stages"):
+        for part, own in zip(should.get(key, ()), document.get(key) or (), strict=False):
+            _fit_to_version(part, own)
 
 
 def _line_fault(found: list[str], should: list[str]) -> str:

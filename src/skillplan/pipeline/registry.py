@@ -10,7 +10,7 @@ import importlib
 import inspect
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint
+from importlib.metadata import EntryPoint
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -230,10 +230,17 @@ def describe(kind: str) -> list[PluginInfo]:
     return infos
 
 
+def describe_unreadable() -> list[PluginInfo]:
+    """Return the distributions whose entry points cannot be read, with the reason."""
+    return [
+        PluginInfo("unknown", "unknown", name, version, "", problem)
+        for name, version, problem in installed.unreadable()
+    ]
+
+
 def refresh() -> None:
     """Look for plugins anew, so that those installed since the first look-up are found."""
     _providers.cache_clear()
-    _name_and_version.cache_clear()
     installed.refresh()
 
 
@@ -262,15 +269,8 @@ def _base_class(kind: str) -> type[Any]:
 
 def _distribution(entry: EntryPoint) -> tuple[str, str]:
     if entry.dist is None:
-        return entry.module, ""
-    return _name_and_version(entry.dist)
-
-
-@cache
-def _name_and_version(distribution: Distribution) -> tuple[str, str]:
-    """Read the metadata, which has a README in it, once."""
-    metadata = distribution.metadata
-    return metadata["Name"], metadata["Version"]
+        return entry.value, ""
+    return installed.name_and_version(entry.dist)
 
 
 def _owner(entry: EntryPoint) -> str:

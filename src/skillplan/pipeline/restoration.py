@@ -12,7 +12,7 @@ from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, name_hint
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
-from skillplan.pipeline.result_origin import found_origin, origin_problem
+from skillplan.pipeline.result_origin import found_origin, origin_problem, restored_setup
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
 from skillplan.quick_dataclass import dataclass
@@ -94,7 +94,7 @@ class LoadedResult:
     setup
         The back ends and options.
     times_note
-        How the times of a result of an earlier version are reproduced; empty for another.
+        Sentence on the times of a result of an earlier version; empty for others.
     """
 
     path: str
@@ -261,10 +261,13 @@ def load_result(
     problem, difference = origin_problem(path, stored, origin, named=override.file is not None)
     if difference is not None and not changed_task:
         raise OptionError(f"{path}: is of another task: {difference}.")
+    # Detectors that the user names are those of this version.
+    collision = "" if override.collision else stored.collision
+    setup = restored_setup(origin, collision, problem.tasks[-1])
     times_note = ""
     if stored.dwells_from is None and not override.changes:
-        problem, times_note = with_former_dwells(path, problem, own, removed)
-    setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
+        former = restored_setup(own, stored.collision, problem.tasks[-1])
+        problem, times_note = with_former_dwells(path, problem, former, removed)
     return LoadedResult(path, stored, origin, problem, setup, times_note)
 
 

@@ -11,10 +11,11 @@ from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import is_regular
 from skillplan.pipeline.received_task import is_near, unquoted
-from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.setup import BOXES, CHART, SCREEN, Setup, load_problem
 from skillplan.records.origin import Origin
 from skillplan.records.stored.result_file import StoredResult, other_task
 from skillplan.records.stored.result_folder import result_path
+from skillplan.task.task import Task
 
 
 def origin_problem(
@@ -92,6 +93,36 @@ def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Orig
     raise OptionError(
         f"{path}: its task {origin.file} is neither here nor beside it. Name it by --task."
     )
+
+
+def restored_setup(origin: Origin, collision: str, task: Task) -> Setup:
+    """Return the setup under which a stored result was made.
+
+    A result whose origin names no detectors was made under the defaults of its version, which may
+    not be those of this one. Its `collision` key says which they were: older versions checked a
+    chart alone by default, or no chart if the task file chose a detector.
+
+    Parameters
+    ----------
+    origin
+        How its task was read.
+    collision
+        Names of the detectors that it claims, with commas.
+    task
+        The task, or one of the chain.
+    """
+    setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
+    candidates = [setup, replace(setup, with_chart=False)]
+    if not origin.collision and not task.collision:
+        names = tuple(filter(None, collision.split(",")))
+        if task.chart:
+            candidates.append(replace(setup, collision=(CHART,)))
+        if set(names) <= {CHART, SCREEN, BOXES} and CHART not in names[:1]:
+            candidates.append(replace(setup, collision=names, with_chart=False))
+    for candidate in candidates:
+        if candidate.detector_names(task) == collision:
+            return candidate
+    return setup
 
 
 def named_back_ends(origin: Origin) -> Mapping[str, list[str]]:

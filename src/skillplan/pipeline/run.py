@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from skillplan.checks.feasibility import CheckCount, Feasibility
-from skillplan.checks.single_check import list_not_checked
+from skillplan.checks.single_check import IntroducedBackEnds, list_not_checked
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.files.cache_folder import cache_folder
 from skillplan.judge.referee import judge
@@ -16,7 +16,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.search.attempt import Attempt, Terms, attempted
 from skillplan.pipeline.search.solver_call import blamed
-from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.setup import CHART, Setup
 from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
@@ -29,6 +29,7 @@ DEFAULT_SOLVER = "auto"
 
 # Larger tasks are not charted just to say why they have no plan.
 _MOST_CHARTED = 64
+_MOST_CONTRADICTIONS = 3
 
 
 def make_feasibility(
@@ -238,7 +239,7 @@ def make_draft(
         solver=solver,
         seed=seed,
         physics=setup.physics_choice(task).name,
-        collision=",".join(choice.name for choice in setup.collision_choices(task)),
+        collision=setup.detector_names(task),
         cost_unit=task.metric.unit,
         timed_by=setup.timed_by(task),
         not_checked=list_not_checked(back_ends),
@@ -328,13 +329,32 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
 
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
-        obstacle = derive_chart(model.feasibility).obstacle(task)
-        if obstacle is not None:
+        chart = derive_chart(model.feasibility)
+        # A cycle names the line of a chart that closes it; a single skill that never succeeds
+        # does not.
+        obstacle = ("" if chart.cycle else _chart_contradictions(model)) or chart.obstacle(task)
+        if obstacle:
             return obstacle
     blamed = obstruction(model)
     if blamed is not None:
         return blamed
     return f"none within {task.step_limit} skills"
+
+
+def _chart_contradictions(model: SkillModel) -> str:
+    """Return why no plan exists without the chart, or else how it contradicts the back ends.
+
+    Empty if neither is so.
+    """
+    from skillplan.chart.precedence_chart import derive_chart
+
+    back_ends = model.feasibility.back_ends
+    others = [back_end for back_end in back_ends if back_end.name != CHART]
+    if len(others) in (0, len(back_ends)):
+        return ""
+    # They know of the chart's detector already, which changes none of their answers.
+    chart = derive_chart(Feasibility(model.task, IntroducedBackEnds(others)))
+    return chart.obstacle(model.task) or "\n".join(chart.contradictions[:_MOST_CONTRADICTIONS])
 
 
 def warm_cache() -> DiskVerdictCache:

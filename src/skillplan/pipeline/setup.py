@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, NoReturn
 
@@ -11,6 +11,7 @@ from skillplan.checks.single_check import tells_time
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
 from skillplan.plugins.simulators import AUTO, PREFERRED, installed_simulator
@@ -24,6 +25,10 @@ from skillplan.workers.executor_choice import ExecutorChoice
 DEFAULT_PHYSICS = "kinematic"
 SCREEN = "swept"
 """The detector that rules out by geometry what an engine need not execute."""
+BOXES = "aabb"
+"""The geometric detector that is always installed."""
+CHART = "precedence"
+"""The detector that checks the hand-made chart of the task file, and no geometry."""
 BACK_END_KINDS = ("physics", "collision")
 
 
@@ -37,8 +42,9 @@ class Setup:
         An engine's name; None for the task file's choice, or else ``kinematic``. ``auto`` becomes
         the name of the engine that executes skills, as `engine_named` has it.
     collision
-        Detectors' names; empty for the task file's choice, or else its chart, or else ``swept``, or
-        where that is not installed, or several robots move, ``aabb``.
+        Names of detectors; empty for the task file's choice, or else ``swept``, or ``aabb`` if that
+        is not installed or several robots move. A chart of the task file is checked in addition.
+        Names that include ``precedence`` are used as they are: alone it leaves geometry unchecked.
     options
         Plugin name to option values; they go before the task file's.
     screening
@@ -46,6 +52,8 @@ class Setup:
         and what it refuses is not executed.
     executor
         Where jobs are done; nothing that comes out depends on it.
+    with_chart
+        Whether a chart of the task file is checked although `collision` does not name it.
     """
 
     physics: str | None = None
@@ -53,6 +61,7 @@ class Setup:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     screening: bool = False
     executor: ExecutorChoice = field(default_factory=ExecutorChoice)
+    with_chart: bool = True
 
     def __post_init__(self) -> None:
         if self.physics is not None:
@@ -117,6 +126,10 @@ class Setup:
         screen = [_declared(task).get(SCREEN, BackEndChoice(SCREEN))] if self.screens(task) else []
         return [*screen, *named]
 
+    def detector_names(self, task: Task) -> str:
+        """Return the names of the detectors that will be queried, separated by commas."""
+        return ",".join(choice.name for choice in self.collision_choices(task))
+
     def named_collision_choices(self, task: Task) -> list[BackEndChoice]:
         """Return the detectors that will be queried but for a screen."""
         declared = _declared(task)
@@ -153,9 +166,29 @@ class Setup:
 
     def _detectors(self, task: Task) -> tuple[str, ...]:
         named = self.collision or tuple(choice.name for choice in task.collision)
-        if named or task.chart or not task.scene.bodies:
-            return named or (("precedence",) if task.chart else ())
-        return (SCREEN if self.has_screen(task) else "aabb",)
+        if not self.collision and not self.with_chart:
+            named = tuple(name for name in named if name != CHART)
+        if CHART in named:
+            return named
+        if not named and task.scene.bodies:
+            named = (self.geometric_detector(task),)
+        return (*named, CHART) if task.chart and self.with_chart else named
+
+    def geometric_detector(self, task: Task) -> str:
+        """Return the name of the default geometric detector for a task."""
+        return SCREEN if self.has_screen(task) else BOXES
+
+    def warnings(self, task: Task, domain: Domain) -> Iterator[Issue]:
+        """Yield warnings of the back ends on a task, with the paths of their keys.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        for back_end in self.back_ends(task):
+            kind = "physics" if isinstance(back_end, Engine) else "collision"
+            yield from _located(kind, back_end, back_end.warnings, domain)
 
     def has_screen(self, task: Task) -> bool:
         """Return whether the geometric detector is installed and serves as many robots."""
@@ -244,13 +277,15 @@ def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     return back_end if refusal is None else None
 
 
-def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
-    """Yield what a back end finds wrong with single bodies or skills, by their places."""
+def _located(
+    kind: str, back_end: BackEnd, ask: Callable[[], Mapping[str, str]], domain: Domain
+) -> Iterator[Issue]:
+    """Yield the faults or warnings of a back end with the paths of their keys."""
     try:
-        found = dict(back_end.faults())
+        messages = dict(ask())
     except BaseException as error:
         _blame(error, kind, type(back_end), back_end.task)
-    for fact, message in found.items():
+    for fact, message in messages.items():
         yield Issue(message, domain.locate(fact), at_key=True)
 
 
@@ -282,7 +317,7 @@ def load_problem(
         Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
         held.
     former
-        Whether options that were removed since are accepted, and left out: for stored results.
+        True to accept and leave out options that were removed since, for stored results.
 
     Raises
     ------
@@ -340,13 +375,13 @@ class _BackEndChecks(FileChecks):
                     yield Issue(message, (kind, choice.name), at_key=True)
                 else:
                     self.made.append(back_end)
-                    yield from _faults(kind, back_end, domain)
+                    yield from _located(kind, back_end, back_end.faults, domain)
             declared = {one.name for one in chosen[kind]}
             for name in dict.fromkeys(self._queried.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
                     self.made.append(willing)
-                    yield from _faults(kind, willing, domain)
+                    yield from _located(kind, willing, willing.faults, domain)
 
     def _kept(self, kind: str, name: str, options: Mapping[str, Any]) -> Mapping[str, Any]:
         if not self._former or name not in registry.names(kind):

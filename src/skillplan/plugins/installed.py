@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint, EntryPoints, entry_points
-from typing import Any
+from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
+from typing import Any, NamedTuple
 
 # Kind of plugin to the group that its entry points are in.
 _KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter", "sampler")
@@ -16,19 +16,32 @@ _DECOMPOSITION = "decomposition"
 _IMPORTER = "importer"
 
 
+class Unreadable(NamedTuple):
+    """A distribution whose entry points cannot be read."""
+
+    name: str
+    version: str
+    problem: str
+
+
 def registered(kind: str) -> EntryPoints:
     """Return the entry points of a kind of plugin, such as ``solver``."""
-    return _by_kind()[kind]
+    return _of_group(GROUPS[kind])
 
 
 def decompositions() -> EntryPoints:
     """Return the entry points of what takes meshes apart into convex pieces."""
-    return entry_points(group=f"skillplan.{_DECOMPOSITION}")
+    return _of_group(f"skillplan.{_DECOMPOSITION}")
 
 
 def importers() -> EntryPoints:
     """Return the entry points of what makes tasks of CAD."""
-    return entry_points(group=f"skillplan.{_IMPORTER}")
+    return _of_group(f"skillplan.{_IMPORTER}")
+
+
+def unreadable() -> tuple[Unreadable, ...]:
+    """Return the distributions whose entry points cannot be read; they provide nothing."""
+    return _entry_points()[1]
 
 
 def registered_as(plugin: type[Any]) -> EntryPoint | None:
@@ -57,19 +70,82 @@ def is_editable(distribution: Distribution) -> bool:
 def distribution_versions() -> tuple[tuple[str, str], ...]:
     """Return the names of distributions that provide plugins, and their versions."""
     found = {entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None}
-    return tuple(sorted({(one.name, one.version) for one in found}))
+    return tuple(sorted(name_and_version(one) for one in found))
+
+
+@cache
+def name_and_version(distribution: Distribution) -> tuple[str, str]:
+    """Return name and version of a distribution; its metadata, with a README, are read once.
+
+    Where they cannot be read, the name is that of its folder.
+    """
+    name: str | None = None
+    version: str | None = None
+    try:
+        metadata = distribution.metadata
+        name, version = metadata["Name"], metadata["Version"]
+    except Exception:
+        # Whatever is wrong with it, the caller goes on with the name of the folder.
+        version = ""
+    if name is None:
+        name = getattr(getattr(distribution, "_path", None), "name", "a distribution without name")
+    return name, version or ""
 
 
 def refresh() -> None:
     """Read anew, so that what was installed since the first time is found."""
-    _by_kind.cache_clear()
+    _of_group.cache_clear()
+    _entry_points.cache_clear()
+    name_and_version.cache_clear()
 
 
 @cache
-def _by_kind() -> dict[str, EntryPoints]:
-    """Return all at once: to look for one kind takes as long as for all."""
-    found = entry_points()
-    return {kind: found.select(group=group) for kind, group in GROUPS.items()}
+def _of_group(group: str) -> EntryPoints:
+    return _entry_points()[0].select(group=group)
+
+
+# As the library reads them, also after `shield_libraries`.
+_read_entry_points = Distribution.entry_points.fget  # type: ignore[attr-defined]
+
+
+@cache
+def _entry_points() -> tuple[EntryPoints, tuple[Unreadable, ...]]:
+    """Return all entry points that can be read, and the distributions whose cannot.
+
+    Of two distributions of one name the first on the path counts, as in `importlib.metadata`.
+    """
+    names: set[str] = set()
+    entries: list[EntryPoint] = []
+    broken: list[Unreadable] = []
+    for distribution in distributions():
+        try:
+            # From the name of its folder: to read all metadata takes a tenth of a second.
+            name = distribution._normalized_name  # type: ignore[attr-defined]
+            if name not in names:
+                names.add(name)
+                entries += _read_entry_points(distribution)
+        except Exception as error:
+            reason = f"its entry_points.txt cannot be read: {type(error).__name__}: {error}"
+            problem = f"{reason}. Install it anew or remove it."
+            broken.append(Unreadable(*name_and_version(distribution), problem))
+    if broken:
+        shield_libraries()
+    return EntryPoints(entries), tuple(broken)
+
+
+def shield_libraries() -> None:
+    """Let libraries read entry points, too, as numba and networkx do when they are imported.
+
+    Called only if there are some that cannot be read, which would end the import otherwise.
+    """
+
+    def entry_points(distribution: Distribution) -> EntryPoints:
+        try:
+            return _read_entry_points(distribution)  # type: ignore[no-any-return]
+        except Exception:
+            return EntryPoints()
+
+    Distribution.entry_points = property(entry_points)  # type: ignore[assignment]
 
 
 def _names(entry: EntryPoint, plugin: type[Any]) -> bool:
@@ -77,6 +153,8 @@ def _names(entry: EntryPoint, plugin: type[Any]) -> bool:
 
     if entry.value == f"{plugin.__module__}:{plugin.__qualname__}":
         return True
+    if entry.pattern.match(entry.value) is None:
+        return False
     found: Any = sys.modules.get(entry.module)
     for attribute in entry.attr.split("."):
         found = getattr(found, attribute, None)

@@ -27,12 +27,15 @@ class Checked:
         What the published source prints wrongly, where that was wanted.
     preview
         What is known of it before anything is solved.
+    not_checked
+        Sentences of these back ends about what they leave unchecked.
     """
 
     problem: Problem
     back_ends: Sequence[Sequence[str]]
     errata: Listing | None = None
     preview: Preview = field(default_factory=Preview)
+    not_checked: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.check/1``."""
@@ -58,6 +61,7 @@ class Checked:
                 }
                 for task, names in zip(problem.tasks, self.back_ends, strict=True)
             ],
+            "not_checked": list(self.not_checked),
             **self.preview.document(),
             **found,
         }

@@ -31,6 +31,8 @@ class DerivedOrder:
         Why there is no order, in words; empty where there is one, or a skill is never feasible.
     not_derived
         Of what no order is derived by itself, where no back end was queried.
+    contradictions
+        Pairs of the hand-made chart that contradict the derived order, in words.
     """
 
     task: str
@@ -40,6 +42,7 @@ class DerivedOrder:
     never: Mapping[str, str] = field(default_factory=dict)
     lines: tuple[str, ...] = ()
     not_derived: str = ""
+    contradictions: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -49,6 +52,7 @@ class DerivedOrder:
             "pairs": self.pairs,
             "cycle": list(self.cycle),
             "never_feasible": dict(self.never),
+            "contradictions": list(self.contradictions),
         }
 
 

@@ -176,7 +176,7 @@ def _common(
         "step_limit": task.step_limit,
         "solver": solver,
         "physics": setup.physics_choice(task).name,
-        "collision": ",".join(choice.name for choice in setup.collision_choices(task)),
+        "collision": setup.detector_names(task),
         "fixed": fixed,
         "starts": tuple(Start(start, job.optimum(start)) for start in job.tasks),
         "warm": warm,

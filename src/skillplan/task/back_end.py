@@ -32,13 +32,13 @@ class RemovedDwell:
     Parameters
     ----------
     event
-        What the hand did in that time.
+        Act of the hand in that time.
     default_s
         Its default [s].
     key
         The key of a task file that replaces it.
     owners
-        Whose key it is, in words.
+        Objects that have the key, in words.
     """
 
     event: Event
@@ -96,6 +96,13 @@ class BackEnd(ABC):
 
         The task's domain finds the line of the file that the fact comes from: a part too wide
         for the hand is reported under ``placed(part)``. Unlike `refuses`, it may name several.
+        """
+        return {}
+
+    def warnings(self) -> Mapping[str, str]:
+        """Return warnings on single bodies or skills, by a fact about them, as in `faults`.
+
+        Only ``check`` prints them: the file is valid, and a plan may exist.
         """
         return {}
 

@@ -139,7 +139,7 @@ class DistanceCost:
     per_m
         Cost of one metre, >= 0: 1 for a distance, the inverse of a speed for a time.
     dwells
-        Whether the dwells at the visits are added: for a time.
+        True to add the dwells at the visits, for a time.
     behind_m
         What was travelled to a place and not counted yet [m], >= 0, by its bit: whatever is done
         next counts it, like the path that the arm took only because a grasp failed.

@@ -136,7 +136,7 @@ class RunsEvaluation:
             optimum=optimum,
             options=manifest.options,
             physics=setup.physics_choice(self.task).name,
-            collision=",".join(one.name for one in setup.collision_choices(self.task)),
+            collision=setup.detector_names(self.task),
             baseline=baseline,
             sampling=self.sampling,
             checks=model.stats.checks,

@@ -47,7 +47,9 @@ class Trainer:
     back_end_failed
         Whether a back end has failed in some group.
     interrupted
-        Whether `interrupt` was called.
+        Whether `interrupt` or `end_in_time` was called.
+    timed_out
+        Whether `end_in_time` was called, before any interruption.
     """
 
     def __init__(
@@ -60,7 +62,7 @@ class Trainer:
     ) -> None:
         self.back_end_failed = False
         self._plan, self._folder, self._jobs = plan, folder, jobs
-        self.interrupted = False
+        self.interrupted = self.timed_out = False
         self._time_limit_s = time_limit_s
         self._proof: Stop | None = None
         self._strides = 0
@@ -73,6 +75,11 @@ class Trainer:
         self.interrupted = True
         if self._proof is not None:
             self._proof.interrupt()
+
+    def end_in_time(self) -> None:
+        """Stop as `interrupt` does, because the time is over."""
+        self.timed_out = not self.interrupted
+        self.interrupt()
 
     def train(self) -> TrainingResult:
         """Do what is left to do, keep the result in the folder, and return it.
@@ -184,7 +191,7 @@ class Trainer:
             optimum=optimum,
             options=plan.options,
             physics=self._folder.manifest.physics,
-            collision=",".join(one.name for one in plan.setup.collision_choices(plan.task)),
+            collision=plan.setup.detector_names(plan.task),
             checks=sum(one.checks for one in progress),
             executions=sum(one.executions for one in progress),
             wall_s=wall_s,

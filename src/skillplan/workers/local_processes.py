@@ -19,6 +19,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from skillplan.errors import BackEndError, SkillplanError
+from skillplan.plugins.installed import shield_libraries, unreadable
 from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, News, Prepare, Worker
 from skillplan.workers.inside import asked_to_stop, connect, is_worker
 
@@ -99,7 +100,8 @@ class WorkerProcess(Worker):
         self.line, far = context.Pipe()
         self.ended = False
         self._started = False
-        self._process = context.Process(target=_serve, args=(far, prepare, content), daemon=True)
+        arguments = (far, prepare, content, bool(unreadable()))
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
         try:
             with _interrupts_blocked():
                 self._process.start()
@@ -188,8 +190,10 @@ def _interrupts_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
+def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -> None:
     """Do jobs until no more come."""
+    if shielded:
+        shield_libraries()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if _REQUEST is not None:
         signal.signal(_REQUEST, lambda *_: asked_to_stop())
@@ -205,7 +209,7 @@ def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
         except BackEndError as error:
             line.send((_FAILED, (BackEndError, str(error))))
             return
-        except Exception as error:
+        except BaseException as error:
             words = f"A process could not make itself ready: {type(error).__name__}: {error}"
             line.send((_FAILED, (SkillplanError, words)))
             return

@@ -19,7 +19,7 @@ from skillplan.errors import BackEndError
 BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
 NO_LIMIT = b"none"
 # A longer line would not be written in one piece.
-_MOST_BYTES = 1000
+_LINE_BYTES = 1000
 
 # How the supervisor passes a signal on: as a request to stop, and as the last one before it ends
 # the process. The signals themselves also reach the child if they go to the group of processes, as
@@ -30,6 +30,10 @@ LAST_REQUEST = getattr(signal, "SIGUSR2", None)
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
+
+
+# One of the first modules that a command imports.
+_IMPORTED_S = time.monotonic()
 
 
 class _Line:
@@ -62,22 +66,36 @@ def requests() -> tuple[signal.Signals, ...]:
     return (REQUEST, LAST_REQUEST)
 
 
-def limit_command(time_limit_s: float | None = None, memory_limit_bytes: int | None = None) -> None:
+def command_age_s() -> float:
+    """Return the time since the command was started [s]; 0 without a supervisor."""
+    return 0.0 if _line.number is None else time.monotonic() - _IMPORTED_S
+
+
+def limit_command(
+    time_limit_s: float | None = None,
+    memory_limit_bytes: int | None = None,
+    grace_s: float = 0.0,
+) -> None:
     """Have the whole command ended once it takes too long or holds too much memory.
 
-    Past the time limit an exception ends the command; if it is still there a second later, or past
-    the memory limit, it is killed with all processes that it has started. In both cases the exit
-    code is 2 and a message names the limit.
+    Past time limit and grace an exception ends the command; if it is still there a second later,
+    or past the memory limit, it is killed with all processes that it has started. In both cases
+    the exit code is 2 and a message names the limit.
 
     Parameters
     ----------
     time_limit_s
-        Time from now on [s], > 0; None for no limit.
+        Time from the start of the command [s], > 0; None for no limit.
     memory_limit_bytes
         Memory of the command and all its processes together [B], > 0; None for no limit.
+    grace_s
+        Time after the limit in which the command may still end by itself [s], >= 0.
     """
+    if _line.number is None:
+        return
     _line.limit_s = time_limit_s
-    _line.deadline_s = None if time_limit_s is None else time.monotonic() + time_limit_s
+    begun_s = time.monotonic() - command_age_s()
+    _line.deadline_s = None if time_limit_s is None else begun_s + time_limit_s + grace_s
     texts = [
         NO_LIMIT if value is None else repr(value).encode()
         for value in (_line.deadline_s, time_limit_s, memory_limit_bytes)
@@ -159,4 +177,4 @@ def _report(kind: bytes, text: bytes = b"") -> None:
     if _line.number is not None:
         # A supervisor that is gone takes this process with it.
         with suppress(OSError):
-            os.write(_line.number, kind + text.replace(b"\n", b" ")[:_MOST_BYTES] + b"\n")
+            os.write(_line.number, kind + text.replace(b"\n", b" ")[:_LINE_BYTES] + b"\n")

@@ -69,8 +69,11 @@ def supervise(
     near, far = os.pipe()
     alive, parent = os.pipe()
     wake, woken = os.pipe()
+    folder = _temporary_folder()
     process = os.fork()
     if process == 0:
+        if folder:
+            os.environ["TMPDIR"] = folder
         for number in (near, parent, wake, woken):
             os.close(number)
         _die_with_parent(alive)
@@ -91,7 +94,34 @@ def supervise(
     for number in (*heard, signal.SIGCHLD):
         signal.signal(number, _nothing)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-    return _Watch(process, near, wake, set(heard), report).until_end()
+    watch = _Watch(process, near, wake, set(heard), report)
+    status = watch.until_end()
+    if folder:
+        _remove(folder)
+    return watch.conclude(status)
+
+
+def _temporary_folder() -> str:
+    """Return a new folder for temporary files, so that none is left of a child that was killed.
+
+    Empty if there is no place for it; then the child has the usual one.
+    """
+    for place in (os.environ.get("TMPDIR", ""), "/tmp", "/var/tmp"):
+        folder = os.path.join(os.path.abspath(place), f"skillplan-{os.urandom(6).hex()}")
+        with suppress(OSError):
+            if place:
+                os.mkdir(folder, 0o700)
+                return folder
+    return ""
+
+
+def _remove(folder: str) -> None:
+    try:
+        os.rmdir(folder)
+    except OSError:
+        import shutil
+
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _completed(command: Command) -> int:
@@ -198,7 +228,7 @@ class _Watch:
         self._why = ""
 
     def until_end(self) -> int:
-        """Return the exit code of the command, once the child has ended."""
+        """Return the exit code of the child, once it has ended; below 0 the signal."""
         poll = select.poll()
         for number in (self._line, self._wake):
             poll.register(number, select.POLLIN)
@@ -212,7 +242,7 @@ class _Watch:
             if ended:
                 while self._read():
                     pass
-                return self._conclude(os.waitstatus_to_exitcode(status))
+                return os.waitstatus_to_exitcode(status)
             self._act(time.monotonic())
 
     def _pause_ms(self) -> float | None:
@@ -346,7 +376,7 @@ class _Watch:
         if self._why and self._signalled_s is None and not late:
             self._why, self._next_s, self._is_last = "", None, False
 
-    def _conclude(self, status: int) -> int:
+    def conclude(self, status: int) -> int:
         """Return the exit code of the command, after its child has ended."""
         if self._code is not None:
             return self._code

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly, model_of, small_assemblies
 from skillplan.collision.aabb import AabbDetector
+from skillplan.domains.assembly.hints import hints
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.load import _content_hash
 from skillplan.model.replay import replay
@@ -95,6 +96,34 @@ def test_a_task_names_where_its_dwells_are_from():
     paths += [f"tools.gripper.durations_s.{kind}" for kind in ("pick", "place")]
     assert assembly(made).dwells_from == (*paths, "durations_s")
     assert assembly(content()).dwells_from == ("durations_s",)
+
+
+@pytest.mark.parametrize(
+    ("tool", "kind"),
+    [
+        ("gripper", "fasten"),
+        ("gripper", "fetch"),
+        ("screwdriver", "pick"),
+        ("screwdriver", "place"),
+    ],
+)
+def test_a_dwell_of_a_tool_that_no_skill_has_is_pointed_out(tool, kind):
+    """With its place; none is, of a board on which all count."""
+    made = content()
+    assert not list(hints(AssemblyConfig.model_validate(made)))
+    made["tools"][tool]["durations_s"] = {kind: 4.0, "load": 3.0}
+    (issue,) = hints(AssemblyConfig.model_validate(made))
+    assert issue.path == ("tools", tool, "durations_s", kind)
+    assert "has no effect" in issue.message
+
+
+def test_a_fetch_of_a_screw_without_feeder_is_pointed_out():
+    """Its other dwell counts."""
+    made = content()
+    del made["screws"]["screw"]["feeder"]
+    made["screws"]["screw"]["durations_s"] = {"fetch": 4.0, "fasten": 3.0}
+    (issue,) = hints(AssemblyConfig.model_validate(made))
+    assert issue.path == ("screws", "screw", "durations_s", "fetch")
 
 
 @settings(max_examples=examples(25))

@@ -48,7 +48,7 @@ class TestTheDefault:
 
     def test_is_never_more_than_a_file_may_give(self) -> None:
         """However hopeless a grasp is."""
-        assert limit_of(parts=failing(1 - 1e-12)) == MOST_STEPS
+        assert limit_of(parts=failing(1 - 1e-9)) == MOST_STEPS
 
 
 def test_a_given_limit_holds(board_task) -> None:

@@ -33,6 +33,7 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
+from skillplan_pinocchio.tight_fits import tight_fits
 from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.least_times import LeastTimes
 from skillplan_pinocchio.timing.skill_times import SkillTimes
@@ -128,6 +129,10 @@ class SweptDetector(Detector):
     def faults(self) -> Mapping[str, str]:
         """Return which parts are too wide for the jaws, by the fact that they are placed."""
         return {} if self.refuses() is not None else jaw_faults(self.task)
+
+    def warnings(self) -> Mapping[str, str]:
+        """Return fits that convex pieces make tight; see :meth:`BackEnd.warnings`."""
+        return {} if self.refuses() is not None else tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
         """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""

@@ -28,6 +28,7 @@ class PybulletEngine(PerformingEngine):
     version = "11"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
+    stands_exact = True
 
     class Options(SimulatingEngine.Options, SimulationSettings):
         """Options of motion and of what counts as done."""

@@ -56,7 +56,7 @@ class Actor:
             self._work = prepare(pickle.loads(self._content))
         except BackEndError as error:
             yield FAILED, (BackEndError, str(error))
-        except Exception as error:
+        except BaseException as error:
             words = f"A process could not make itself ready: {type(error).__name__}: {error}"
             yield FAILED, (SkillplanError, words)
         else:

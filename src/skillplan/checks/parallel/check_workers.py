@@ -36,6 +36,14 @@ _Job = tuple[int, str, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
 
 
+# Signals by which a process is ended from outside, by the system for want of memory for example.
+_FROM_OUTSIDE = {
+    getattr(signal, name)
+    for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGXCPU")
+    if hasattr(signal, name)
+}
+
+
 @dataclass(frozen=True, slots=True)
 class _Failed:
     """What a back end raised: the message, and the traceback if one is to be shown."""
@@ -270,7 +278,11 @@ class CheckWorkers:
     def _lose(
         self, worker: Worker, ended: Ended, pending: _Pending, waiting: deque[_Pending]
     ) -> None:
-        """Have a check made once more whose process is gone; after the second it is unknown."""
+        """Have a check made once more whose process is gone; give up after the second.
+
+        It is unknown if something else ended both. If the last one crashed or ended itself, the
+        back end has failed, as it does in this process.
+        """
         if not ended.started and not ended.killed:
             raise worker.not_started()
         pending.lost += 1
@@ -278,9 +290,13 @@ class CheckWorkers:
             waiting.appendleft(pending)
             return
         request = pending.request
-        reason = f"the process that checked it was ended by {_named(ended)}, twice"
-        unknown = Verdict.unknown(reason)
         name = self.back_ends[request.back_end].name
+        reason = f"the process that checked it was ended by {_named(ended)}, twice"
+        if ended.exit_code is not None and -ended.exit_code not in _FROM_OUTSIDE:
+            error = BackEndError(f"Back end {name!r} failed on {request.skill.name}: {reason}.")
+            pending.conversation.fail(error)
+            return
+        unknown = Verdict.unknown(reason)
         following = _go_on(
             pending.conversation, Checked(unknown.grounded(request.state, name), 0.0)
         )

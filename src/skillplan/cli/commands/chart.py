@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from skillplan.cli.options.shared import BackEnds, Checking, PartReading
 from skillplan.cli.options.single import NoScreening, Style, TaskFile
 
@@ -16,7 +14,7 @@ def command(
     no_screening: NoScreening = False,
     style: Style = "table",
 ) -> int:
-    """Derive the precedence relation of TASK by querying back ends, by default aabb.
+    """Derive the precedence relation of TASK by querying back ends.
 
     Shows it beside the hand-made chart, if the task has one: hand-made relations that do not
     follow from the derived ones are missing, derived ones that do not follow from the
@@ -36,9 +34,12 @@ def command(
     from skillplan.views.tables.chart import chart_table
 
     # A chart derived from the chart would say nothing.
-    chosen = replace(back_ends, collision=back_ends.collision or "aabb")
     loaded, setup, made = reading.set_up(
-        task, chosen, executor=checking.executor, screening=not no_screening
+        task,
+        back_ends,
+        executor=checking.executor,
+        screening=not no_screening,
+        with_chart=False,
     )
     cache = checking.cache()
     with showing_checks("deriving") as on_check:

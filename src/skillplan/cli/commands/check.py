@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.shared import BackEnds, Caching, Reading
 from skillplan.cli.options.single import Style, TaskFile
@@ -16,6 +17,7 @@ def command(
     back_ends: BackEnds,
     reading: Reading,
     caching: Caching,
+    limits: CommandLimits,
     explain_errata: Annotated[
         bool,
         typer.Option(
@@ -30,24 +32,30 @@ def command(
     """Validate TASK: faults of YAML, keys, references, order and geometry.
 
     Warns of what is valid, but found out late: parts too wide for jaws, feeders that are blocked
-    at the start, drawings in a doubtful unit, and cycles of the precedence relation. That one is
-    derived by kinematic and aabb, which are instant, whatever the file chooses, and of hollow parts
-    only where a detector is named; what no posture of the arm reaches, swept says where it is
-    installed. --physics and --collision name others, which also report what they find wrong with
-    the file's parts.
+    at the start, drawings in a doubtful unit, cycles of the precedence relation, and a chart that
+    contradicts it. That relation is derived by kinematic and the default detector (swept if it is
+    installed, or else aabb), whatever the file chooses; of hollow parts only if a detector is
+    named. --physics and --collision name others, which also report what they find wrong with the
+    file's parts. What the back ends of a search leave unchecked is listed.
     """
+    from itertools import chain
+
+    from skillplan.checks.feasibility import introduced
+    from skillplan.checks.single_check import list_not_checked
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
     from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
     from skillplan.views.tables.checked import checked_tables
 
+    limits.begin(graceful=False)
     problem = reading.problem(task, back_ends, warn=False)
-    setups = [back_ends.setup(one) for one in problem.tasks]
-    names = [
-        [made.name for made in setup.back_ends(one)]
-        for setup, one in zip(setups, problem.tasks, strict=True)
+    setups = [back_ends.setup(task) for task in problem.tasks]
+    back_ends_of = [
+        introduced(setup.back_ends(task)) for setup, task in zip(setups, problem.tasks, strict=True)
     ]
+    names = [[back_end.name for back_end in used] for used in back_ends_of]
+    not_checked = list_not_checked(tuple(chain.from_iterable(back_ends_of)))
     errata = problem.domain.errata(problem.config) if explain_errata else None
     if explain_errata and errata is None:
         raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
@@ -55,6 +63,6 @@ def command(
     # Verdicts of what is instant are not worth a file each.
     cache = caching.cache() if back_ends.named() else None
     found = preview(problem, first.physics, first.collision, first.options, cache)
-    checked = Checked(problem, names, errata, found)
+    checked = Checked(problem, names, errata, found, not_checked)
     emit(style, checked.document(), checked_tables(checked))
     return 0

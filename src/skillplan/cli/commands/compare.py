@@ -197,7 +197,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
             return waiting.enter_context(run.limits.stoppable(name))
 
         title = f"{problem.name}: {setup.physics_choice(last).name} physics, collision "
-        title += ",".join(choice.name for choice in setup.collision_choices(last)) or "none"
+        title += setup.detector_names(last) or "none"
         title += ", warm cache" if run.warm else ", cold cache"
         results = compare_solvers(
             problem,

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.single import Jobs
 from skillplan.cli.options.values import one_of, positive_number
@@ -41,6 +42,8 @@ def command(
             show_default=False,
         ),
     ],
+    *,
+    limits: CommandLimits,
     unit: Annotated[
         str | None,
         typer.Option(
@@ -166,7 +169,8 @@ def command(
     where), report.json (parts, masses, what was assumed, what overlaps, the plan), and, unless a
     part is stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm
     cannot put in place are left out of it, and named with the reason. Stages that ran before with
-    the same input are not run again. Needs the plugin skillplan-cad.
+    the same input are not run again, also if --time-limit ended the command. Needs the plugin
+    skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
@@ -175,6 +179,7 @@ def command(
     from skillplan.views.pictures.exploded_png import exploded_png
     from skillplan.views.tables.imported import imported_table
 
+    limits.begin(graceful=False)
     imported = _importer()(
         product,
         out,

@@ -12,7 +12,7 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import given, refuse_given
-from skillplan.cli.options.limits import TimeLimit
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import OUTPUT, SOLVER
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Seed, solver_option
@@ -25,6 +25,7 @@ from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_
 if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
 
+    from skillplan.cli.deadline import Deadline
     from skillplan.domains.load import Problem
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.solvers.stop import Stop
@@ -96,7 +97,7 @@ def command(
         ),
     ] = 5,
     back_ends: BackEnds,
-    time_limit_s: TimeLimit = None,
+    limits: CommandLimits,
     states: Annotated[
         str | None,
         typer.Option(
@@ -151,6 +152,8 @@ def command(
     """
     from skillplan.records.stored.result_folder import is_result, run_folder
 
+    # A search may take all its time; the figure is drawn after it.
+    deadline = limits.begin(graceful=True)
     sources, figure = _split(inputs)
     folders = [run_folder(one) for one in sources]
     if len(sources) > 1 and None in folders:
@@ -168,7 +171,7 @@ def command(
                 f"{' and '.join(RUN_FIGURES)}."
             )
         _check_matplotlib()
-        limit_s = _PROOF_S if time_limit_s is None else time_limit_s
+        limit_s = deadline.share_s(most_s=_PROOF_S) or _PROOF_S
         return plot_run_folders(runs, figure, out, Drawing(against, limit_s, dpi))
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
@@ -180,7 +183,7 @@ def command(
         )
     if states is not None and figure != "q-values":
         raise OptionError(f"--states is for q-values; {figure} takes none.")
-    wanted = _Wanted(figure, solver, seed, seeds, split_names(states or ""), time_limit_s, dpi, out)
+    wanted = _Wanted(figure, solver, seed, seeds, split_names(states or ""), deadline, dpi, out)
     if not is_result(sources[0]):
         module = _module(figure)
         problem = reading.problem(sources[0], back_ends)
@@ -197,7 +200,7 @@ class _Wanted:
     seed: int
     seeds: int
     states: Sequence[str]
-    time_limit_s: float | None
+    deadline: Deadline
     dpi: int
     out: str | None
 
@@ -220,7 +223,7 @@ def _plot_result(
     seed = wanted.seed if given(ctx, "seed") else stored.seed
     kept = None if again else loaded
     if kept is not None:
-        certificate = verify_before_showing(path, wanted.time_limit_s)
+        certificate = verify_before_showing(path, wanted.deadline.share_s())
         if not certificate.valid:
             tell(f"skillplan: note: {path}: not verified: {certificate.unconfirmed_words()}.")
     # Of a result of one task the part is known, of that of a chain the figure chooses.
@@ -264,7 +267,7 @@ def _plot(
         _deriver(problem, part, back_ends),
     )
     outcomes = []
-    with stoppable(wanted.time_limit_s, label=f"{name} for {figure}") as stop:
+    with stoppable(wanted.deadline.share_s(), label=f"{name} for {figure}") as stop:
         for run in module.runs(request):
             stop.renew()
             answer = _answer(run, request, back_ends, stop, kept)

@@ -46,6 +46,8 @@ def command(
 
     kinds = [kind] if kind else list(registry.KINDS)
     infos = [info for one in kinds for info in registry.describe(one)]
+    if not kind:
+        infos += registry.describe_unreadable()
     options = None
     if kind and name:
         plugin = registry.load(kind, name)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.limits import TimeLimit
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Seed
@@ -39,7 +39,7 @@ def command(
     reading: PartReading,
     back_ends: BackEnds,
     seed: Seed = 0,
-    time_limit_s: TimeLimit = None,
+    limits: CommandLimits,
     no_simulation: Annotated[
         bool,
         typer.Option(
@@ -56,7 +56,7 @@ def command(
     plan and its times, why parts come before others, and what was refused; it needs no network, and
     without JavaScript only the playback is missing. The first plan is played: that of an arm as an
     engine executes it or, where none is installed, along its planned paths; that of a bench as its
-    times say.
+    times say. Once --time-limit is over, the page is written without the rest, and says so.
     """
     from pathlib import Path
 
@@ -68,6 +68,7 @@ def command(
     from skillplan.views.report.page import page_html
     from skillplan.views.report.player_files import HOW_TO_GET, player
 
+    deadline = limits.begin(graceful=True)
     path = output_path("--out", out, SUFFIXES, "pages")
     if Path(path).exists():
         raise OptionError(f"--out {out}: is there already. Name a new file.")
@@ -76,8 +77,10 @@ def command(
         words = "the page has no playback in 3-D, whose player is not here"
         tell(f"skillplan: note: {words}: {HOW_TO_GET}.")
     plays = shows is not None
-    reporter = Reporter(reading, back_ends, not no_simulation, plays, time_limit_s, seed)
-    chapters = [reporter.chapter(one, f"c{k}") for k, one in enumerate(inputs, start=1)]
+    reporter = Reporter(reading, back_ends, deadline, not no_simulation, plays, seed)
+    chapters = []
+    for number, one in enumerate(inputs, start=1):
+        chapters.append(reporter.chapter(one, f"c{number}", 1 / (len(inputs) - number + 1)))
     title = chapters[0].heading if len(chapters) == 1 else f"{len(chapters)} reports"
     html = page_html(title, chapters, reporter.playback, shows)
     write_new_file(out, html, SUFFIXES, "pages")

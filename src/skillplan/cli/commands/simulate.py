@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from skillplan.cli.options.completion import engine_names, plugin_options, task_files
+from skillplan.cli.options.limits import CommandLimits
 from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Style
@@ -20,7 +21,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
 
     from skillplan.cli.counting import Count
-    from skillplan.physics.performance import Sample
+    from skillplan.physics.performance import Performance, Sample
     from skillplan.physics.view import Angle
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
@@ -38,6 +39,7 @@ def command(
         ),
     ],
     reading: PartReading,
+    limits: CommandLimits,
     sequence: Annotated[
         str | None,
         typer.Option(
@@ -135,7 +137,7 @@ def command(
     what force on a contact is a collision, say the detectors that read contacts, with the options
     of the task file or of RESULT; where none is chosen, contact-pairs. Of a skill with several
     ways, that of RESULT is executed, or else the first that the engine grants. The plan ends at
-    the first skill that fails; Ctrl-C ends it after the current skill.
+    the first skill that fails; Ctrl-C and --time-limit end it after the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -146,15 +148,16 @@ def command(
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.physics.performance import Performance
+    from skillplan.pipeline.presentation.planning_motion import planned_times
     from skillplan.pipeline.taken_ways import by_ways
     from skillplan.records.execution.simulation import Simulation, applicable_part
     from skillplan.records.execution.trace_file import SUFFIXES
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
+    deadline = limits.begin(graceful=True)
     back_ends = BackEnds(physics, None, options or [])
-    loaded, setup, skills, ways, _ = _load(task, sequence, back_ends, reading)
+    loaded, setup, skills, ways, _, timing = _load(task, sequence, back_ends, reading)
     made = introduce(setup.back_ends(loaded))
     engine = performer(made, "move")
     possible, obstacle = applicable_part(loaded, skills)
@@ -167,20 +170,14 @@ def command(
             show = stack.enter_context(video_file(film, fps, "--video")).add
         row = None if table is None else stack.enter_context(_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
-        note = _Notes(count, row)
-        performance = Performance((), (), 0.0, 0)
+        stack.enter_context(deadline.calling(count.stop))
+        with blamed(engine):
+            taken = by_ways(loaded, possible, made, ways, lambda: count.interrupted)
+        planned = planned_times(loaded, taken, *timing)
         begin_s = time.perf_counter()
-        if possible:
-            with blamed(engine):
-                performance = engine.perform(
-                    by_ways(loaded, possible, made, ways, lambda: count.interrupted),
-                    frames_per_s=fps / speed if show is not None else None,
-                    show=show,
-                    note=note,
-                    stopped=lambda: count.interrupted,
-                    angle=angle,
-                    labels=labels,
-                )
+        rate = fps / speed if show is not None else None
+        pictures = {"frames_per_s": rate, "show": show, "angle": angle, "labels": labels}
+        performance = _perform(engine, taken, count, row, **pictures)
         wall_s = time.perf_counter() - begin_s
         stopped = count.interrupted and len(performance.skills) < len(possible)
     files = {"video": film, "trace": table}
@@ -193,10 +190,32 @@ def command(
         stopped,
         {option: str(path) for option, path in files.items() if path is not None},
         obstacle,
+        planned,
     )
     good = simulation.feasible and simulation.complete and not stopped
     emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
-    return exit_code(interrupted=stopped, solved=good)
+    return exit_code(interrupted=stopped and not deadline.tell_if_over(), solved=good)
+
+
+def _perform(
+    engine: Any,
+    skills: Sequence[Skill],
+    count: Count,
+    row: Callable[[Sample], None] | None,
+    **pictures: Any,
+) -> Performance:
+    """Have an engine perform a plan, which may be empty; `pictures` are for its films."""
+    from skillplan.cli.showing import blamed
+    from skillplan.physics.performance import Performance
+
+    if not skills:
+        return Performance((), (), 0.0, 0)
+    note = _Notes(count, row)
+    with blamed(engine):
+        made: Performance = engine.perform(
+            skills, note=note, stopped=lambda: count.interrupted, **pictures
+        )
+    return made
 
 
 class _Notes:
@@ -222,6 +241,7 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.pipeline.presentation.performing import ANY_DETECTOR, contact_detectors
+    from skillplan.pipeline.setup import Setup
     from skillplan.records.stored.result_folder import is_result
 
     stored = is_result(path)
@@ -236,11 +256,13 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
             task, plan = loaded.planned()
             detectors = loaded.stored.collision.split(",")
             skills = task.parse_sequence(",".join(plan))
-            return _Read(task, loaded.setup, skills, loaded.taken_ways(), detectors)
+            timing = loaded.stored.timed_by, loaded.origin.options
+            return _Read(task, loaded.setup, skills, loaded.taken_ways(), detectors, timing)
         task = reading.problem(path, chosen, warn=warn).part(reading.part)
         detectors = [choice.name for choice in task.collision]
         setup = chosen.setup(task)
-        return _Read(task, setup, given_plan(sequence or "", task), (), detectors)
+        timing = Setup().timed_by(task), {}
+        return _Read(task, setup, given_plan(sequence or "", task), (), detectors, timing)
 
     # Of the detectors that the file chooses only those need to be installed that read contacts,
     # and which these are the engine says.
@@ -251,13 +273,14 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
 
 
 class _Read(NamedTuple):
-    """A plan as it was read, its ways, and the detectors that the task or result has."""
+    """A plan as it was read, its ways, the detectors of task or result, and its timers."""
 
     task: Task
     setup: Setup
     skills: tuple[Skill, ...]
     ways: tuple[str | None, ...]
     detectors: list[str]
+    timing: tuple[str, Mapping[str, Mapping[str, Any]]]
 
 
 def _engine(read: _Read) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillplan.cli.options.fit import refuse_given
-from skillplan.cli.options.limits import time_limit_option
+from skillplan.cli.options.limits import LIMITS, CommandLimits
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Workers
 from skillplan.cli.options.single import (
@@ -20,10 +21,12 @@ from skillplan.cli.options.single import (
     Style,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, whole_number
+from skillplan.cli.options.values import count_option, positive_seconds, whole_number
 from skillplan.cli.writing import tell
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.deadline import Deadline
+    from skillplan.cli.training_runs.family import Ordered
     from skillplan.records.training.result import TrainingResult
     from skillplan.training.trainer import Trainer
 
@@ -41,7 +44,7 @@ _GENERATED = "generated:"
 # What a training on boards at random has no use for.
 _OF_TASK = (
     *("part", "changes", "runs", "steps", "checkpoint_steps", "jobs", "executor", "physics"),
-    *("collision", "no_cache", "no_screening", "time_limit_s", "resume", "start"),
+    *("collision", "no_cache", "no_screening", "proof_time_limit_s", "resume", "start"),
 )
 
 
@@ -155,9 +158,16 @@ def command(
     back_ends: BackEnds,
     caching: Caching,
     no_screening: NoScreening = False,
-    time_limit_s: Annotated[
+    limits: CommandLimits,
+    proof_time_limit_s: Annotated[
         float,
-        time_limit_option("Give up proving the optimum after S seconds."),
+        typer.Option(
+            "--proof-time-limit",
+            parser=positive_seconds,
+            metavar="S",
+            help="Stop proving the optimum after S seconds.",
+            rich_help_panel=LIMITS,
+        ),
     ] = 60.0,
     out: Annotated[
         str | None,
@@ -186,8 +196,8 @@ def command(
     of that family, and 'skillplan evaluate RUN --task FILE' tries it on any.
 
     Shows for every run the sequence that its policy takes, what it costs and how far that is
-    from the proved optimum. Ctrl-C keeps the runs as they stand, prints what there is and says
-    how to go on.
+    from the proved optimum. Ctrl-C and --time-limit keep the runs as they stand, print what there
+    is and say how to go on.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.training_runs.display import derived_words, displaying
@@ -197,19 +207,18 @@ def command(
     from skillplan.training.training_plan import plan_training
     from skillplan.views.tables.learning.training import training_tables
 
+    deadline = limits.begin(graceful=True)
     if amount.family is not None and amount.family.startswith(_GENERATED):
-        from skillplan.cli.training_runs.family import Ordered, train_on_boards
+        from skillplan.cli.training_runs.family import Ordered
 
-        if task is not None:
-            raise OptionError(f"{task}: no TASK goes with --family {amount.family}.")
         refuse_given(ctx, _OF_TASK, f"does not go with --family {amount.family}")
-        return train_on_boards(Ordered(amount.family, solver, back_ends.options, seed, out), style)
+        ordered = (amount.family, solver, back_ends.options, seed, out, deadline.share_s())
+        return _train_on_boards(task, Ordered(*ordered), style)
     if task is None:
         raise OptionError("Missing TASK: a task file, or --family generated:A-B without one.")
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
-    part = reading.part
-    problem = reading.problem(task, back_ends)
+    problem, part = reading.problem(task, back_ends), reading.part
     setup = back_ends.setup(
         problem.part(part), (solver,), screening=not no_screening, executor=workers.executor
     )
@@ -238,16 +247,33 @@ def command(
             tell(folder.extended)
         if not resume:
             tell(derived_words(plan))
-        trainer = Trainer(folder.plan, folder, jobs=workers.jobs, time_limit_s=time_limit_s)
-        with displaying(folder.plan, trainer.interrupt) as display:
+        trainer = Trainer(folder.plan, folder, jobs=workers.jobs, time_limit_s=proof_time_limit_s)
+        with (
+            displaying(folder.plan, trainer.interrupt) as display,
+            deadline.calling(trainer.end_in_time),
+        ):
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
     code = _exit_code(trainer, result)
     emit(style, result.document(), training_tables(result), failed=code != 0)
     if result.interrupted:
-        again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
-        tell(f"interrupted; go on with: {again} --resume")
+        _tell_how_to_go_on(words, deadline, trainer.timed_out)
     return code
+
+
+def _train_on_boards(task: str | None, ordered: Ordered, style: str) -> int:
+    from skillplan.cli.training_runs.family import train_on_boards
+    from skillplan.errors import OptionError
+
+    if task is not None:
+        raise OptionError(f"{task}: no TASK goes with --family {ordered.family}.")
+    return train_on_boards(ordered, style)
+
+
+def _tell_how_to_go_on(words: Sequence[str], deadline: Deadline, timed_out: bool) -> None:
+    again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
+    ended = f"ended by --time-limit {deadline.time_limit_s:g}" if timed_out else "interrupted"
+    tell(f"{ended}; go on with: {again} --resume")
 
 
 def _exit_code(trainer: Trainer, result: TrainingResult) -> int:
@@ -256,7 +282,7 @@ def _exit_code(trainer: Trainer, result: TrainingResult) -> int:
 
     all_failed = len(result.failed) == len(result.outcomes)
     return exit_code(
-        interrupted=trainer.interrupted,
+        interrupted=trainer.interrupted and not trainer.timed_out,
         back_end_failed=all_failed and trainer.back_end_failed,
         solved=bool(result.completed),
     )

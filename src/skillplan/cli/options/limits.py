@@ -11,6 +11,7 @@ from skillplan.cli.options.values import memory_size, positive_seconds
 from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.deadline import Deadline
     from skillplan.solvers.stop import Stop
 
 LIMITS = "Limits"
@@ -36,6 +37,45 @@ def memory_limit_option(text: str) -> Any:
         help=f"{text}, such as 2GiB or 512MiB; 64MiB at least.",
         rich_help_panel=LIMITS,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLimits:
+    """When a whole command ends.
+
+    Parameters
+    ----------
+    time_limit_s
+        Time limit [s], > 0; None for none.
+    memory_limit_bytes
+        Memory of the command and its processes together [B], > 0; None for no limit.
+    """
+
+    time_limit_s: Annotated[
+        float | None,
+        time_limit_option(
+            "End the whole command after S seconds, 20 % and 2 s later at most. What is optional "
+            "is left out before."
+        ),
+    ] = None
+    memory_limit_bytes: Annotated[
+        int | None,
+        memory_limit_option(
+            "End the whole command before it holds more memory, with the processes it starts"
+        ),
+    ] = None
+
+    def begin(self, *, graceful: bool) -> Deadline:
+        """Return the deadline of the command, which is ended if it goes on after that.
+
+        Parameters
+        ----------
+        graceful
+            Whether the command itself stops at its deadline with a result: it is ended later then.
+        """
+        from skillplan.cli.deadline import Deadline
+
+        return Deadline(self.time_limit_s, self.memory_limit_bytes, graceful=graceful)
 
 
 TimeLimit = Annotated[

@@ -139,6 +139,7 @@ class PartReading(Reading):
         *,
         screening: bool = False,
         executor: str = "local",
+        with_chart: bool = True,
     ) -> tuple[Task, Setup, list[BackEnd]]:
         """Return the task meant, how it is checked, and the back ends, constructed once.
 
@@ -152,6 +153,8 @@ class PartReading(Reading):
             Whether geometry is asked before anything is executed.
         executor
             Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
+        with_chart
+            Whether a chart of the file is checked although no option names it.
 
         Raises
         ------
@@ -162,7 +165,7 @@ class PartReading(Reading):
         """
         problem = self.problem(path, back_ends)
         task = problem.part(self.part)
-        setup = back_ends.setup(task, screening=screening, executor=executor)
+        setup = back_ends.setup(task, screening=screening, executor=executor, with_chart=with_chart)
         return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 
@@ -197,8 +200,9 @@ class BackEnds:
             "--collision",
             metavar="NAMES",
             autocompletion=plugin_lists("collision"),
-            help="Collision detectors, separated by commas; default: the task file's choice or "
-            "chart, or else swept, if it is installed; for the command chart aabb.",
+            help="Collision detectors, separated by commas; default: the task file's choice, or "
+            "else swept if it is installed, or else aabb. A chart of the task file is checked in "
+            "addition; precedence alone checks the chart and no geometry.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None
@@ -231,6 +235,7 @@ class BackEnds:
         *,
         screening: bool = False,
         executor: str = "local",
+        with_chart: bool = True,
     ) -> Setup:
         """Return the setup for a task.
 
@@ -244,6 +249,8 @@ class BackEnds:
             Whether geometry is asked before anything is executed.
         executor
             Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
+        with_chart
+            Whether a chart of the file is checked although no option names it.
 
         Raises
         ------
@@ -264,7 +271,7 @@ class BackEnds:
         parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
         chosen = ExecutorChoice.read(executor, parsed)
         parsed.pop(chosen.name, None)
-        setup = Setup(self.physics, detectors, parsed, screening, chosen)
+        setup = Setup(self.physics, detectors, parsed, screening, chosen, with_chart)
         if setup.make_executor is not None:
             setup.make_executor(1)  # one that is unknown or has wrong options is refused here
         taking_part = [

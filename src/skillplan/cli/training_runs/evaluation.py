@@ -237,6 +237,7 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
 
     from skillplan.cli.options.shared import Reading, warn_of
     from skillplan.pipeline.received_task import is_near, unquoted
+    from skillplan.pipeline.setup import CHART
     from skillplan.training.runs_evaluation import check_same_task
 
     manifest = folder.manifest
@@ -262,7 +263,15 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     warn_of(problem)
     part = problem.part(manifest.task.part)
     executor = wanted.checking.executor
-    setup = back_ends.setup(part, _PROVERS, screening=manifest.screening, executor=executor)
+    # The run has learned under the detectors that it names, and under no others.
+    with_chart = given.collision is not None or CHART in manifest.collision
+    setup = back_ends.setup(
+        part,
+        _PROVERS,
+        screening=manifest.screening,
+        executor=executor,
+        with_chart=with_chart,
+    )
     kept = dict(manifest.back_end_options)
     merged = {
         name: {**kept.get(name, {}), **setup.options.get(name, {})}

@@ -23,6 +23,8 @@ class Ordered:
         As given; options in the form ``KEY=VALUE``.
     out
         The folder; None for the next free one.
+    time_limit_s
+        Time limit of the training [s], > 0; None for none.
     """
 
     family: str
@@ -30,6 +32,7 @@ class Ordered:
     options: Sequence[str]
     seed: int
     out: str | None
+    time_limit_s: float | None = None
 
 
 def train_on_boards(ordered: Ordered, style: str) -> int:
@@ -67,7 +70,7 @@ def train_on_boards(ordered: Ordered, style: str) -> int:
     for other in set(parsed) - {ordered.solver}:
         raise OptionError(f"-O {other}.…: {other} takes no part in a training on {family}.")
     plan = FamilyPlan(family, ordered.solver, dict(parsed.get(ordered.solver, {})), ordered.seed)
-    stop = Stop()
+    stop = Stop(time_limit_s=ordered.time_limit_s)
     steps = plan.learner(stop).steps
     out = ordered.out
     if out is None:

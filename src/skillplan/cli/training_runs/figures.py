@@ -250,7 +250,7 @@ class _Drawn:
 
         from skillplan.cli.waiting import stoppable
         from skillplan.pipeline.run import warm_cache
-        from skillplan.pipeline.setup import Setup, load_problem
+        from skillplan.pipeline.setup import CHART, Setup, load_problem
         from skillplan.training.policy_roll_out import prove_optimum
 
         manifest = self.folder.manifest
@@ -268,6 +268,7 @@ class _Drawn:
         if result is not None and isinstance(result.get("optimum"), int | float):
             return task, float(result["optimum"])
         options, screening = manifest.back_end_options, manifest.screening
-        setup = Setup(manifest.physics, tuple(detectors), options, screening)
+        with_chart = CHART in detectors
+        setup = Setup(manifest.physics, tuple(detectors), options, screening, with_chart=with_chart)
         with stoppable(self._time_limit_s, label="proving the optimum") as stop:
             return task, prove_optimum(task, setup, warm_cache(), stop).cost

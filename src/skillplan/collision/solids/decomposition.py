@@ -62,18 +62,39 @@ class Decomposition:
         return max(self.outside_m, self.missing_m)
 
 
-@lru_cache(maxsize=64)
-def decomposition_of(mesh: Mesh) -> Decomposition:
+def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
     """Return the convex pieces of a mesh, from the user's cache or freshly made.
+
+    New pieces take seconds to minutes, which a line on stderr announces.
 
     A plugin makes them: a function under an entry point of the group ``skillplan.decomposition``
     that is given corners [m] and faces as arrays and returns corners and faces of every piece.
+
+    Parameters
+    ----------
+    mesh
+        Closed, not convex.
+    label
+        Name of the mesh in that line.
 
     Raises
     ------
     NoPieces
         If no plugin does, or it raises or returns what are no pieces.
     """
+    pieces = _pieces_of(mesh)
+    if not pieces:
+        pieces.append(_kept_or_made(mesh, label))
+    return pieces[0]
+
+
+@lru_cache(maxsize=64)
+def _pieces_of(mesh: Mesh) -> list[Decomposition]:
+    """Return the place in memory for the pieces of a mesh: a list, empty until they are known."""
+    return []
+
+
+def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
     entry = next(iter(sorted(decompositions(), key=lambda one: one.name)), None)
     if entry is None:
         raise NoPieces(
@@ -84,6 +105,12 @@ def decomposition_of(mesh: Mesh) -> Decomposition:
     kept = _kept(path)
     if kept is not None:
         return kept
+    # Shown on stderr by default, as warnings of the logging module are.
+    _LOG.warning(
+        "skillplan: making convex pieces of %s (%s faces), once on this machine ...",
+        label,
+        f"{len(mesh.faces):,}",
+    )
     try:
         made = _measured(mesh, _made(mesh, entry))
     except Exception as error:

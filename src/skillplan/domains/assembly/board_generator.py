@@ -201,6 +201,8 @@ class BoardGenerator:
                     line, 98, initial_indent="  ", subsequent_indent=" " * 6, break_on_hyphens=False
                 )
             yield ""
+        yield "collision: {aabb: {}}    # all parts are boxes along the axes"
+        yield ""
         yield "# Table II of Moller et al."
         yield "reward:"
         yield "  infeasible: -10.0"
@@ -242,7 +244,8 @@ class BoardGenerator:
         least, greatest = self.failures
         found = {}
         for number in _shuffled(self.parts, draw)[:count]:
-            probability = round(least + (greatest - least) * draw(), 2)
+            # The file holds two decimals, and a grasp that always fails is refused.
+            probability = min(round(least + (greatest - least) * draw(), 2), 0.99)
             if probability:
                 found[number] = probability
         return found

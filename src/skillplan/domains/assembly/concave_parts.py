@@ -12,14 +12,13 @@ from skillplan.task.shape import Mesh
 
 def piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield meshes that are not convex where nothing takes them apart into pieces that are."""
-    for name, index, mesh, given in _concave(config):
-        if given:
-            continue
+    concave = [entry for entry in _concave(config) if not entry[3]]
+    for number, (name, index, mesh, _) in enumerate(concave, 1):
         # Takes numpy, which most boards do without.
         from skillplan.collision.solids.decomposition import NoPieces, decomposition_of
 
         try:
-            decomposition_of(mesh)
+            decomposition_of(mesh, f"{name!r}, mesh {number} of {len(concave)}")
         except NoPieces as error:
             yield Issue(f"{error}.", ("parts", name, "meshes", index, "file"))
 

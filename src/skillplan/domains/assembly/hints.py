@@ -1,4 +1,4 @@
-"""What is valid in an assembly file, but found out late: wide grasps, and blocked feeders."""
+"""What is valid in an assembly file, but found out late: wide grasps, blocked feeders, dwells."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
 from skillplan.domains.assembly.gripping import grasps_of_part
+from skillplan.domains.assembly.handling.durations import given_kinds
 from skillplan.domains.assembly.handling.schema import GraspConfig
 from skillplan.domains.assembly.handling.sides import direction_name
 from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_pose
@@ -22,9 +23,27 @@ _ROUNDING_M = 1e-6
 
 
 def hints(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield parts that a real hand cannot grasp, and those that block a feeder at the start."""
+    """Yield parts that a hand cannot grasp or that block a feeder, and dwells without effect."""
     yield from _wide_grasps(config)
     yield from _blocked_feeders(config)
+    yield from _idle_dwells(config)
+
+
+def _idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield dwell times that are in no skill."""
+    for name, screw in config.screws.items():
+        if screw.feeder is None and "fetch" in given_kinds(screw):
+            message = f"has no effect, as {name!r} comes from no feeder. Give one, or leave it out."
+            yield Issue(message, ("screws", name, "durations_s", "fetch"))
+    for name, tool in config.tools.items():
+        screws = [screw for screw in config.screws.values() if screw.tool == name]
+        fetched = any(screw.feeder is not None for screw in screws)
+        holds = any(part.tool == name for part in config.parts.values())
+        does = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
+        for kind in given_kinds(tool):
+            if not does.get(kind, True):
+                message = f"has no effect, as no skill with {name!r} has this dwell. Leave it out."
+                yield Issue(message, ("tools", name, "durations_s", kind))
 
 
 def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:

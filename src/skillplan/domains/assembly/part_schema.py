@@ -42,7 +42,8 @@ from skillplan.task.pose import DOWN, Point
 from skillplan.task.shape import Mesh
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
-FailureProbability = Annotated[float, Field(ge=0, lt=1)]
+# Beyond, the expected number of tries exceeds what 53 bits can tell apart from never.
+FailureProbability = Annotated[float, Field(ge=0, le=1 - 1e-9)]
 
 
 def _listed(value: Any) -> Any:
@@ -202,7 +203,7 @@ class PartConfig(Strict):
         "from any of its six sides, closing along either axis there",
     )
     grasp_failure: FailureProbability = Field(
-        0.0, description="probability that a pick leaves it where it lies, below 1 [-]"
+        0.0, description="probability that a pick leaves it where it lies, at most 1 - 1e-9 [-]"
     )
     start_m: PlanarOrSpatial | None = Field(
         None,

@@ -137,7 +137,7 @@ class AssemblyConfig(Strict):
     )
     durations_s: DurationsConfig = Field(
         default_factory=DurationsConfig,
-        description="dwell times: how long the hand stays at a target to act, travel not counted "
+        description="dwell times: the hand stays so long at a target to act, travel not counted "
         "[s]; 'durations_s' of a part or screw comes first, then that of its tool",
     )
     tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)] = Field(
@@ -185,8 +185,8 @@ class AssemblyConfig(Strict):
     )
     collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
         {},
-        description="collision detectors and options, as {aabb: {}}; left out: the chart, "
-        "or else aabb",
+        description="collision detectors and options, as {aabb: {}}; left out: swept if it is "
+        "installed, or else aabb. A chart is checked in addition; {precedence: {}} checks it alone",
     )
     family: FamilyConfig | None = Field(
         None,

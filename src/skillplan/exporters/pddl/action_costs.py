@@ -134,17 +134,20 @@ class Variants:
 
     def _places(self, region: Region, bits: int) -> int:
         """Return the group that says where the robot stands, which becomes the parameter."""
-        facts = self._model.task.facts
+        # An empty region has no actions, whatever their parameter.
+        _, ruled_out = self._states.close(region) or region
         largest, most = 0, 1
         for group in self._states.groups(bits & ~region[0]):
-            names = facts.names_of(group)
-            kinds = {name.partition("(")[0] if "(" in name else "" for name in names}
-            if len(kinds) != 1 or "" in kinds:
-                continue
-            choices = self._states.choices(group, region)
-            if len(choices) > most and all(true & group for true, _ in choices):
-                largest, most = group, len(choices)
+            left = (group & ~ruled_out).bit_count()
+            if left > most and self._states.is_exact(group) and self._is_of_one_kind(group):
+                largest, most = group, left
         return largest
+
+    def _is_of_one_kind(self, group: int) -> bool:
+        """Whether all facts of a group are of one predicate with an argument."""
+        names = self._model.task.facts.names_of(group)
+        kinds = {name.partition("(")[0] for name in names}
+        return len(kinds) == 1 and all("(" in name for name in names)
 
     def _split(
         self, case: Case, feasible: FeasibleRegion, groups: Sequence[int], where: int
@@ -185,8 +188,7 @@ class Variants:
         facts = self._model.task.facts
         label = " ".join(filter(None, [case.label, part.label]))
         requires, forbids = facts.state(part.requires), facts.state(part.forbids)
-        open_ones = self._states.choices(where, (part.requires, part.forbids)) if where else []
-        if not matters and all(true & where & part.places for true, _ in open_ones):
+        if not matters and not self._excludes_places(part, where):
             cost = self._cost(case.skill, part.region)
             action = Variant(case.skill, label, requires, forbids, case.outcome, {}, cost)
             return action if math.isfinite(cost) else None
@@ -197,6 +199,12 @@ class Variants:
         origins = {place: cost for place, cost in origins.items() if math.isfinite(cost)}
         action = Variant(case.skill, label, requires, forbids, case.outcome, origins)
         return action if origins else None
+
+    def _excludes_places(self, part: _Part, where: int) -> bool:
+        """Whether the robot must not stand in some places that a part's facts leave open."""
+        facts = (part.requires, part.forbids)
+        choices = self._states.choices(where, facts) if where else []
+        return not all(true & where & part.places for true, _ in choices)
 
     def _cost(self, skill: Skill, region: Region) -> float:
         """Return the cost in a region; infinite if the skill has none there."""

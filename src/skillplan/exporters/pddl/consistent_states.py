@@ -7,7 +7,8 @@ inferred if all others of its group are ruled out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from skillplan.model.fact_analysis import each_bit
 from skillplan.task.skill import Outcome
@@ -35,6 +36,9 @@ class ConsistentStates:
         for number, mask in enumerate(masks):
             for bit in each_bit(mask):
                 self._groups_of.setdefault(bit.bit_length(), []).append(number)
+        several = (number for number, groups in self._groups_of.items() if len(groups) > 1)
+        # Only through these facts does one group tell anything about another.
+        self._shared = sum(1 << (number - 1) for number in several)
 
     def choices(self, group: int, region: Region) -> list[Region]:
         """Return regions that split `region` by the facts of a group, or by one fact.
@@ -46,11 +50,14 @@ class ConsistentStates:
         region
             The region that is split.
         """
-        exact = any(mask == group and one for mask, one in self._groups)
         cases = [(bit, group & ~bit) for bit in each_bit(group)]
-        cases += [] if exact else [(0, group)]
+        cases += [] if self.is_exact(group) else [(0, group)]
         split = ((region[0] | true, region[1] | false) for true, false in cases)
         return [part for part in split if self.member(part) is not None]
+
+    def is_exact(self, group: int) -> bool:
+        """Whether exactly one fact of a group holds in every state."""
+        return any(mask == group and exact for mask, exact in self._groups)
 
     def groups(self, bits: int) -> list[int]:
         """Return the groups that facts belong to, as bits; facts without a group as their own."""
@@ -68,27 +75,44 @@ class ConsistentStates:
 
     def member(self, region: Region) -> State | None:
         """Return a state of a region, as similar to the initial one as found; None if empty."""
-        initial = self.task.initial.bits
         closed = self.close(region)
-        todo = [] if closed is None else [closed]
+        todo: list[Iterator[Region]] = [iter([] if closed is None else [closed])]
         while todo:
-            true, false = todo.pop()
-            group = next((g for g in self._groups if not g[0] & true and g[0] & ~false), None)
+            smaller = next(todo[-1], None)
+            if smaller is None:
+                todo.pop()
+                continue
+            group = self._open_group(*smaller)
             if group is None:
-                free = initial & ~(true | false)
-                return self.task.facts.state(true | free)
-            mask, exact = group
-            left = mask & ~false
-            # The last one is looked at first.
-            order = sorted(each_bit(left), key=lambda bit: (bool(bit & initial), -bit))
-            tries = [] if exact else [self._propagate(true, false | left, self._around(left))]
-            tries += [self._propagate(true | bit, false, self._around(bit)) for bit in order]
-            todo += [one for one in tries if one is not None]
+                known = smaller[0] | smaller[1]
+                return self.task.facts.state(smaller[0] | self.task.initial.bits & ~known)
+            todo.append(self._branches(smaller, group))
         return None
 
-    def _around(self, bits: int) -> list[int]:
-        """Return the numbers of the groups that some facts belong to."""
-        return [n for bit in each_bit(bits) for n in self._groups_of.get(bit.bit_length(), ())]
+    def _open_group(self, true: int, false: int) -> int | None:
+        """Return the number of a group of which it is open what holds."""
+        for number, (mask, _) in enumerate(self._groups):
+            if not mask & true and mask & ~false:
+                return number
+        return None
+
+    def _branches(self, region: Region, number: int) -> Iterator[Region]:
+        """Yield a region by the facts of a group that it leaves open, the initial one first."""
+        true, false = region
+        mask, exact = self._groups[number]
+        left = mask & ~false
+        first = left & self.task.initial.bits
+        bits = chain(each_bit(first), each_bit(left & ~first), () if exact else (0,))
+        for bit in bits:
+            case = (true | bit, false if bit else false | left)
+            closed = self._propagate(*case, [number, *self._around(bit or left)])
+            if closed is not None:
+                yield closed
+
+    def _around(self, changed: int) -> Iterator[int]:
+        """Yield the numbers of the groups that share facts that have changed with other groups."""
+        for bit in each_bit(changed & self._shared):
+            yield from self._groups_of[bit.bit_length()]
 
     def _propagate(self, true: int, false: int, numbers: Iterable[int]) -> Region | None:
         todo = [*numbers]

@@ -12,11 +12,9 @@ from skillplan.exporters.handover import Handover
 from skillplan.model.replay import Replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
-from skillplan.pipeline.setup import DEFAULT_PHYSICS, Setup
+from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.plugins.blame import blame
 
-CHART = "precedence"
-"""The detector that goes by the hand-made chart."""
 _Said = TypeVar("_Said")
 
 

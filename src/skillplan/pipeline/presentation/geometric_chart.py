@@ -9,10 +9,8 @@ from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_feasibility
-from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
+from skillplan.pipeline.setup import BOXES, DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.task.task import Task
-
-_BOXES = "aabb"
 
 
 def geometric_chart(
@@ -37,10 +35,12 @@ def geometric_chart(
     BackEndError
         If a back end fails.
     """
-    chosen = replace(setup, physics=setup.physics or DEFAULT_PHYSICS, screening=False)
-    tried = [chosen.collision] if chosen.collision else [(SCREEN,), (_BOXES,)]
+    chosen = replace(
+        setup, physics=setup.physics or DEFAULT_PHYSICS, screening=False, with_chart=False
+    )
+    tried = [chosen.collision] if chosen.collision else [(SCREEN,), (BOXES,)]
     if not chosen.collision and not chosen.has_screen(task):
-        tried = [(_BOXES,)]
+        tried = [(BOXES,)]
     for names in tried:
         try:
             made = replace(chosen, collision=names).back_ends(task)

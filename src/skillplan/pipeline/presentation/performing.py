@@ -9,6 +9,7 @@ from pathlib import Path
 from skillplan.checks.single_check import introduce
 from skillplan.errors import BackEndError, OptionError, PluginError
 from skillplan.physics.performance import Performance, Performer, Sample
+from skillplan.physics.planned_motion import MOST_PLAYED_S
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.taken_ways import by_ways
@@ -72,7 +73,7 @@ class Performed:
     performance
         What was measured.
     samples
-        The rows of the trace.
+        The rows of the trace; none of a plan that is too long to be played.
     back_end
         The engine.
     """
@@ -122,7 +123,7 @@ def perform_plan(
         return f"no engine that moves bodies is installed: pip install {known}"
     chosen = [choice.name for choice in setup.named_collision_choices(task)]
     detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
-    taking = replace(setup, physics=engine, collision=detectors, screening=False)
+    taking = replace(setup, physics=engine, collision=detectors, screening=False, with_chart=False)
     try:
         made = introduce(taking.back_ends(task))
     except OptionError as error:
@@ -132,7 +133,8 @@ def perform_plan(
     under_way = [""]
 
     def note(sample: Sample) -> None:
-        samples.append(sample)
+        if sample.time_s <= MOST_PLAYED_S:
+            samples.append(sample)
         if sample.skill and sample.skill != under_way[0]:
             under_way[0] = sample.skill
             begun(sample.skill)
@@ -147,7 +149,8 @@ def perform_plan(
             lambda words: f"Back end {engine!r} failed: {words}",
             BackEndError,
         )
-    return Performed(engine, performance, samples, performer)
+    kept = samples if performance.simulated_s <= MOST_PLAYED_S else []
+    return Performed(engine, performance, kept, performer)
 
 
 def _performer(made: Sequence[BackEnd]) -> Performer:

@@ -1,17 +1,20 @@
-"""How the arm moves in a plan that no engine performs: along its planned paths."""
+"""How the arm moves in a plan, and how long it takes: along its planned paths."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from skillplan.checks.single_check import introduce
 from skillplan.errors import BackEndError, OptionError
 from skillplan.physics.planned_motion import MotionPlans, PlannedMotion
 from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan.plugins.blame import blame
+from skillplan.records.execution.simulation import PlannedTimes
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
@@ -46,7 +49,9 @@ def plan_motion(
     """
     if SCREEN not in registry.names("collision"):
         return "nothing that plans paths is installed: pip install skillplan-pinocchio"
-    asked = replace(setup, physics=DEFAULT_PHYSICS, collision=(SCREEN,), screening=False)
+    asked = replace(
+        setup, physics=DEFAULT_PHYSICS, collision=(SCREEN,), screening=False, with_chart=False
+    )
     try:
         made = introduce(asked.back_ends(task))
     except OptionError as error:
@@ -66,3 +71,41 @@ def plan_motion(
             lambda words: f"Back end {SCREEN!r} failed: {words}",
             BackEndError,
         )
+
+
+def planned_times(
+    task: Task,
+    skills: Sequence[Skill],
+    timed_by: str,
+    options: Mapping[str, Mapping[str, Any]],
+) -> PlannedTimes | None:
+    """Return how long the skills of a plan take as planned; None if an engine planned them.
+
+    Parameters
+    ----------
+    task
+        Whose plan it is.
+    skills
+        The plan, each applicable when its turn comes, and with one motion at most.
+    timed_by
+        Names of the detectors that plan trajectories, by commas; empty for travel by the task.
+    options
+        Option values by plugin.
+
+    Raises
+    ------
+    OptionError
+        If a detector refuses the task or an option is wrong.
+    BackEndError
+        If a back end fails.
+    """
+    names = tuple(filter(None, timed_by.split(",")))
+    if not set(names) <= set(registry.names("collision")):
+        return None
+    setup = Setup(DEFAULT_PHYSICS, names, options)
+    back_ends = introduce(setup.back_ends(task)) if names else []
+    model, state, durations_s = make_model(task, setup, back_ends=back_ends), task.initial, []
+    for skill in skills:
+        durations_s.append(model.duration_s(state, skill))
+        state = skill.prediction_in(state).apply(state)
+    return PlannedTimes(durations_s, timed_by)

@@ -22,7 +22,7 @@ from skillplan.judge.plain_solution import plain_plan
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline.search.found import Found
 from skillplan.pipeline.search.solver_call import blamed, plain_answer
-from skillplan.plugins.blame import traceback_text
+from skillplan.plugins.blame import ends_program, traceback_text
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Progress, Stop
@@ -117,7 +117,9 @@ def _portable(name: str, solution: Solution) -> Solution:
         return solution
     try:
         return replace(solution, found=Policy(dict(found.items())))
-    except Exception as error:
+    except BaseException as error:
+        if ends_program(error):
+            raise
         words = f"The solver {name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from skillplan.errors import SearchStopped, SolverError
 from skillplan.judge.plain_solution import plain_solution
 from skillplan.model.skill_model import SkillModel
-from skillplan.plugins.blame import blame
+from skillplan.plugins.blame import blame, ends_program
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
@@ -58,6 +58,8 @@ def plain_answer(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> So
         )
     try:
         return plain_solution(solution)
-    except Exception as error:
+    except BaseException as error:
+        if ends_program(error):
+            raise
         words = f"The solver {solver.name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None

@@ -15,6 +15,101 @@ from skillplan.task.task import Task
 
 
 @dataclass(frozen=True)
+class PlannedTimes:
+    """Times of a plan as it was planned.
+
+    Parameters
+    ----------
+    durations_s
+        Of every skill [s].
+    timed_by
+        The back ends that planned the trajectories; empty if travel is by the task's speed.
+    """
+
+    durations_s: Sequence[float]
+    timed_by: str
+
+
+@dataclass(frozen=True)
+class TimeDifference:
+    """Difference of simulated and planned time, over the skills that succeeded.
+
+    Parameters
+    ----------
+    simulated_s, planned_s
+        Times of those skills [s].
+    settling_s
+        Time before the first skill, in which the world comes to rest [s].
+    acting_s
+        Time at targets beyond the dwells [s]; None if the engine does not measure it.
+    moving_s
+        Travels and strokes, less those that were planned [s]; None with `acting_s`.
+    timed_by
+        As of `PlannedTimes`.
+    """
+
+    simulated_s: float
+    planned_s: float
+    settling_s: float
+    acting_s: float | None
+    moving_s: float | None
+    timed_by: str
+
+    @property
+    def difference_s(self) -> float:
+        """Simulated less planned time [s]."""
+        return self.simulated_s - self.planned_s
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        return {
+            "simulated_s": self.simulated_s,
+            "planned_s": self.planned_s,
+            "timed_by": self.timed_by,
+            "difference_s": self.difference_s,
+            "settling_s": self.settling_s,
+            "acting_s": self.acting_s,
+            "moving_s": self.moving_s,
+        }
+
+
+def time_difference(
+    task: Task, skills: Sequence[Skill], planned: PlannedTimes, performance: Performance
+) -> TimeDifference | None:
+    """Return the difference of simulated and planned time; None if no skill succeeded.
+
+    Parameters
+    ----------
+    task, skills
+        The plan.
+    planned
+        Its planned times.
+    performance
+        Its simulation.
+    """
+    state, dwells_s = task.initial, 0.0
+    done = []
+    for skill, one in zip(skills, performance.skills, strict=False):
+        if not one.verdict.is_feasible:
+            break
+        visits = () if skill.motion is None else skill.motion.visits(state)
+        dwells_s += sum(visit.dwell_s for visit in visits)
+        state = skill.prediction_in(state).apply(state)
+        done.append(one)
+    if not done:
+        return None
+    planned_s = sum(planned.durations_s[: len(done)])
+    acted = [one.acting_s for one in done if one.acting_s is not None]
+    acting_s = sum(acted) - dwells_s if len(acted) == len(done) else None
+    settling_s = done[0].begin_s
+    difference_s = done[-1].end_s - planned_s
+    moving_s = None if acting_s is None else difference_s - settling_s - acting_s
+    return TimeDifference(
+        done[-1].end_s, planned_s, settling_s, acting_s, moving_s, planned.timed_by
+    )
+
+
+@dataclass(frozen=True)
 class Simulation:
     """What became of a plan in simulation.
 
@@ -34,6 +129,8 @@ class Simulation:
         What was written besides, by option.
     obstacle
         Why the plan cannot be gone through, by its preconditions alone; None where it can.
+    planned
+        Planned times; None if they are not known.
     """
 
     task: Task
@@ -44,6 +141,7 @@ class Simulation:
     stopped: bool = False
     files: Mapping[str, str] | None = None
     obstacle: str | None = None
+    planned: PlannedTimes | None = None
 
     @property
     def feasible(self) -> bool:
@@ -64,9 +162,16 @@ class Simulation:
         """How many simulated steps were made a second [1/s]; None where no time has passed."""
         return self.performance.steps / self.wall_s if self.wall_s > 0 else None
 
+    @property
+    def times(self) -> TimeDifference | None:
+        """Difference of simulated and planned time; None if it is not known."""
+        if self.planned is None:
+            return None
+        return time_difference(self.task, self.skills, self.planned, self.performance)
+
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.simulation/1``."""
-        task, made = self.task, self.performance
+        task, made, times = self.task, self.performance, self.times
         return {
             "schema": schemas.SIMULATION,
             "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
@@ -77,6 +182,8 @@ class Simulation:
             "stopped": self.stopped,
             "obstacle": self.obstacle,
             "simulated_s": made.simulated_s,
+            "held_s": made.held_s,
+            "times": None if times is None else times.document(),
             "steps": made.steps,
             "wall_s": self.wall_s,
             "steps_per_s": self.steps_per_s,
@@ -90,6 +197,8 @@ class Simulation:
                     "reason": one.verdict.reason or None,
                     "begin_s": one.begin_s,
                     "end_s": one.end_s,
+                    "acting_s": one.acting_s,
+                    "planned_s": None if self.planned is None else self.planned.durations_s[index],
                     "evidence": dict(one.verdict.evidence),
                 }
                 for index, (skill, one) in enumerate(zip(self.skills, made.skills, strict=False))

@@ -122,6 +122,8 @@ class StoredResult(StoredClaims):
         What was solved, and from which file; no origin where it was from none.
     physics, collision
         Names of the back ends that were queried, the latter with commas.
+    timed_by
+        The back ends that planned the trajectories; empty without.
     dwells_from
         Key paths that the dwell times are from; None of a version before the task had all of them.
     replans
@@ -134,6 +136,7 @@ class StoredResult(StoredClaims):
     origin: StoredOrigin | None = None
     physics: str
     collision: str
+    timed_by: str = ""
     dwells_from: list[str] | None = None
     replans: int = 0
     sequences: list[StoredPart] | None = None

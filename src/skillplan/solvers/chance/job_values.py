@@ -4,8 +4,8 @@ Bellman's equations over the sets of jobs that may be done, and the places where
 then: after a job, or where beginning one has failed. A failure changes nothing else, so that it
 leaves the set as it is, and values of a set follow from those of larger ones and from each other.
 With Held and Karp's states (1962) that is a finite-horizon program with a small fixed point in each
-of its stages; the fixed point is approached from below, by a contraction with the largest
-probability of failing.
+of its stages; the fixed point is approached from above, from the values of trying a job again until
+it succeeds.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ from skillplan.task.task import Task
 
 Costs = NDArray[np.float64]
 
-# Values that a sweep changes by less, as a fraction of the largest, have come to rest.
+# Values that a sweep changes by less, as a fraction of themselves, have come to rest.
 _AT_REST = 1e-15
-_MOST_SWEEPS = 20_000
+# From above a few sweeps suffice, unless it is best to try several jobs in turns.
+_MOST_SWEEPS = 1_000
 # What costs differently by no more than this is the same.
 _ROUNDING = 1e-12
 
@@ -101,7 +102,7 @@ class JobValues(Mapping[State, Skill]):
     Attributes
     ----------
     cost
-        The least expected cost from the initial state, from below.
+        The least expected cost from the initial state.
     sets
         How many sets of jobs may be done.
 
@@ -125,7 +126,7 @@ class JobValues(Mapping[State, Skill]):
         self._ways = self._situations.ways()
         self._after = values_of_sets(states.layers, states.needs, self._ways, stop)
         if not self._after:
-            raise states.no("there was no time to work out all values")
+            raise states.no("its values were not worked out in time, or did not come to rest")
         self._onward: dict[int, Costs] = {}
         self._said: dict[State, Skill] = {}
         self.cost = 0.0
@@ -181,7 +182,10 @@ class JobValues(Mapping[State, Skill]):
                 states.needs,
                 self._ways,
             )
-            found = self._onward[done] = _after_a_try(onward, self._ways)[:, 0]
+            begun = _after_a_try(onward, self._ways)
+            if begun is None:
+                raise states.no("its values did not come to rest")
+            found = self._onward[done] = begun[:, 0]
         return found
 
 
@@ -304,7 +308,7 @@ def values_of_sets(
     ways
         What beginning jobs costs.
     stop
-        When to give up; then nothing is returned.
+        When to give up; then nothing is returned, and neither if values do not come to rest.
 
     Returns
     -------
@@ -316,6 +320,8 @@ def values_of_sets(
     for size in range(count - 1, 0, -1):
         onward = _onward(layers[size], layers[size + 1], found[-1], needs, ways)
         begun = _after_a_try(onward, ways)
+        if begun is None:
+            return []
         least = np.full((count, len(layers[size])), np.inf)
         for last in range(count):
             for job in range(count):
@@ -338,43 +344,67 @@ def _onward(here: Sets, above: Sets, values: Costs, needs: Sequence[int], ways: 
     return found
 
 
-def _after_a_try(onward: Costs, ways: Ways) -> Costs:
-    """Return what is to pay once the first skill of a job was tried, shape (n, sets).
+def _after_a_try(onward: Costs, ways: Ways) -> Costs | None:
+    """Return the cost that is left once the first skill of a job was tried, shape (n, sets).
 
-    Where it fails, that is the value of the situation which the failure leaves: a fixed point,
-    approached from below.
+    If the try fails, it is the value of the situation that the failure leaves. The values are
+    approached from above, from the policy that tries a job again until it succeeds: its values
+    have a closed form, so that failures that are almost certain cost no more sweeps than others.
+
+    Returns
+    -------
+    ndarray or None
+        None if the values have not come to rest.
     """
-    succeeded = onward * ways.success[:, None]
+    begun = onward * ways.success[:, None]
     failing = [job for job, pairs in enumerate(ways.lost) if pairs]
     if not failing:
-        return succeeded
-    begun = succeeded.copy()
-    places = sorted({number for pairs in ways.lost for _, number in pairs})
-    sure = [job for job in range(len(onward)) if not ways.lost[job]]
-    base = {}
-    for number in places:
-        least = np.full(onward.shape[1], np.inf)
-        for job in sure:
-            if ways.costs[number, job] < np.inf:
-                np.minimum(least, succeeded[job] + ways.costs[number, job], out=least)
-        base[number] = least
-    values = {number: np.zeros(onward.shape[1]) for number in places}
+        return begun
+    succeeded = begun.copy()
+    for job in failing:
+        again = sum(share * ways.costs[number, job] for share, number in ways.lost[job])
+        begun[job] = onward[job] + again / ways.success[job]
     for _ in range(_MOST_SWEEPS):
-        for job in failing:
-            begun[job] = succeeded[job]
-            for share, number in ways.lost[job]:
-                begun[job] += share * values[number]
         change = 0.0
-        for number in places:
-            least = base[number].copy()
-            for job in failing:
-                if ways.costs[number, job] < np.inf:
-                    np.minimum(least, begun[job] + ways.costs[number, job], out=least)
-            finite = np.isfinite(least)
+        for job in failing:
+            value = _tried_again(job, begun, succeeded[job], ways)
+            finite = np.isfinite(value)
             if finite.any():
-                moved = np.abs(least[finite] - values[number][finite]).max()
-                change = max(change, float(moved) / max(1.0, float(least[finite].max())))
-            values[number] = least
+                moved = np.abs(value[finite] - begun[job][finite]) / np.maximum(1.0, value[finite])
+                change = max(change, float(moved.max()))
+            begun[job] = value
         if change <= _AT_REST:
-            break
-    return begun
+            return begun
+    return None
+
+
+def _tried_again(job: int, begun: Costs, succeeded: Costs, ways: Ways) -> Costs:
+    """Return the cost that is left once a job was tried, shape (sets,).
+
+    A failure after which the same job is the best one returns to where it was; its share is
+    divided out.
+
+    Parameters
+    ----------
+    job
+        One that may fail.
+    begun
+        Of every job the best known cost, shape (n, sets).
+    succeeded
+        Cost that is left after a success, times its probability, shape (sets,).
+    ways
+        Costs of beginning jobs.
+    """
+    total = succeeded.copy()
+    leaving = np.full(len(total), ways.success[job])
+    for share, number in ways.lost[job]:
+        other = np.full(len(total), np.inf)
+        for following in np.flatnonzero(np.isfinite(ways.costs[number])):
+            if following != job:
+                np.minimum(other, begun[following] + ways.costs[number, following], out=other)
+        returns = begun[job] + ways.costs[number, job] <= other
+        total += share * np.where(returns, ways.costs[number, job], other)
+        leaving += np.where(returns, 0.0, share)
+    # From above values only fall: by rounding alone they would go up and down for ever.
+    value: Costs = np.minimum(begun[job], total / leaving)
+    return value

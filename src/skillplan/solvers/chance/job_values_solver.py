@@ -69,7 +69,7 @@ class JobValuesSolver(Solver):
         begin_s = time.perf_counter()
         values = job_values(model, self.options.sets, self.stop)
         if values is None:
-            why = _obstacle(model) or "no values were worked out before it was stopped"
+            why = _obstacle(model) or "values were not worked out in time, or did not come to rest"
             return Solution(trace={"reason": why})
         trace: dict[str, Any] = {
             "values_s": time.perf_counter() - begin_s,

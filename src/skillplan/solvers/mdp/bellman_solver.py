@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from skillplan.model.policy_value import Convergence
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
@@ -25,6 +26,9 @@ from skillplan.solvers.solution import Plan, Solution
 
 # Values that differ by less, as a fraction of the largest, are taken as equal.
 _TIE = 1e-12
+# Under chance a difference may be paid with every try, so that closer ones are told apart.
+_TIES = (_TIE, 1e-14, 1e-15, 3e-16)
+_SAME_COST = 1e-10
 _CONVERGED = 1e-14
 _MOST_SWEEPS = 1_000_000
 # A policy on so many states is evaluated by a dense linear system, in a second at most.
@@ -141,27 +145,68 @@ class BellmanSolver(TabularSolver):
         every = np.ones(len(mdp.actions), dtype=np.bool_)
         chosen, order, allowed = proper_policy(choices, every, mdp.goal)
         free = np.where(mdp.goal, 0.0, np.inf)
-        costs = free
-        iterations = 0
-        for weights in (mdp.costs, mdp.durations_s):
-            found = self.minimise(
-                Minimisation(
-                    choices, allowed, weights, 1.0, chosen, order, free.copy(), deterministic
-                )
-            )
-            if weights is mdp.costs:
-                costs, iterations = found.values, found.iterations
-            if not found.finished:
-                return Optimum(costs, found.chosen, iterations, weights is not mdp.costs)
-            margin = _margin(found.values)
-            allowed = tight_rows(choices, allowed, weights, 1.0, found.values, margin)
-            chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        task = Minimisation(
+            choices, allowed, mdp.costs, 1.0, chosen, order, free.copy(), deterministic
+        )
+        found = self.minimise(task)
+        if not found.finished:
+            return found
+        for tie in _TIES:
+            policy = self._fastest(mdp, replace(task, values=free.copy()), found.values, tie)
+            if policy is None:
+                continue
+            if deterministic or self._costs_as_much(task, policy, found.values):
+                return replace(found, chosen=policy)
+        # Rounding hides which rows are the best.
+        return replace(found, finished=False)
+
+    def _fastest(
+        self, mdp: TabularMDP, task: Minimisation, costs: NDArray[np.float64], tie: float
+    ) -> NDArray[np.int64] | None:
+        """Return a proper policy of the least expected time among those of the least costs.
+
+        Parameters
+        ----------
+        mdp, task
+            The model, and what was minimised.
+        costs
+            Least cost of every state, shape (n,).
+        tie
+            Rows whose costs differ by less are equal, as a fraction of the largest cost.
+
+        Returns
+        -------
+        ndarray or None
+            Row of every state, the lowest action among equals, shape (n,). None if no row of some
+            state is within the tie.
+        """
+        choices = task.choices
+        allowed = tight_rows(choices, task.allowed, mdp.costs, 1.0, costs, _margin(costs, tie))
+        chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        if (chosen[task.order] < 0).any():
+            return None
+        found = self.minimise(replace(task, allowed=allowed, weights=mdp.durations_s, start=chosen))
+        if not found.finished:
+            return found.chosen
+        margin = _margin(found.values, _TIE)
+        allowed = tight_rows(choices, allowed, mdp.durations_s, 1.0, found.values, margin)
+        chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        if (chosen[task.order] < 0).any():
+            return None
         lowest = first_allowed(mdp.rows, allowed)
         only = np.zeros(len(mdp.actions), dtype=np.bool_)
         only[lowest[lowest >= 0]] = True
-        if ((proper_policy(choices, only, mdp.goal)[0] >= 0) == (chosen >= 0)).all():
-            chosen = lowest
-        return Optimum(costs, chosen, iterations, True)
+        proper = proper_policy(choices, only, mdp.goal)[0] >= 0
+        return lowest if (proper == (chosen >= 0)).all() else chosen
+
+    def _costs_as_much(
+        self, task: Minimisation, chosen: NDArray[np.int64], costs: NDArray[np.float64]
+    ) -> bool:
+        """Whether a policy has the least costs: what seems equal adds up over many tries."""
+        values = task.values.copy()
+        converged = self.evaluate(task, chosen, values)[1]
+        allowed = _SAME_COST * max(1.0, abs(float(costs[0])))
+        return converged and not abs(float(values[0]) - float(costs[0])) > allowed
 
     def _most_reward(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
         choices, gamma = Choices.of(mdp), self.options.gamma
@@ -179,7 +224,7 @@ class BellmanSolver(TabularSolver):
         )
         if not found.finished:
             return found
-        margin = _margin(found.values)
+        margin = _margin(found.values, _TIE)
         tight = tight_rows(choices, every, weights, gamma, found.values, margin)
         return Optimum(found.values, first_allowed(mdp.rows, tight), found.iterations, True)
 
@@ -234,9 +279,10 @@ class BellmanSolver(TabularSolver):
             Number of sweeps, and whether values have converged; false if stopped before.
         """
         allowed = task.allowed if allowed is None else allowed
+        convergence = Convergence(_CONVERGED)
         for sweeps in range(1, _MOST_SWEEPS + 1):
             change = sweep(task.choices, allowed, task.weights, task.gamma, values, task.order)
-            if not change or change <= _CONVERGED * max(1.0, np.abs(values[task.order]).max()):
+            if convergence.reached(change, float(np.abs(values[task.order]).max(initial=0.0))):
                 return sweeps, True
             if self.stop():
                 return sweeps, False
@@ -285,11 +331,17 @@ def _solved(
     outcomes = first + np.arange(len(owners))
     following = choices.successors[outcomes]
     shares = task.gamma * choices.probabilities[outcomes]
-    inside = place[following] >= 0
+    # Outcomes that stay are divided out: with failures that are almost certain, the equations
+    # would lose all digits.
+    stays = following == order[owners]
+    leaving = (1.0 - task.gamma) + np.bincount(owners[~stays], shares[~stays], minlength=n)
+    shares = shares / leaving[owners]
+    inside = (place[following] >= 0) & ~stays
+    outside = (place[following] < 0) & ~stays
     matrix = np.eye(n)
     np.subtract.at(matrix, (owners[inside], place[following[inside]]), shares[inside])
-    known = task.weights[rows].astype(np.float64)
-    np.add.at(known, owners[~inside], shares[~inside] * values[following[~inside]])
+    known = task.weights[rows] / leaving
+    np.add.at(known, owners[outside], shares[outside] * values[following[outside]])
     return np.linalg.solve(matrix, known).astype(np.float64)
 
 
@@ -308,9 +360,9 @@ def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArra
     return np.where(first < rows[1:], first, -1)
 
 
-def _margin(values: NDArray[np.float64]) -> float:
+def _margin(values: NDArray[np.float64], tie: float) -> float:
     finite = values[np.isfinite(values)]
-    return _TIE * max(1.0, float(np.abs(finite).max(initial=0.0)))
+    return tie * max(1.0, float(np.abs(finite).max(initial=0.0)))
 
 
 def _plan_rows(mdp: TabularMDP, chosen: NDArray[np.int64]) -> list[int]:

@@ -111,7 +111,7 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
         sections.append(precedence_section(given.graph, name))
     sections.append(refusals_section(task, document, given.graph, measured))
     if measured is not None:
-        sections.append(measured_section(measured, given.engine))
+        sections.append(measured_section(task, document, measured, given.engine))
     sections += given.extra
     sections.append(summary_section(document, given.description, given.plugins, given.certificate))
     took_s = measured.simulated_s if measured is not None and measured.failed is None else None

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
+from skillplan.records.execution.simulation import PlannedTimes, time_difference
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
 from skillplan.views.pictures.drawing import Drawing, Shape
@@ -22,6 +23,7 @@ from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.summary import planned_by
 from skillplan.views.report.tables import note, number, numbers, seconds, table
+from skillplan.views.tables.simulation import difference_words
 
 
 def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> Markup:
@@ -183,8 +185,10 @@ def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
     return Section("refused", "Unreachable or refused", made)
 
 
-def measured_section(performance: Performance, engine: str) -> Section:
-    """Return how far from their goals bodies ended."""
+def measured_section(
+    task: Task, document: Mapping[str, Any], performance: Performance, engine: str
+) -> Section:
+    """Return how far from their goals bodies ended, and how the time differs from the plan's."""
     rows = [
         [
             one.body,
@@ -197,6 +201,14 @@ def measured_section(performance: Performance, engine: str) -> Section:
         f"Executed by {engine} in one continuous world: {performance.simulated_s:.2f} s, "
         f"{performance.steps:,} steps."
     )
+    steps = _steps(document)
+    planned = PlannedTimes(
+        [float(step["duration_s"]) for step in steps], str(document.get("timed_by") or "")
+    )
+    skills = [task.skill(str(step["skill"])) for step in steps]
+    times = time_difference(task, skills, planned, performance)
+    if times is not None:
+        words += f" Times: {difference_words(times, performance.pace)}."
     columns = ["body", "off its goal [mm]", "turned off it [deg]"]
     made = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
     return Section("measured", "As simulated", join([note(words), made]))

@@ -28,7 +28,8 @@ def chain_tables(result: ChainResult) -> list[Table]:
         Column("seconds", right=True),
     )
     rows = [_row(part) for part in result.parts]
-    notes = [f"status     {PROOF[result.status]}{_because(result)}", *proved_by_notes(result)]
+    notes = [f"status     {PROOF[result.status]}{_because(result)}"]
+    notes += [*proved_by_notes(result), *not_checked_notes(result.not_checked)]
     if result.cost is not None:
         main = result.main[0].task
         notes += [
@@ -40,7 +41,6 @@ def chain_tables(result: ChainResult) -> list[Table]:
             notes.append(f"stored     {reused} tasks answered by a policy learned before")
     if result.replans:
         notes.append(f"replanned  {result.replans} times, with heads closer together")
-    notes += not_checked_notes(result.not_checked)
     notes.append(f"effort     {result.wall_s:.2f} s")
     title = f"{result.name}: {result.solver}, physics {result.parts[-1].result.physics}, collision "
     title += result.parts[-1].result.collision or "none"

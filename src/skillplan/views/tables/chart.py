@@ -50,9 +50,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     if chart.cycle:
         first, *others = conflict_lines(task, chart.relations)
         notes += [f"No order exists: {first}", *others]
-    elif chart.contradiction:
-        circle = " before ".join(chart.contradiction)
-        notes.append(f"Derived and hand-made relations contradict each other: {circle}.")
+    notes += chart.contradictions
     title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"
     return Table(title, columns, rows, notes)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from skillplan.records.checked import Checked
 from skillplan.records.preview import Preview
 from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.results import not_checked_notes
 from skillplan.views.text.table import Column, Table
 
 
@@ -29,6 +30,7 @@ def _tasks(checked: Checked) -> Table:
         for task in checked.document()["tasks"]
     ]
     notes = [f"kind       {checked.problem.kind}", f"sha256     {checked.problem.sha256}"]
+    notes += not_checked_notes(checked.not_checked)
     return Table(
         f"{checked.problem.name}: valid", columns, rows, [*notes, *_preview_notes(checked.preview)]
     )

@@ -33,7 +33,7 @@ def plan_table(result: Result, task: Task) -> Table:
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
     notes = status_notes(result.status, result.reason)
-    notes += proved_by_notes(result)
+    notes += [*proved_by_notes(result), *not_checked_notes(result.not_checked)]
     bound = _bound_note(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
@@ -55,7 +55,6 @@ def plan_table(result: Result, task: Task) -> Table:
         if key in result.trace
     ]
     notes += _trace_notes(result, task.metric.decimals)
-    notes += not_checked_notes(result.not_checked)
     nodes = "-" if result.expanded is None else result.expanded
     timed = task.metric.is_duration and result.timed_by
     asked = f"{result.trajectories} trajectories, " if timed else ""

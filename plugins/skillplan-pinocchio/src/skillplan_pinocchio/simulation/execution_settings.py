@@ -77,3 +77,11 @@ class ExecutionSettings(back_end.Options):
         le=0.02,
         description="how far beyond its mouth a hole is felt for [m]",
     )
+
+    @property
+    def pace(self) -> str:
+        """Speeds of the arm, in a clause."""
+        return (
+            f"strokes at {self.speed_m_per_s:g} m/s and {self.acceleration_m_per_s2:g} m/s2 at "
+            f"most, travels at {self.speed_fraction:.0%} of the joints' limits"
+        )

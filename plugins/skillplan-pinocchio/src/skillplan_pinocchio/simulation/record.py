@@ -68,6 +68,8 @@ class Record:
     begin_s
         Simulated time of the first frame [s]: zero for a skill executed by itself, later for one
         of a whole plan.
+    pauses
+        Dwells at rest, as the number of the frame after it and its length [s].
     beside
         Pairs of ``pairs_n`` that first touched by their sides: across the way of what is handled.
     """
@@ -89,7 +91,13 @@ class Record:
     travels: tuple[Mapping[str, Any], ...] = ()
     steps: int = 0
     begin_s: float = 0.0
+    pauses: tuple[tuple[int, float], ...] = ()
     beside: frozenset[Pair] = frozenset()
+
+    def time_s(self, frame: int) -> float:
+        """Return the simulated time of a frame [s]."""
+        paused_s = sum(length_s for after, length_s in self.pauses if after <= frame)
+        return self.begin_s + frame / FRAMES_PER_S + paused_s
 
     def phase(self, frame: int) -> str:
         """Return what the robot was at in a frame; empty before it began."""

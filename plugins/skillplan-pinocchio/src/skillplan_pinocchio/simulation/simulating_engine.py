@@ -28,6 +28,7 @@ from skillplan_pinocchio.simulation.verdicts.postconditions import (
     Tolerances,
     postcondition_verdict,
 )
+from skillplan_pinocchio.tight_fits import blocked_fits, tight_fits
 
 # Engine and detectors are queried about the same skill and state, one after the other.
 _KEPT_RECORDS = 8
@@ -44,6 +45,8 @@ class SimulatingEngine(Engine):
     expensive = True
     # Detectors that rule on its contacts, the one that is taken where none is chosen first.
     contact_detectors: ClassVar[tuple[str, ...]] = ("contact-pairs",)
+    # Whether a mesh that is not convex is exact while it stands, and not made of convex pieces.
+    stands_exact: ClassVar[bool] = False
 
     class Options(ExecutionSettings):
         """Options of motion and of what counts as done."""
@@ -131,8 +134,16 @@ class SimulatingEngine(Engine):
         return None
 
     def faults(self) -> Mapping[str, str]:
-        """Return the parts that the hand cannot hold."""
-        return {} if self.refuses() is not None else jaw_faults(self.task)
+        """Return parts that the hand cannot hold, and fits that convex pieces block."""
+        if self.refuses() is not None:
+            return {}
+        return {**blocked_fits(self.task, as_pieces=not self.stands_exact), **jaw_faults(self.task)}
+
+    def warnings(self) -> Mapping[str, str]:
+        """Return fits that convex pieces make tight; see :meth:`BackEnd.warnings`."""
+        if self.refuses() is not None:
+            return {}
+        return tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
         """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""

@@ -11,7 +11,7 @@ import numpy as np
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.linear_motions import visited_grasp
 from skillplan.physics.performance import PerformedSkill, Sample
-from skillplan.physics.planned_motion import PlannedMotion
+from skillplan.physics.planned_motion import MOST_PLAYED_S, PlannedMotion
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
 from skillplan.task.scene import WORLD, Robot, ToolKind
@@ -215,6 +215,10 @@ class KinematicRun:
 
     def _dwell(self, whole_s: float, goals: Mapping[str, Pose], opening_m: float) -> None:
         """Have the arm stand, the jaws move, and what was let go come to where it belongs."""
+        if self._now_s + whole_s > MOST_PLAYED_S:
+            raise ValueError(
+                f"the plan takes more than {MOST_PLAYED_S:,} s, and no more are played"
+            )
         begin_s, first_m = self._now_s, self._opening_m
         begins = {name: self._poses[name] for name in goals}
         for share in self._frames(whole_s):

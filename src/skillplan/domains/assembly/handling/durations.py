@@ -1,4 +1,4 @@
-"""Dwell times: how long the hand stays at a target to act, by the skill that it does there.
+"""Dwell times: the time that the hand stays at a target to act, by what it does there.
 
 Travels, and strokes down and up, are no part of them. Where they are given on several levels, the
 part or screw comes first, then its tool, then the task.
@@ -20,7 +20,7 @@ _LAST = "left out: the task's"
 
 
 def is_absent(value: Any) -> bool:
-    """Whether a key is left out: files without it keep the hash that they had before it."""
+    """Return True if a key is left out: such files keep the hash that they had before the key."""
     return value is None
 
 
@@ -69,7 +69,7 @@ class ToolDurations(Strict):
 
 
 class _Dwells(Protocol):
-    """What may have dwell times of its own: a part, a screw or a tool."""
+    """A part, a screw or a tool, each of which may have dwell times."""
 
     @property
     def durations_s(self) -> Strict | None: ...

@@ -62,6 +62,8 @@ class ContactLog:
         # Where bodies that are not handled stood when the log was begun.
         self.stood: dict[str, Pose] = {}
         self._origin: dict[str, Point] = {}
+        # Dwells at rest: the number of the frame after each, and its length [s].
+        self.pauses: list[tuple[int, float]] = []
         self._begun = False
 
     def begin(self) -> None:

@@ -16,10 +16,11 @@ from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
 from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
+from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
 from skillplan_pinocchio.simulation.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import JAW_SPEED_M_PER_S, Arm, World
+from skillplan_pinocchio.simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, Arm, World
 
 # The hand stops so far above a tool's dock, which is no body [m].
 _DOCK_GAP_M = 0.002
@@ -35,7 +36,21 @@ _JAWS_PLAY_M = 0.001
 
 
 class SkillRunner(ControlledRobot):
-    """A robot that executes skills, one motion after the other; see `ControlledRobot`."""
+    """A robot that executes skills, one motion after the other; see `ControlledRobot`.
+
+    Parameters
+    ----------
+    dwell
+        Called with the simulation steps that are left of a dwell once the robot has acted, >= 0.
+        By default dwells are left out, as no verdict depends on them.
+    world, arm, scene, settings, tool, every_step
+        As of `ControlledRobot`.
+
+    Attributes
+    ----------
+    acting_steps
+        Simulation steps spent to act at targets, dwells included.
+    """
 
     def __init__(
         self,
@@ -45,8 +60,11 @@ class SkillRunner(ControlledRobot):
         settings: ExecutionSettings,
         tool: Tool | None,
         every_step: Callable[[], None] = lambda: None,
+        dwell: Callable[[int], None] = lambda steps: None,
     ) -> None:
         super().__init__(world, arm, scene, settings, tool, every_step)
+        self._dwell = dwell
+        self.acting_steps = 0
         # Constraints that hold what a feeder hands out.
         self._kept: dict[str, int] = {}
         # Of the current skill.
@@ -153,7 +171,14 @@ class SkillRunner(ControlledRobot):
         self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), path)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
         self.log.inserted = None
+        begun = self.world.steps
         self._act(motion)
+        acted = self.world.steps - begun
+        left = max(0, round(motion.visit.dwell_s / STEP_S) - acted)
+        # Whole frames, so that those of the trace stay those of the log.
+        left = STEPS_PER_FRAME * round(left / STEPS_PER_FRAME)
+        self.acting_steps += acted + left
+        self._dwell(left)
         self.log.phase(f"the retreat from {subject}")
         for point, path in zip(motion.retreat[1:], planned.up, strict=True):
             self.move(point, path)

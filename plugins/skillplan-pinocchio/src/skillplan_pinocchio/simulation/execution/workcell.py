@@ -234,7 +234,10 @@ class Workcell:
         expected = {
             name: runner.log.stood.get(name, pose) for name, pose in record.expected.items()
         }
-        return replace(record, expected=expected, begin_s=begin_s, travels=planned.travels)
+        pauses = tuple(runner.log.pauses)
+        return replace(
+            record, expected=expected, begin_s=begin_s, pauses=pauses, travels=planned.travels
+        )
 
     def _record(
         self,

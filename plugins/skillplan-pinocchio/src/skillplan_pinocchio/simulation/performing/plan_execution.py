@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -17,6 +18,7 @@ from skillplan.physics.performance import (
     PerformedSkill,
     Sample,
 )
+from skillplan.physics.planned_motion import MOST_PLAYED_S
 from skillplan.physics.view import Angle, View
 from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD, Pose
@@ -138,6 +140,8 @@ class _PlanExecution:
         self.arm = arm
         self.every = STEPS_PER_S / (observers.frames_per_s or STEPS_PER_S)
         self.shown = 0
+        # Steps of dwells in which arm and parts were at rest: counted, not simulated.
+        self.held = 0
         self.skill = ""
         self.step = 0
         self.camera: Camera | None = None
@@ -167,6 +171,7 @@ class _PlanExecution:
             self.workcell.settings,
             self.robot.tool(state),
             self._every_step,
+            self._dwell,
         )
         self.runner = runner
         with suppress(StuckError, UpsetError):
@@ -178,18 +183,20 @@ class _PlanExecution:
                 break
             self.skill = skill.name
             self.step += 1
-            begin_s = self.world.steps / STEPS_PER_S
+            begin_s, runner.acting_steps = self._now_s, 0
             verdict = self._execute(skill, state)
             state = skill.prediction_in(state).apply(state)
-            end_s = self.world.steps / STEPS_PER_S
-            done.append(PerformedSkill(skill.name, verdict, begin_s, end_s))
+            acting_s = runner.acting_steps / STEPS_PER_S
+            done.append(PerformedSkill(skill.name, verdict, begin_s, self._now_s, acting_s))
             if not verdict.is_feasible:
                 break
         return Performance(
             tuple(done),
             tuple(self._arrivals(state)),
-            self.world.steps / STEPS_PER_S,
+            self._now_s,
             self.world.steps,
+            held_s=self.held / STEPS_PER_S,
+            pace=self.workcell.settings.pace,
         )
 
     def _execute(self, skill: Skill, state: State) -> Verdict:
@@ -210,7 +217,7 @@ class _PlanExecution:
             return Verdict.unknown(planned.unfound)
         runner.begin(planned.motions, state)
         # The frames of a log are the rows of the trace.
-        begin_s = (self.world.steps // STEPS_PER_FRAME + 1) / FRAMES_PER_S
+        begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
             for one in planned.motions:
                 runner.travel(one)
@@ -234,12 +241,39 @@ class _PlanExecution:
         evidence = {**verdict.evidence, **collision.evidence}
         return Verdict.infeasible(collision.reason, evidence=evidence)
 
+    @property
+    def _now_s(self) -> float:
+        return (self.world.steps + self.held) / STEPS_PER_S
+
+    def _dwell(self, steps: int) -> None:
+        """Have time pass while arm and parts are at rest: pictures and samples stay the same."""
+        if not steps:
+            return
+        begin = self.world.steps + self.held
+        self.held += steps
+        self.runner.log.pauses.append((self.runner.log.frames, steps / STEPS_PER_S))
+        if self.film and self.camera:
+            shot = cache(self._shot())
+            while begin + steps >= self.shown * self.every:
+                self.film.add(shot)
+                self.shown += 1
+        if self.note is not None:
+            sample = self._sample()
+            # No dwell fills a trace with more than an hour of rows.
+            end = (begin + min(steps, MOST_PLAYED_S * STEPS_PER_S)) // STEPS_PER_FRAME
+            for frame in range(begin // STEPS_PER_FRAME + 1, end + 1):
+                self.note(replace(sample, time_s=frame / FRAMES_PER_S))
+
+    def _shot(self) -> Callable[[], Image]:
+        assert self.camera is not None
+        skill = f"{self.step}. {self.skill}" if self.skill else ""
+        caption = caption_of(skill, self.runner.log.phase_now, self._now_s)
+        return self.camera.shot(self.world, self.arm, caption)
+
     def _every_step(self) -> None:
-        steps = self.world.steps
+        steps = self.world.steps + self.held
         if self.film and self.camera and steps >= self.shown * self.every:
-            skill = f"{self.step}. {self.skill}" if self.skill else ""
-            caption = caption_of(skill, self.runner.log.phase_now, steps / STEPS_PER_S)
-            self.film.add(self.camera.shot(self.world, self.arm, caption))
+            self.film.add(self._shot())
             self.shown += 1
         if self.note is not None and steps % STEPS_PER_FRAME == 0:
             self.note(self._sample())
@@ -252,7 +286,7 @@ class _PlanExecution:
         a, b, c = self.arm.wanted.position.tolist()
         known = {body.name for body in self.task.scene.bodies}
         return Sample(
-            self.world.steps / STEPS_PER_S,
+            self._now_s,
             self.skill,
             self.runner.log.phase_now,
             (x, y, z),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair, Record
+from skillplan_pinocchio.simulation.record import Pair, Record
 from skillplan_pinocchio.simulation.simulator import TABLE
 from skillplan_pinocchio.simulation.verdicts.contact_threshold import (
     CLEARANCE_MM,
@@ -73,7 +73,7 @@ def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> 
         said = f"{moved} was pushed {1000 * furthest_m:.1f} mm aside"
         limit = f"{1000 * limits.displacement_m:g} mm"
         found = {"bodies": [moved]}
-    phase, at_s = record.phase(frame), record.begin_s + frame / FRAMES_PER_S
+    phase, at_s = record.phase(frame), record.time_s(frame)
     found |= {"during": phase, "at_s": rounded(at_s)}
     found["moved_mm"] = {
         name: rounded(1000 * record.moved_m[name].max()) for name in sorted(pushed)

@@ -1,0 +1,106 @@
+"""Convex pieces that take more than the clearance of a fit: an error of engines, which name it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from framed_pegs import write_framed_peg
+from skillplan import load_problem
+from skillplan.cli.app import main
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup
+
+ENGINES = ("pybullet", "mujoco")
+WIDER = pytest.mark.slow(reason="four executions; pieces that block the fit in every run")
+
+
+@pytest.fixture(autouse=True)
+def both_engines() -> None:
+    """Both are there."""
+    if sys.version_info >= (3, 12):
+        pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
+
+
+def check(capfd: pytest.CaptureFixture[str], path: Path, *words: str) -> tuple[int, list[str], str]:
+    """Return the exit code of `check`, its warnings, and what it prints on stderr."""
+    with pytest.raises(SystemExit) as ended:
+        main(["check", str(path), *words, "--format", "json"])
+    out, error = capfd.readouterr()
+    code = ended.value.code
+    assert isinstance(code, int)
+    return code, json.loads(out).get("warnings", []), error
+
+
+@pytest.mark.parametrize(("clearance_mm", "outside_mm"), [(0.5, 0.0), (0.5, 0.3), (0.8, 0.6)])
+def test_pieces_that_leave_a_fit_its_clearance_are_not_named(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], clearance_mm: float, outside_mm: float
+) -> None:
+    path = write_framed_peg(tmp_path, clearance_mm, outside_mm)
+    code, warnings, _ = check(capfd, path)
+    assert code == 0
+    assert not any("convex pieces" in warning for warning in warnings)
+
+
+@pytest.mark.parametrize(
+    ("outside_mm", "figure"),
+    [(0.45, "leave 0.05 mm of it"), (0.9, "are 0.40 mm deep in each other")],
+)
+def test_check_warns_of_a_fit_that_pieces_fill(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], outside_mm: float, figure: str
+) -> None:
+    """With the pair, the clearance of the meshes, and what the pieces make of it."""
+    code, warnings, _ = check(capfd, write_framed_peg(tmp_path, 0.5, outside_mm))
+    assert code == 0
+    (warning,) = [warning for warning in warnings if "convex pieces" in warning]
+    assert "'frame'" in warning
+    assert "'peg'" in warning
+    assert "with 0.50 mm between their meshes" in warning
+    assert figure in warning
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], engine: str
+) -> None:
+    """A frame with a flange can only come after its peg, whose head is beneath the flange."""
+    path = write_framed_peg(tmp_path, 0.5, 0.9, flange=True)
+    with pytest.raises(SystemExit) as ended:
+        main(["search-optimal", str(path), "--physics", engine, "--no-cache"])
+    _, error = capfd.readouterr()
+    assert ended.value.code == 2
+    assert "'frame' fits 'peg' with 0.50 mm between their meshes" in error
+    assert "parts.frame" in error
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "outside_mm",
+    [
+        pytest.param(0.0, marks=WIDER),
+        pytest.param(0.45, marks=WIDER),
+        0.6,
+    ],
+)
+def test_an_engine_executes_what_it_does_not_refuse(
+    tmp_path: Path, engine: str, outside_mm: float
+) -> None:
+    """In one order at least: pybullet has the frame exact where it stands, and the peg goes in."""
+    path = write_framed_peg(tmp_path, 0.5, outside_mm)
+    task = load_problem(path).task
+    model = make_model(task, Setup(engine, ("contact-pairs",)))
+    verdicts = [
+        model.verdict(
+            task.facts.of(
+                f"placed({other})", f"held({mover})", "tool(gripper)", f"at({mover}.start)"
+            ),
+            task.skill(f"place({mover})"),
+        )
+        for mover, other in (("frame", "peg"), ("peg", "frame"))
+    ]
+    refused = bool(Setup(engine, ("contact-pairs",)).back_ends(task)[0].faults())
+    assert refused == (engine == "mujoco" and outside_mm > 0.5)
+    assert refused != any(verdict.is_feasible for verdict in verdicts)
