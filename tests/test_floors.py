@@ -50,7 +50,7 @@ OPENS = {
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
-    "skillplan_cad/reading/occt.py": "the null device, for what OCCT prints",
+    "skillplan_cad/reading/step_file.py": "the null device, for what OCCT prints",
     "skillplan_cad/writing/accepted.py": "a task to be checked, in a folder of its own",
     "skillplan_ros2/bag.py": "a bag of its own, in a folder of its own",
 }
