@@ -308,7 +308,6 @@ class TestErrors:
             ("PluginError", 2),
             ("ModelTooLarge", 2),
             ("NotASequencing", 2),
-            ("NotMultiAgent", 2),
             ("BackEndError", 3),
         ],
     )

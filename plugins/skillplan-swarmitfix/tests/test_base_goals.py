@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base.goals import (
+from skillplan_swarmitfix.base.goals import (
     MOST_SPLITS,
     GoalSet,
     How,
@@ -23,7 +23,7 @@ from skillplan.domains.swarmitfix.base.goals import (
     unreachable,
     within_reach,
 )
-from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.bench import Bench
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.base.task import BaseGrounding, at
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.pipeline.run import make_model, solve
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task
+from skillplan_swarmitfix.base.task import BaseGrounding, at
+from skillplan_swarmitfix.bench.bench import Bench
 from swarm_situations import SWING_S, base_task, grounding
 
 BENCH = Bench(6, 13, 0.34)
@@ -29,16 +29,16 @@ class TestStatesAndActions:
         task = base_task(66, 42)
         assert [at(f"C{i}") for i in range(1, 79)] == list(task.facts.names)
         assert (task.facts.names,) == task.facts.exclusive
-        assert ("base", "swarmitfix") == (task.stage, task.kind)
+        assert (task.stage, task.kind) == ("base", "swarmitfix")
 
     def test_the_actions_are_b0_to_b10(self) -> None:
         task = base_task(66, 42)
         assert [f"B{i}" for i in range(11)] == [skill.name for skill in task.skills]
-        assert ["stay"] + ["swing"] * 10 == [skill.kind for skill in task.skills]
+        assert [skill.kind for skill in task.skills] == ["stay"] + ["swing"] * 10
 
     def test_with_13_actions_there_are_b11_and_b12(self) -> None:
         task = BaseGrounding(Bench(6, 13, 0.34, 13), SWING_S).task("any", 0, 1)
-        assert "B12" == task.skills[-1].name
+        assert task.skills[-1].name == "B12"
 
     @given(position=positions, action=st.integers(0, 10))
     def test_an_action_leads_where_the_bench_says_or_is_not_applicable(
@@ -56,7 +56,7 @@ class TestStatesAndActions:
                 if step.skill is skill or step.skill.name == skill.name
             ]
             assert task.facts.of(at(f"C{end + 1}")) == step.next_state
-            assert 1.0 == step.cost
+            assert step.cost == 1.0
 
     @given(position=positions, action=st.integers(1, 10))
     def test_a_swing_takes_the_time_of_its_angle_and_keeps_its_pins(
@@ -75,10 +75,10 @@ class TestStatesAndActions:
 
     def test_staying_takes_no_time_but_counts_as_a_step(self) -> None:
         task = base_task(66, 42)
-        assert (0.0, 1.0) == (
+        assert (
             task.skills[0].duration_s.at(task.initial),
             task.skills[0].cost.at(task.initial),
-        )
+        ) == (0.0, 1.0)
 
     def test_every_position_may_be_a_start(self) -> None:
         """Exploring starts, and policies for all of them."""
@@ -119,18 +119,18 @@ class TestPlans:
     ) -> None:
         """None at all where the base is there already."""
         result = solve(base_task(start, goal))
-        assert "optimal" == result.status
+        assert result.status == "optimal"
         assert BENCH.distances(goal - 1)[start - 1] == result.cost == result.makespan
 
     def test_the_step_limit_grows_with_the_bench(self) -> None:
         """So that a way round it is never too long; the file may set another."""
-        assert 100 == base_task(1, 2).step_limit
-        assert 2 * (3 + 201) == BaseGrounding(Bench(3, 201, 0.34), SWING_S).step_limit
-        assert 7 == BaseGrounding(BENCH, SWING_S, 7).task("any", 0, 1).step_limit
+        assert base_task(1, 2).step_limit == 100
+        assert BaseGrounding(Bench(3, 201, 0.34), SWING_S).step_limit == 2 * (3 + 201)
+        assert BaseGrounding(BENCH, SWING_S, 7).task("any", 0, 1).step_limit == 7
 
     def test_a_bench_of_one_position_is_a_task_that_is_solved(self) -> None:
         """Every swing leaves it."""
         task = BaseGrounding(Bench(1, 1, 0.34), SWING_S).task("tiny", 0, 0)
-        assert ["B0"] == [skill.name for skill in task.skills if skill.applicable(task.initial)]
+        assert [skill.name for skill in task.skills if skill.applicable(task.initial)] == ["B0"]
         result = solve(task)
-        assert ("optimal", 0.0) == (result.status, result.cost)
+        assert (result.status, result.cost) == ("optimal", 0.0)

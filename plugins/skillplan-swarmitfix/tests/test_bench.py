@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.swings import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.swings import (
     ALL_TURNS,
     SWING_ACTIONS,
     Direction,

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from skillplan.domains.domain import Account
-from skillplan.domains.swarmitfix.account import account
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.files.plain_json import json_fault
 from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan_swarmitfix.account import account
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 STEPS = ("retract", "park", "swing", "approach", "support")
@@ -49,11 +49,11 @@ class TestFiveSteps:
         found: dict[int, list[str]] = {}
         for phase in timeline:
             found.setdefault(phase["sequence"], []).append(phase["step"])
-        assert [
+        assert list(found.values()) == [
             ["retract", "park", "swing", "swing", "approach", "support"],
             ["retract", "approach", "support"],
             ["retract", "park", "swing", "approach", "support"],
-        ] == list(found.values())
+        ]
 
     def test_the_makespan_is_the_end_of_the_last_step(self, goals_job: Job) -> None:
         """Swings of 120, 120 and 60 degrees, and the machine's steps in between."""
@@ -67,7 +67,7 @@ class TestFiveSteps:
         """B0 is an action, but the base does not move."""
         stays = job_of({"base-1": ("B0", "B2", "B0", "B2")}, base={"home": "C66", "goals": ["C42"]})
         steps = [phase["step"] for phase in account(stays).document["timeline"]]
-        assert 2 == steps.count("swing")
+        assert steps.count("swing") == 2
 
     def test_without_the_ways_there_is_no_timeline(self) -> None:
         """Nor one of a plan that ends elsewhere, which the referee has refuted."""
@@ -75,7 +75,7 @@ class TestFiveSteps:
             made = account(job_of(plans, base={"home": "C66", "goals": ["C42"]}))
             assert made.makespan_s is None
             assert "timeline" not in made.document
-            assert {} == made.appendix
+            assert made.appendix == {}
 
     def test_the_appendix_has_a_row_for_every_step(self, goals_job: Job) -> None:
         made = account(goals_job)
@@ -122,11 +122,11 @@ class TestSupports:
     def test_the_workpiece_is_described(self, pentagon: Account) -> None:
         """Five vertices, and as many straight segments, of which the lengths add up."""
         workpiece = pentagon.document["workpiece"]
-        assert (True, 5, 5) == (
+        assert (
             workpiece["closed"],
             len(workpiece["vertices"]),
             len(workpiece["segments"]),
-        )
+        ) == (True, 5, 5)
         total_m = sum(segment["length_m"] for segment in workpiece["segments"])
         assert workpiece["length_m"] == pytest.approx(total_m)
         assert workpiece["points_m"][0] == pytest.approx(workpiece["points_m"][-1])
@@ -149,7 +149,7 @@ class TestSampling:
 
     def test_of_straight_lines_nothing_is_said(self) -> None:
         made = account(job_of(trajectory={"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}))
-        assert {"chords": 0, "deviation_m": 0.0} == made.document["sampling"]
+        assert made.document["sampling"] == {"chords": 0, "deviation_m": 0.0}
         assert "sampled" not in "\n".join(made.listings[0].notes)
 
 
@@ -175,27 +175,28 @@ class TestMachine:
             account(job_of(**content, base={"side": "left", "goal_choice": rule})).lower_bound
             for rule in ("whole-trajectory", "fewest-steps", "nearest-centroid")
         }
-        assert 1 == len(bounds)
+        assert len(bounds) == 1
 
 
 class TestFleet:
     def test_before_it_is_solved_only_bounds_are_known(self) -> None:
         made = account(job_of(robots=FLEET))
-        assert (4, 2) == (
+        assert (
             made.document["independent_bound_sum"],
             made.document["independent_bound_max"],
-        )
-        assert () == made.listings
+        ) == (4, 2)
+        assert made.listings == ()
         assert made.makespan_s is None
 
     def test_swings_run_side_by_side_where_no_pin_is_shared(self) -> None:
         """Both bases go two rows down, each on its own side of the bench."""
         chain = solve_chain_of_fleet(FLEET)
         document = account(chain).document
-        assert (2, "valid") == (document["parallel_makespan"], document["simulated"])
-        assert [2, 2] == [len(step) for step in document["schedule"]]
-        assert [["C1", "C27"], ["C13", "C39"]] == [
-            [robot["path"][0], robot["path"][-1]] for robot in document["robots"]
+        assert (document["parallel_makespan"], document["simulated"]) == (2, "valid")
+        assert [len(step) for step in document["schedule"]] == [2, 2]
+        assert [[robot["path"][0], robot["path"][-1]] for robot in document["robots"]] == [
+            ["C1", "C27"],
+            ["C13", "C39"],
         ]
         assert account(chain).makespan_s == pytest.approx(longest_swings_s(chain, document))
 
@@ -203,7 +204,7 @@ class TestFleet:
         """One base swings through the pins on which the other stands."""
         robots = {"one": {"home": "C1", "goal": "C5"}, "two": {"home": "C3", "goal": "C3"}}
         made = account(job_of({"job": ("one.B10", "one.B10")}, robots=robots))
-        assert "valid" != made.document["simulated"]
+        assert made.document["simulated"] != "valid"
         assert "two" in made.document["simulated"]
         assert made.listings[0].notes[-1].endswith(made.document["simulated"])
 

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 from skillplan.domains.load import Problem
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.fleet.simulator import simulate
-from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.fleet.simulator import simulate
+from skillplan_swarmitfix.heads.geometry import SupportedStretch
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 from swarm_situations import GOALS, HOME, MAKESPANS
 from yaml_data import yaml_data
 
@@ -259,7 +259,7 @@ class TestFleet:
     def test_the_simulator_finds_no_pin_held_twice(self, path: Path) -> None:
         """It shares nothing with the task; and it does find fault where a step is missing."""
         document = solved(path, "fleet").document()
-        assert "valid" == document["simulated"]
+        assert document["simulated"] == "valid"
         bench = job_of_fleet(path).bench
         ends = {
             r["robot"]: (bench.position(r["start"]), bench.position(r["goal"]))

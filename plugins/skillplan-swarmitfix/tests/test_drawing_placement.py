@@ -76,7 +76,7 @@ class TestTheUnit:
         """Whether the drawing says none, or another."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, insunits, unit_m), f"unit: {name}")
         assert near(TRIANGLE) == corners_of(problem)
-        assert [] == told(problem)
+        assert told(problem) == []
 
     def test_of_the_drawing_counts_where_the_task_file_says_none(self, tmp_path: Path) -> None:
         """Inches by $INSUNITS."""
@@ -87,7 +87,7 @@ class TestTheUnit:
         """Without a word of warning, as most drawings are so."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, MM))
         assert near(TRIANGLE) == corners_of(problem)
-        assert [] == told(problem)
+        assert told(problem) == []
 
     def test_holds_in_a_program_until_it_says_another(self, tmp_path: Path) -> None:
         """`unit` before G20 and G21."""
@@ -122,11 +122,11 @@ class TestADoubtfulUnit:
         """A triangle drawn in metres, read in millimetres: 1 mm long."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, 1.0), "offset_m: [1.0, 0.6]")
         (warning,) = told(problem)
-        assert ("trajectory", "file") == warning.path
-        assert (
+        assert warning.path == ("trajectory", "file")
+        assert warning.message == (
             "drawing.dxf: nothing says its unit, and read in mm it is 0.001 m long. Give "
             "trajectory.unit, such as m or in."
-        ) == warning.message
+        )
 
     def test_is_told_beside_the_faults_of_a_drawing_that_becomes_huge(self, tmp_path: Path) -> None:
         """Drawn in micrometres it is off the bench, and why is told with it."""
@@ -138,7 +138,7 @@ class TestADoubtfulUnit:
         """A jewel of 1 mm is what its author says it is."""
         small = [(x * MM, y * MM) for x, y in TRIANGLE]
         file = drawn(tmp_path, small, MILLIMETRES, MM)
-        assert [] == told(loaded(tmp_path, file, "offset_m: [1.0, 0.6]"))
+        assert told(loaded(tmp_path, file, "offset_m: [1.0, 0.6]")) == []
 
     def test_is_told_of_a_program_that_says_none(self, tmp_path: Path) -> None:
         """Neither G20 nor G21, and 1 mm long."""
@@ -146,7 +146,7 @@ class TestADoubtfulUnit:
         problem = loaded(tmp_path, "path.nc", "offset_m: [1.0, 0.6]")
         assert ["read in mm it is 0.001 m long" in warning.message for warning in told(problem)]
         (tmp_path / "path.nc").write_text("G21\nG0 X0 Y0\nG1 X1\nG1 Y1\n", "ascii")
-        assert [] == told(loaded(tmp_path, "path.nc", "offset_m: [1.0, 0.6]"))
+        assert told(loaded(tmp_path, "path.nc", "offset_m: [1.0, 0.6]")) == []
 
 
 class TestPlacingADrawing:
@@ -174,7 +174,7 @@ class TestPlacingADrawing:
         shown = problem.domain.overview(problem.config).document["trajectory"]
         assert pytest.approx(math.tau * 0.3, rel=2e-3) == shown["length_m"]
         rounded = [[round(value, 2) for value in corner] for corner in shown["extent_m"]]
-        assert [[0.9, 0.55], [1.5, 1.15]] == rounded
+        assert rounded == [[0.9, 0.55], [1.5, 1.15]]
 
     def test_makes_another_task(self, tmp_path: Path) -> None:
         """The hash is that of where the trajectory lies on the bench."""
@@ -204,7 +204,9 @@ class TestTheOverview:
             "segments": 3,
             "length_m": pytest.approx(length_m),
             "extent_m": near([(0.75, 0.60), (1.75, 1.20)]),
+            "chords": 0,
+            "deviation_m": 0.0,
         } == shown.document["trajectory"]
-        assert (
+        assert shown.lines == (
             "trajectory closed, 2.562 m long, 3 segments, x 0.750 to 1.750 m, y 0.600 to 1.200 m",
-        ) == shown.lines
+        )

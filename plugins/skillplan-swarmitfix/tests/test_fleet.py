@@ -13,24 +13,24 @@ from hypothesis import strategies as st
 from example_count import examples
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
 from skillplan.judge import referee
-from skillplan.model.multi_agent import MultiAgentProblem
 from skillplan.pipeline.run import make_model, solve
 from skillplan.records.result import Result
-from skillplan.solvers.multiagent.configuration_search import (
-    ConfigurationSearch,
-    search_with_restarts,
-)
-from skillplan.solvers.multiagent.fleet import FleetSolver
-from skillplan.solvers.multiagent.joint_search import Objective, search_jointly
-from skillplan.solvers.multiagent.schedule_improvement import ScheduleImprovement
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
+from skillplan_swarmitfix.multiagent.configuration_search import (
+    ConfigurationSearch,
+    search_with_restarts,
+)
+from skillplan_swarmitfix.multiagent.fleet import FleetSolver
+from skillplan_swarmitfix.multiagent.joint_search import Objective, search_jointly
+from skillplan_swarmitfix.multiagent.multi_agent import MultiAgentProblem
+from skillplan_swarmitfix.multiagent.schedule_improvement import ScheduleImprovement
 
 BENCH = Bench(6, 13, 0.34)
 # Benches by rows and columns, and how many bases fit on them, with little room to move.
@@ -99,7 +99,7 @@ class TestTwo:
         best = fewest(bench, robots, at_once=False)
         result = solved(task_of(bench, robots))
         if best is None:
-            assert "infeasible" == result.status
+            assert result.status == "infeasible"
         else:
             assert ("optimal", best) == (result.status, result.cost)
             assert_valid(bench, robots, result)
@@ -112,7 +112,7 @@ class TestTwo:
         best = fewest(bench, robots, at_once=True)
         result = solved(task_of(bench, robots), objective="makespan")
         if best is None:
-            assert "infeasible" == result.status
+            assert result.status == "infeasible"
         else:
             assert best == result.trace["parallel_makespan"]
             assert result.trace["makespan_proved"]
@@ -127,7 +127,7 @@ class TestTwo:
     def test_two_that_change_places_go_round_each_other(self) -> None:
         robots = {"a": (BENCH.position("C42"), BENCH.position("C45")), "b": (44, 41)}
         result = solved(task_of(BENCH, robots))
-        assert "optimal" == result.status
+        assert result.status == "optimal"
         assert result.trace["independent_bound_sum"] < (result.cost or 0)
         assert_valid(BENCH, robots, result)
 
@@ -135,15 +135,15 @@ class TestTwo:
         """On one row of triangles two bases cannot change sides."""
         corridor = Bench(1, 9, 0.34)
         result = solved(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
-        assert "infeasible" == result.status
+        assert result.status == "infeasible"
         assert (
-            "infeasible"
-            == solved(task_of(corridor, {"a": (0, 8), "b": (8, 0)}), method="prioritised").status
+            solved(task_of(corridor, {"a": (0, 8), "b": (8, 0)}), method="prioritised").status
+            == "infeasible"
         )
 
     def test_who_is_there_already_does_nothing(self) -> None:
         result = solved(task_of(BENCH, {"a": (0, 0), "b": (20, 20)}))
-        assert ("optimal", 0.0, []) == (result.status, result.cost, result.trace["schedule"])
+        assert (result.status, result.cost, result.trace["schedule"]) == ("optimal", 0.0, [])
 
 
 @pytest.mark.slow(reason="many robots; how they end in every run")
@@ -164,7 +164,7 @@ class TestMany:
         task = task_of(bench, robots)
         result = solved(task, seed, method="prioritised", objective=objective)
         if best is None:
-            assert "infeasible" == result.status
+            assert result.status == "infeasible"
         else:
             assert_valid(bench, robots, result)
             assert best <= (result.cost or 0)
@@ -218,7 +218,7 @@ class TestMany:
 class TestEnds:
     def test_a_model_without_agents_is_refused_in_words(self, lid_task: Task) -> None:
         result = solved(lid_task)
-        assert "refused" == result.status
+        assert result.status == "refused"
         assert "is not a multi-agent problem" in result.reason
 
     def test_an_interrupted_search_claims_nothing(self) -> None:
@@ -226,14 +226,14 @@ class TestEnds:
         stop.interrupt()
         for count in (2, 6):
             result = solved(task_of(BENCH, random_robots(BENCH, count, 0)), stop=stop)
-            assert "unsolved" == result.status
+            assert result.status == "unsolved"
 
     @pytest.mark.slow(reason="searches for two seconds; its other ends in every run")
     def test_interrupted_in_its_improvement_it_has_a_plan(self) -> None:
         robots = random_robots(BENCH, 8, 0)
         stop = Stop(time_limit_s=2)
         result = solved(task_of(BENCH, robots), stop=stop, rounds=10_000_000)
-        assert "solved" == result.status
+        assert result.status == "solved"
         assert "time limit" in result.reason
         assert_valid(BENCH, robots, result)
 
@@ -241,7 +241,7 @@ class TestEnds:
     def test_a_limit_on_places_is_named(self, method: str) -> None:
         task = task_of(BENCH, random_robots(BENCH, 4, 0))
         result = solved(task, method=method, max_nodes=2)
-        assert "unsolved" == result.status
+        assert result.status == "unsolved"
         assert "limit of 2 joint places" in result.reason
 
     @pytest.mark.parametrize("method", ["joint", "prioritised"])
@@ -250,7 +250,7 @@ class TestEnds:
         robots = {"a": (0, bench.n_positions - 1), "b": (bench.n_positions - 1, 0)}
         result = solved(task_of(bench, robots, step_limit=3), method=method)
         assert solved(task_of(bench, robots)).trace["independent_bound_sum"] > 3
-        assert "infeasible" == result.status
+        assert result.status == "infeasible"
 
     def test_a_step_limit_below_the_optimum_is_infeasible(self) -> None:
         bench = bench_of((3, 7))
@@ -258,8 +258,8 @@ class TestEnds:
         best = solved(task_of(bench, robots)).cost or 0.0
         below = task_of(bench, robots, step_limit=int(best) - 1)
         assert best - 1 >= 2
-        assert "infeasible" == solved(below).status
-        assert "unsolved" == solved(below, method="prioritised").status
+        assert solved(below).status == "infeasible"
+        assert solved(below, method="prioritised").status == "unsolved"
 
 
 def own_place(skill: Skill, state: State) -> Verdict:
@@ -304,7 +304,7 @@ class TestRejectedMoves:
         options = FleetSolver.Options(method=method)  # type: ignore[arg-type]
         result = solve(task, FleetSolver(options), setup)
         if best.status == "infeasible":
-            assert "infeasible" == result.status
+            assert result.status == "infeasible"
         elif method == "joint":
             assert ("optimal", best.cost) == (result.status, result.cost)
         else:
@@ -315,7 +315,7 @@ class TestRejectedMoves:
         task = task_of(BENCH, {"a": (65, 53), "b": (20, 20)})
         setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.unknown("no idea"))])
         result = solve(task, FleetSolver(), setup, stop=Stop(time_limit_s=2))
-        assert "unsolved" == result.status
+        assert result.status == "unsolved"
 
 
 class TestParts:
@@ -323,7 +323,7 @@ class TestParts:
         corridor = Bench(1, 9, 0.34)
         problem = problem_of(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
         result = search_with_restarts(problem, random.Random(0), never, restarts=3, max_nodes=10**6)
-        assert (True, ()) == (result.complete, result.plans)
+        assert (result.complete, result.plans) == (True, ())
         search = ConfigurationSearch(problem, random.Random(0), never)
         assert search.run(3) is None
         assert not search.exhausted

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import random_robots
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.fleet.simulator import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.fleet.simulator import (
     FleetSwing,
     FleetViolation,
     passed_pins,
@@ -62,8 +62,8 @@ class TestSteps:
         robots = {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C69"))}
         fault = simulate(BENCH, robots, [[swing("a", 10, "C66")]])
         assert fault is not None
-        assert ("P2", ("a", "b")) == (fault.pin, fault.robots)
-        assert "step 1: a by B10 sweeps P2, which b docks" == str(fault)
+        assert (fault.pin, fault.robots) == ("P2", ("a", "b"))
+        assert str(fault) == "step 1: a by B10 sweeps P2, which b docks"
 
     def test_a_pin_is_not_swept_by_two_at_once(self) -> None:
         """Each could swing if the other waited: what is left in a step is not free in it."""
@@ -78,13 +78,13 @@ class TestSteps:
     def test_overlapping_starts_are_found(self) -> None:
         fault = simulate(BENCH, {"a": (0, 0), "b": (1, 1)}, [])
         assert fault is not None
-        assert "step 1: b docks P39, which a docks" == str(fault)
+        assert str(fault) == "step 1: b docks P39, which a docks"
 
     def test_a_goal_that_is_not_reached_is_found(self) -> None:
         robots = {"a": (place("C66"), place("C42")), "b": (place("C78"), place("C78"))}
         fault = simulate(BENCH, robots, [[swing("a", 2, "C66")]])
         assert fault is not None
-        assert "step 2: a ends at C54, not at its goal C42" == str(fault)
+        assert str(fault) == "step 2: a ends at C54, not at its goal C42"
 
     @pytest.mark.parametrize(
         ("step", "reason"),
@@ -105,7 +105,7 @@ class TestSteps:
         step = [swing("a", 2, "C66"), swing("a", 2, "C54")]
         fault = simulate(BENCH, {"a": (place("C66"), place("C42"))}, [step])
         assert fault is not None
-        assert "a starts B2 before its last swing has ended" == fault.reason
+        assert fault.reason == "a starts B2 before its last swing has ended"
 
     @given(st.integers(0, 10_000), st.integers(2, 3))
     def test_a_step_is_legal_if_and_only_if_no_pin_is_used_twice(

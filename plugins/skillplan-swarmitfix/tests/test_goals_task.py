@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, choose
-from skillplan.domains.swarmitfix.base.goals import GoalSet, How
-from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task, serve
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from skillplan.pipeline.run import make_model, solve
+from skillplan_swarmitfix.base.goal_choice import GoalRule, choose
+from skillplan_swarmitfix.base.goals import GoalSet, How
+from skillplan_swarmitfix.base.goals_task import goal_of, goals_task, serve
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.step_timings import Timings
 
 BENCH = Bench(6, 13, 0.34)
 SWING_S = Timings().swing_s

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch, overlap
-from skillplan.domains.swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
-from skillplan.domains.swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault
-from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
-from skillplan.domains.swarmitfix.trajectory.workpiece import Workpiece
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.run import make_model, solve
+from skillplan_swarmitfix.heads.geometry import SupportedStretch, overlap
+from skillplan_swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
+from skillplan_swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Line
+from skillplan_swarmitfix.trajectory.workpiece import Workpiece
 
 RULES = HeadRules()
 lengths = st.floats(0.02, 0.9)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch, overlap
-from skillplan.domains.swarmitfix.heads.heads import (
+from skillplan_swarmitfix.heads.geometry import SupportedStretch, overlap
+from skillplan_swarmitfix.heads.heads import (
     THIRD_RAD,
     Head,
     HeadKind,
@@ -20,8 +20,8 @@ from skillplan.domains.swarmitfix.heads.heads import (
     same_yaw,
     vertex_heads,
 )
-from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Line
+from skillplan_swarmitfix.trajectory.workpiece import Segment, Workpiece
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.swarmitfix import SwarmitfixDomain
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of, timings_of
-from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline.run import solve
 from skillplan.task.task import BackEndChoice, Task
+from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.domain import SwarmitfixDomain
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.machine_settings import limits_of, mount_of, timings_of
+from skillplan_swarmitfix.pkm.reach import Mount, PkmLimits
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 
 TRIANGLE = [[0.40, 0.35], [1.20, 1.60], [2.00, 0.35]]
 
@@ -59,22 +59,24 @@ class TestTasks:
     def test_given_subdivisions_leave_no_heads_to_plan(self) -> None:
         """3 + 1 + 2 supports."""
         divided = job(heads={"subdivisions": [3, 1, 2]})
-        assert "goals" == names(divided.tasks(""))[0]
-        assert 6 == len(divided.heads)
-        assert [0, 0, 0, 1, 2, 2] == [head.segment for head in divided.heads]
+        assert names(divided.tasks(""))[0] == "goals"
+        assert len(divided.heads) == 6
+        assert [head.segment for head in divided.heads] == [0, 0, 0, 1, 2, 2]
 
     def test_given_goals_leave_only_ways(self) -> None:
         """From the home to the first, and from each to the next."""
         tasks = job(trajectory=None, base={"home": "C66", "goals": ["C42", "C42", "C29"]}).tasks("")
-        assert ["base-1", "base-2", "base-3"] == names(tasks)
-        assert [("at(C66)", "at(C42)"), ("at(C42)", "at(C42)"), ("at(C42)", "at(C29)")] == [
-            ends(task) for task in tasks
+        assert names(tasks) == ["base-1", "base-2", "base-3"]
+        assert [ends(task) for task in tasks] == [
+            ("at(C66)", "at(C42)"),
+            ("at(C42)", "at(C42)"),
+            ("at(C42)", "at(C29)"),
         ]
 
     def test_robots_make_one_task_named_like_the_file(self) -> None:
         robots = {"one": {"home": "C1", "goal": "C78"}, "two": {"home": "C13", "goal": "C66"}}
         (task,) = job(trajectory=None, robots=robots, step_limit=77).tasks("")
-        assert ("triangle", 77) == (task.name, task.step_limit)
+        assert (task.name, task.step_limit) == ("triangle", 77)
 
     def test_the_file_s_back_ends_go_with_every_task(self) -> None:
         chosen = job(physics={"kinematic": None}, collision={"aabb": {"tolerance_m": 0.001}})
@@ -135,9 +137,9 @@ class TestLevels:
     def test_refined_heads_stand_closer_together(self) -> None:
         """Subdivisions are multiplied, and the gap is divided."""
         divided = [job(heads={"subdivisions": [3, 1, 2]}, refinement=n) for n in range(3)]
-        assert [6, 12, 18] == [len(one.heads) for one in divided]
+        assert [len(one.heads) for one in divided] == [6, 12, 18]
         planned = [job(refinement=n) for n in range(3)]
-        assert [0.25, 0.125, 0.25 / 3] == [one.head_rules.max_gap_m for one in planned]
+        assert [one.head_rules.max_gap_m for one in planned] == [0.25, 0.125, 0.25 / 3]
         counts = [len(one.heads) for one in planned]
         assert sorted(counts) == counts
         assert counts[0] < counts[2]
@@ -148,9 +150,9 @@ class TestLevels:
         fine = job(heads={"max_gap_m": 0.05, "step_m": 0.05}).config
         assert domain.follow(fine, "", {}, 0)
         assert not Job(fine, refinement=20).supportable
-        assert [] == domain.follow(fine, "", {}, 20)
+        assert domain.follow(fine, "", {}, 20) == []
         given = job(trajectory=None, base={"goals": ["C1"]}).config
-        assert [] == domain.follow(given, "", {}, 1)
+        assert domain.follow(given, "", {}, 1) == []
 
 
 class TestSide:
@@ -160,7 +162,7 @@ class TestSide:
             job(trajectory={"closed": True, "vertices_m": vertices}, base={"side": "inward"})
             for vertices in (TRIANGLE, TRIANGLE[::-1])
         )
-        assert (-1, 1) == (clockwise.reach.side, other.reach.side)
+        assert (clockwise.reach.side, other.reach.side) == (-1, 1)
 
     @pytest.mark.parametrize(
         ("side", "expected"),
@@ -172,7 +174,7 @@ class TestSide:
 
     def test_an_open_trajectory_is_held_from_its_left(self) -> None:
         opened = job(trajectory={"vertices_m": TRIANGLE})
-        assert 1 == opened.reach.side
+        assert opened.reach.side == 1
 
     def test_the_last_support_of_an_open_trajectory_is_held_as_well(self) -> None:
         """As in the paper, by the base that serves the path to it."""
@@ -200,17 +202,17 @@ class TestFigures:
 
     def test_a_file_may_replace_limits_of_legs_and_the_sheet_s_height(self) -> None:
         config = job(pkm={"leg_limits_m": {"B": [0.25, 0.28]}, "sheet_height_m": 0.9}).config
-        assert (0.25, 0.28) == limits_of(config).leg_b_m
+        assert limits_of(config).leg_b_m == (0.25, 0.28)
         assert PkmLimits().leg_a_m == limits_of(config).leg_a_m
-        assert 0.9 == mount_of(config).sheet_m
+        assert mount_of(config).sheet_m == 0.9
 
     def test_the_bench_is_the_file_s(self) -> None:
         """A swing of a larger pitch leads farther."""
         larger = job(trajectory=None, base={"goals": ["C1"]}, bench={"rows": 3, "pitch_m": 1.0})
-        assert (3, 13, 1.0, 11) == (
+        assert (
             larger.bench.rows,
             larger.bench.cols,
             larger.bench.pitch_m,
             larger.bench.actions,
-        )
+        ) == (3, 13, 1.0, 11)
         assert math.dist(*larger.bench.pins_m[:2]) == pytest.approx(1.0)

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.base.locomotion import (
+from skillplan.pipeline.run import solve
+from skillplan_swarmitfix.base.locomotion import (
     Agent,
     FiveStep,
     Phase,
     makespan,
     timeline,
 )
-from skillplan.domains.swarmitfix.base.path import BasePath, along
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.pipeline.run import solve
+from skillplan_swarmitfix.base.path import BasePath, along
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.step_timings import Timings
 from swarm_situations import base_task, shortest_way
 
 BENCH = Bench(rows=6, cols=13, pitch_m=0.34)
@@ -55,7 +55,7 @@ class TestAlong:
         assert ((2, c66, c54), (2, c54, c42)) == along(BENCH, c66, ["B2", "B2"])
 
     def test_staying_adds_no_step(self) -> None:
-        assert () == along(BENCH, HOME, ["B0", "B0"])
+        assert along(BENCH, HOME, ["B0", "B0"]) == ()
 
     def test_leaving_the_bench_is_named(self) -> None:
         with pytest.raises(ValueError, match="B5 leads off the bench from C66"):
@@ -141,7 +141,7 @@ class TestTimeline:
         action = action_between("C66", "C54")
         way = ((action, HOME, BENCH.position("C54")),)
         phases = timeline(BENCH, [way], [(0.4, 0.6)], home=HOME)
-        assert ["retract", "park", "swing", "approach", "support"] == [p.step for p in phases]
+        assert [p.step for p in phases] == ["retract", "park", "swing", "approach", "support"]
         swing = BENCH.swing(HOME, action)
         assert swing is not None
         document = phases[2].document()
@@ -173,13 +173,13 @@ class TestTimeline:
             assert json.loads(json.dumps(document, allow_nan=False)) == document
 
     def test_nothing_to_do_takes_no_time(self) -> None:
-        assert () == timeline(BENCH, [], [], home=HOME)
+        assert timeline(BENCH, [], [], home=HOME) == ()
         assert makespan(()).duration_s == makespan(()).steps == 0
 
     def test_own_timings_count(self) -> None:
         timings = Timings(retract_s=1.0, park_s=2.0, approach_s=3.0, support_s=4.0)
         phases = timeline(BENCH, [()], [(0.0, 0.0)], timings, home=HOME)
-        assert [1.0, 3.0, 4.0] == [phase.duration_s for phase in phases]
+        assert [phase.duration_s for phase in phases] == [1.0, 3.0, 4.0]
 
     def test_a_way_without_a_support_is_refused(self) -> None:
         with pytest.raises(ValueError, match="there are 2 paths and 1 supports"):

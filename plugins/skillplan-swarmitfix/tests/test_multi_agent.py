@@ -9,15 +9,14 @@ import pytest
 
 from fleet_instances import random_robots, task_of
 from situations import make_skill, make_task
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.errors import NotMultiAgent
-from skillplan.model.multi_agent import MultiAgentProblem
 from skillplan.pipeline.run import make_model
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Facts
 from skillplan.task.task import Task
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.multiagent.multi_agent import MultiAgentProblem, NotMultiAgent
 
 BENCH = Bench(3, 7, 0.34)
 FACTS = Facts(("a1", "a2", "b1", "b2"), (("a1", "a2"), ("b1", "b2")))
@@ -59,7 +58,7 @@ class TestRecognition:
         problem = recognise(task_of(BENCH, random_robots(BENCH, 3, 0)))
         swings = int((BENCH.successors[:, 1:] >= 0).sum())
         assert [swings] * 3 == [sum(map(len, moves)) for moves in problem.moves]
-        assert ("r1", "r2", "r3") == problem.agents
+        assert problem.agents == ("r1", "r2", "r3")
         assert BENCH.n_pins == len(problem.resources)
 
     @pytest.mark.slow(
@@ -90,17 +89,18 @@ class TestRecognition:
         bit = FACTS.bit("a1")
         skill = going("a", "a1", "a2", cost=CaseCost({bit: 5.0}), duration_s=CaseCost({bit: 7.0}))
         ((move,), _) = recognise(two_agents(skill)).moves[0]
-        assert (5.0, 7.0) == (move.cost, move.duration_s)
+        assert (move.cost, move.duration_s) == (5.0, 7.0)
 
     def test_staying_is_no_move(self) -> None:
         task = two_agents(going("a", "a1", "a1", add=("a1",), delete=()), goal=("a1", "b2"))
-        assert ((), ()) == recognise(task).moves[0]
+        assert recognise(task).moves[0] == ((), ())
 
     def test_a_move_that_its_own_precondition_forbids_is_none(self) -> None:
         never = Condition(FACTS.none, FACTS.of("a1"))
-        assert ((), ()) == recognise(two_agents(going("a", "a1", "a2", precondition=never))).moves[
-            0
-        ]
+        assert recognise(two_agents(going("a", "a1", "a2", precondition=never))).moves[0] == (
+            (),
+            (),
+        )
 
     def test_a_move_passes_where_nobody_stands_on_what_it_forbids(self) -> None:
         problem = recognise(two_agents(going("a", "a1", "a2", forbids=("b1",))))
@@ -198,7 +198,7 @@ class TestRejection:
     def test_a_move_rejected_for_its_own_place_is_dropped(self) -> None:
         problem = recognise(two_agents())
         ((move,), _) = problem.moves[0]
-        assert ((), ()) == problem.without(move, FACTS.bit("a1"), FACTS.bit("a2")).moves[0]
+        assert problem.without(move, FACTS.bit("a1"), FACTS.bit("a2")).moves[0] == ((), ())
 
     def test_a_move_rejected_for_anothers_place_passes_elsewhere_but_alone(self) -> None:
         problem = recognise(two_agents())

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from skillplan.model.multi_agent import Move
-from skillplan.model.parallel_schedule import ParallelSchedule, TimedMove
+from skillplan_swarmitfix.multiagent.multi_agent import Move
+from skillplan_swarmitfix.multiagent.parallel_schedule import ParallelSchedule, TimedMove
 
 
 def move(agent: int, occupies: int, duration_s: float = 1.0) -> Move:
@@ -17,15 +17,15 @@ def steps_of(*moves: Move) -> list[int]:
 
 
 def test_moves_that_do_not_clash_are_made_at_once() -> None:
-    assert [0, 0] == steps_of(move(0, 0b01), move(1, 0b10))
+    assert steps_of(move(0, 0b01), move(1, 0b10)) == [0, 0]
 
 
 def test_moves_of_one_agent_follow_each_other() -> None:
-    assert [0, 1] == steps_of(move(0, 0b01), move(0, 0b10))
+    assert steps_of(move(0, 0b01), move(0, 0b10)) == [0, 1]
 
 
 def test_moves_that_clash_keep_their_order() -> None:
-    assert [0, 1, 2] == steps_of(move(0, 0b01), move(1, 0b11), move(2, 0b10))
+    assert steps_of(move(0, 0b01), move(1, 0b11), move(2, 0b10)) == [0, 1, 2]
 
 
 def test_seconds_do_not_wait_for_a_step_to_end() -> None:
@@ -33,15 +33,15 @@ def test_seconds_do_not_wait_for_a_step_to_end() -> None:
     schedule = ParallelSchedule.earliest(
         [move(0, 0b001, 9.0), move(1, 0b010, 2.0), move(1, 0b010, 3.0), move(2, 0b001, 1.0)]
     )
-    assert [0.0, 0.0, 2.0, 9.0] == [timed.start_s for timed in schedule.moves]
-    assert 10.0 == schedule.makespan_s
-    assert 2 == schedule.makespan
-    assert [2, 2] == [len(step) for step in schedule.steps()]
+    assert [timed.start_s for timed in schedule.moves] == [0.0, 0.0, 2.0, 9.0]
+    assert schedule.makespan_s == 10.0
+    assert schedule.makespan == 2
+    assert [len(step) for step in schedule.steps()] == [2, 2]
 
 
 def test_nothing_takes_no_time() -> None:
     nothing = ParallelSchedule.earliest(())
-    assert (0, 0.0, ()) == (nothing.makespan, nothing.makespan_s, nothing.steps())
+    assert (nothing.makespan, nothing.makespan_s, nothing.steps()) == (0, 0.0, ())
 
 
 def test_a_step_with_a_clash_is_refused() -> None:

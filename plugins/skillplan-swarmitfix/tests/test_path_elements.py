@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.path_elements import (
     MAX_CHORDS,
     Arc,
     Element,
@@ -24,7 +24,7 @@ from skillplan.domains.swarmitfix.trajectory.path_elements import (
     sample,
     sampling_error_m,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2
+from skillplan_swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2
 
 coordinates = st.floats(-3, 3, allow_subnormal=False)
 points = st.tuples(coordinates, coordinates)

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skillplan.domains.swarmitfix.bench.pin_lattice import PinLattice
-from skillplan.domains.swarmitfix.bench.swings import HEADINGS
+from skillplan_swarmitfix.bench.pin_lattice import PinLattice
+from skillplan_swarmitfix.bench.swings import HEADINGS
 from yaml_data import yaml_data
 
 TABLE: dict[str, Any] = yaml_data(Path(__file__).parent / "data" / "bench.yaml")
@@ -38,7 +38,7 @@ def triangles_of(lattice: PinLattice) -> Iterator[frozenset[int]]:
 
 class TestPaperBench:
     def test_it_has_52_pins_129_edges_and_78_positions(self) -> None:
-        assert (52, 129, 78) == (LATTICE.n_pins, LATTICE.n_edges, LATTICE.n_positions)
+        assert (LATTICE.n_pins, LATTICE.n_edges, LATTICE.n_positions) == (52, 129, 78)
         assert (TABLE["pins"], TABLE["edges"], TABLE["states"]) == (52, 129, 78)
 
     def test_its_lines_hold_7_and_8_pins_in_turn(self) -> None:

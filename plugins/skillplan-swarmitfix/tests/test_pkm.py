@@ -11,14 +11,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skillplan.domains.swarmitfix.pkm.kinematics import (
+from skillplan_swarmitfix.pkm.kinematics import (
     OutsideWorkspace,
     PkmGeometry,
     PkmJoints,
     forward,
     inverse,
 )
-from skillplan.domains.swarmitfix.pkm.pose6 import Matrix, Pose6, zyz_angles, zyz_matrix
+from skillplan_swarmitfix.pkm.pose6 import Matrix, Pose6, zyz_angles, zyz_matrix
 
 GEOMETRY = PkmGeometry()
 UPRIGHT = Pose6(0.0, 0.0, 0.45, 0.0, 0.0, 0.0)
@@ -89,7 +89,7 @@ class TestMachine:
         assert_allclose(back.rotation, pose.rotation, rtol=0, atol=1e-12)
 
     def test_there_are_sixteen_of_them(self) -> None:
-        assert 16 == len(PLANNED)
+        assert len(PLANNED) == 16
 
 
 class TestClosure:
@@ -208,7 +208,7 @@ class TestChecks:
             replace(GEOMETRY, **{name: value})
 
     def test_only_offsets_may_be_zero(self) -> None:
-        assert 0.0 == replace(GEOMETRY, wrist_offset_m=0.0).wrist_offset_m
+        assert replace(GEOMETRY, wrist_offset_m=0.0).wrist_offset_m == 0.0
         with pytest.raises(ValueError, match="base_arm_m must be finite and > 0, not 0"):
             replace(GEOMETRY, base_arm_m=0.0)
 

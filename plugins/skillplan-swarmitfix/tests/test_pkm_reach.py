@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry, inverse
-from skillplan.domains.swarmitfix.pkm.pose6 import zyz_matrix
-from skillplan.domains.swarmitfix.pkm.reach import (
+from skillplan_swarmitfix.pkm.kinematics import PkmGeometry, inverse
+from skillplan_swarmitfix.pkm.pose6 import zyz_matrix
+from skillplan_swarmitfix.pkm.reach import (
     SAFE_LIMITS,
     Mount,
     PkmLimits,
@@ -48,7 +48,7 @@ class TestRule:
             "leg A must be 0.358 m long, 36 mm more than its limit of 0.322 m"
         )
         evidence = verdict.evidence
-        assert ("A", 0.322) == (evidence["leg"], evidence["limit_m"])
+        assert (evidence["leg"], evidence["limit_m"]) == ("A", 0.322)
         assert evidence["excess_m"] == pytest.approx(evidence["length_m"] - 0.322)
 
     def test_a_leg_too_short_is_named_with_the_amount(self) -> None:
@@ -154,7 +154,7 @@ class TestCalibration:
 
     def test_the_tilt_levels_the_head_in_half_of_the_plans_poses(self) -> None:
         level = [row for row in WORKING if abs(row["beta_rad"] - MOUNT.tilt_rad) < 2e-4]
-        assert (5, 10) == (len(level), len(WORKING))
+        assert (len(level), len(WORKING)) == (5, 10)
 
     @pytest.mark.slow(reason="computes the reach twice more; the reach itself in every run")
     def test_the_sheet_lies_where_the_reach_is_widest(self) -> None:

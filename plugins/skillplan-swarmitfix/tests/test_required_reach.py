@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.domains.load import Problem
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.heads.grid import HeadGrid
-from skillplan.domains.swarmitfix.heads.heads import HeadKind
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.errors import TaskError
 from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.heads.grid import HeadGrid
+from skillplan_swarmitfix.heads.heads import HeadKind
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 from swarm_situations import MAKESPANS
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -223,7 +223,7 @@ class TestRelaxation:
         (listing,) = chain.account.listings
         goals = chain.document()["goals"]
         relaxed = [goal for goal in goals if goal["how"] == "relaxed"]
-        assert 8 == len(relaxed)
+        assert len(relaxed) == 8
         assert "8 of 17 supports have no position by Eqs 1-4 within reach" in "\n".join(
             listing.notes
         )
@@ -252,7 +252,7 @@ class TestRelaxation:
         heads = {"max_gap_m": 0.25, "step_m": math.dist(*path) / 2}
         content = content_of(path, closed=False, heads=heads)
         without = Job(config_of(content | {"base": {"home": "C66", "reachable": "ignored"}}))
-        assert HOLE == pytest.approx(without.heads[1].position)
+        assert pytest.approx(without.heads[1].position) == HOLE
         finer = content | {"heads": {**heads, "step_m": heads["step_m"] / 4}}
         chain = solve_chain(problem_of(tmp_path, finer), "exact")
         assert chain.cost is not None
@@ -297,15 +297,15 @@ class TestFormerName:
     ) -> None:
         """Of version 0.9, before `reachable`; their results stay verifiable."""
         path = CONFIGS / "swarmitfix_cases.yaml"
-        assert "c97760fed783d14bab7f7c4e82a51d9974cd1e34adb2eeedf2ef45816b0bb53c" == (
+        assert (
             load_problem(path).sha256
-        )
+        ) == "c97760fed783d14bab7f7c4e82a51d9974cd1e34adb2eeedf2ef45816b0bb53c"
         polygonal = (CONFIGS / "swarmitfix_polygonal.yaml").read_text("utf-8")
         old = tmp_path / "old.yaml"
         old.write_text(polygonal.replace("reachable: ignored", "prefer_reachable: false"))
-        assert "60eae0826ab70d4a5a8d8311e99efa87aa496db41989c9313ccab762596c9c54" == (
+        assert (
             load_problem(old).sha256
-        )
+        ) == "60eae0826ab70d4a5a8d8311e99efa87aa496db41989c9313ccab762596c9c54"
 
     def test_both_names_at_once_are_refused(self, tmp_path: Path) -> None:
         base = {"home": "C66", "reachable": "required", "prefer_reachable": True}

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.swings import ALL_TURNS, SWING_ACTIONS, Direction, Turn
-from skillplan.domains.swarmitfix.bench.table_errata import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.swings import ALL_TURNS, SWING_ACTIONS, Direction, Turn
+from skillplan_swarmitfix.bench.table_errata import (
     PARITIES,
     PRINTED_BENCH,
     PRINTED_TABLE,

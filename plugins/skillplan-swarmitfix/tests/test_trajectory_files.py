@@ -21,22 +21,22 @@ from ezdxf.math import BSpline
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
-from skillplan.domains.swarmitfix.trajectory.files import (
+from skillplan_swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
+from skillplan_swarmitfix.trajectory.files import (
     MAX_BYTES,
     SUFFIXES,
     TrajectoryFileError,
     TrajectoryPath,
     read_trajectory,
 )
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.path_elements import (
     Arc,
     Line,
     Spline,
     circle_of,
     sample,
 )
-from skillplan.domains.swarmitfix.trajectory.workpiece import Workpiece, faults
+from skillplan_swarmitfix.trajectory.workpiece import Workpiece, faults
 
 DATA = Path(__file__).parent / "data"
 SLOT_M = 2 * 1.0 + math.pi * 0.5
@@ -493,7 +493,7 @@ class TestDxf:
     def test_ezdxf_is_loaded_for_drawings_only(self) -> None:
         code = (
             "import sys; from pathlib import Path; "
-            "from skillplan.domains.swarmitfix.trajectory.files import read_trajectory as r; "
+            "from skillplan_swarmitfix.trajectory.files import read_trajectory as r; "
             f"r(Path({str(DATA / 'slot.nc')!r})); r(Path({str(DATA / 'pentagon.csv')!r})); "
             "print('ezdxf' in sys.modules)"
         )

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.trajectory.crossings import crossings
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.crossings import crossings
+from skillplan_swarmitfix.trajectory.path_elements import (
     MAX_CHORDS,
     Arc,
     Element,
     Line,
     Spline,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.workpiece import (
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import (
     Corner,
     Segment,
     Vertex,
@@ -235,7 +235,7 @@ class TestWorkpiece:
 
 class TestFaults:
     def test_a_good_trajectory_has_none(self) -> None:
-        assert [] == told((1, 1), Line((2, 1)), Line((2, 2)), closed=True, outline=BENCH)
+        assert told((1, 1), Line((2, 1)), Line((2, 2)), closed=True, outline=BENCH) == []
 
     def test_a_segment_of_zero_length(self) -> None:
         ((message, path),) = told((0, 0), Line((1, 0)), Line((1, 0)), Line((2, 0)))
@@ -373,6 +373,6 @@ class TestCrossings:
     def test_one_crossing_among_ten_thousand_chords_is_found(self) -> None:
         turns = np.linspace(1.0, 60.0, 10_000)
         spiral = np.column_stack((turns * np.cos(turns), turns * np.sin(turns)))
-        assert [] == crossings(spiral, closed=False)
+        assert crossings(spiral, closed=False) == []
         spiral[-1] = spiral[-120] * 0.9
         assert {9_998} == {crossing.second for crossing in crossings(spiral, closed=False)}

@@ -266,6 +266,24 @@ class Domain(ABC):
         """
         return ()
 
+    def second_bound(self, task: Task) -> tuple[float, str] | None:
+        """Return a lower bound on the cost of all plans of a task, and its method in words.
+
+        ``verify`` compares it with the bound of a stored result. The method must share no code
+        with solvers and must not depend on back ends. By default there is none.
+
+        Parameters
+        ----------
+        task
+            A task that this domain grounded.
+
+        Returns
+        -------
+        tuple of float and str
+            The bound, infinite if there is no plan; None if the domain has no such method.
+        """
+        return None
+
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best where the user names none."""
         return "auto"

@@ -8,16 +8,16 @@ from itertools import pairwise
 from typing import Any
 
 from skillplan.domains.domain import Account, Listing, Recheck
-from skillplan.domains.swarmitfix.base.locomotion import Phase, makespan, timeline
-from skillplan.domains.swarmitfix.base.path import BasePath, along
-from skillplan.domains.swarmitfix.fleet.account import fleet_account
-from skillplan.domains.swarmitfix.heads.heads import Head, HeadKind, normal_yaw
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of
-from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
-from skillplan.domains.swarmitfix.pkm.reach import hold_fault, rule
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.task.verdict import Verdict
+from skillplan_swarmitfix.base.locomotion import Phase, makespan, timeline
+from skillplan_swarmitfix.base.path import BasePath, along
+from skillplan_swarmitfix.fleet.account import fleet_account
+from skillplan_swarmitfix.heads.heads import Head, HeadKind, normal_yaw
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.machine_settings import limits_of, mount_of
+from skillplan_swarmitfix.pkm.kinematics import PkmGeometry
+from skillplan_swarmitfix.pkm.reach import hold_fault, rule
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 
 def account(job: Job) -> Account:

@@ -6,17 +6,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from skillplan.domains.domain import Account, Domain, Listing, Overview, Recheck
-from skillplan.domains.swarmitfix.account import account, recheck_reach
-from skillplan.domains.swarmitfix.base.goals import UnreachableSupport
-from skillplan.domains.swarmitfix.bench.table_errata import table_errata
-from skillplan.domains.swarmitfix.faults import issues
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.machine_settings import bench_of
-from skillplan.domains.swarmitfix.overview import overview
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.trajectory.unit_doubt import unit_doubt
 from skillplan.errors import ChainBroken, Issue, OptionError
 from skillplan.task.task import Task
+from skillplan_swarmitfix.account import account, recheck_reach
+from skillplan_swarmitfix.base.goals import UnreachableSupport
+from skillplan_swarmitfix.bench.table_errata import table_errata
+from skillplan_swarmitfix.faults import issues
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.machine_settings import bench_of
+from skillplan_swarmitfix.multiagent.multi_agent import (
+    MultiAgentProblem,
+    NotMultiAgent,
+    cost_of_agents_alone,
+)
+from skillplan_swarmitfix.overview import overview
+from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix.trajectory.unit_doubt import unit_doubt
 
 
 class SwarmitfixDomain(Domain):
@@ -83,6 +88,16 @@ class SwarmitfixDomain(Domain):
         """Yield whether the machine reaches every support of a trajectory."""
         if config.trajectory is not None:
             yield recheck_reach(Job(config, plans, refinement))
+
+    def second_bound(self, task: Task) -> tuple[float, str] | None:
+        """Return the sum of the robots' least costs if none blocked another."""
+        if not any(skill.agents for skill in task.skills):
+            return None
+        try:
+            bound = cost_of_agents_alone(MultiAgentProblem.from_task(task))
+        except NotMultiAgent:
+            return None
+        return bound, "least cost of every agent alone"
 
     def default_solver(self, config: Any) -> str:
         """Return ``fleet`` for several bases, else ``exact``."""

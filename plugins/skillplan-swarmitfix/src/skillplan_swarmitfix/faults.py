@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.fleet.task import fleet_faults
-from skillplan.domains.swarmitfix.heads.grid import MOST_HEADS, HeadGrid
-from skillplan.domains.swarmitfix.heads.task import segment_fault
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.machine_settings import bench_of, mount_of
-from skillplan.domains.swarmitfix.pkm.reach import Mount
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.trajectory.content import element_key, elements_of
-from skillplan.domains.swarmitfix.trajectory.faults import Outline, faults
-from skillplan.domains.swarmitfix.trajectory.unit_doubt import unit_doubt
 from skillplan.errors import Issue
 from skillplan.files.schema_errors import continued
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.fleet.task import fleet_faults
+from skillplan_swarmitfix.heads.grid import MOST_HEADS, HeadGrid
+from skillplan_swarmitfix.heads.task import segment_fault
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.machine_settings import bench_of, mount_of
+from skillplan_swarmitfix.pkm.reach import Mount
+from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix.trajectory.content import element_key, elements_of
+from skillplan_swarmitfix.trajectory.faults import Outline, faults
+from skillplan_swarmitfix.trajectory.unit_doubt import unit_doubt
 
 MOST_STATES = 500_000
 """Positions of the bench, over all goals of the base."""

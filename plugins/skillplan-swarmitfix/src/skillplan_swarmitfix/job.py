@@ -11,8 +11,9 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 
-from skillplan.domains.swarmitfix.base.goal_choice import Choice, GoalRule, choose
-from skillplan.domains.swarmitfix.base.goals import (
+from skillplan.task.task import BackEndChoice, Task
+from skillplan_swarmitfix.base.goal_choice import Choice, GoalRule, choose
+from skillplan_swarmitfix.base.goals import (
     GoalSet,
     MachineReach,
     PathBetween,
@@ -24,18 +25,18 @@ from skillplan.domains.swarmitfix.base.goals import (
     preferring,
     unreachable,
 )
-from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task
-from skillplan.domains.swarmitfix.base.task import BaseGrounding
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.fleet.task import fleet_task
-from skillplan.domains.swarmitfix.heads.heads import (
+from skillplan_swarmitfix.base.goals_task import goal_of, goals_task
+from skillplan_swarmitfix.base.task import BaseGrounding
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.fleet.task import fleet_task
+from skillplan_swarmitfix.heads.heads import (
     Head,
     HeadRules,
     even_heads,
     path_between,
     vertex_heads,
 )
-from skillplan.domains.swarmitfix.heads.task import (
+from skillplan_swarmitfix.heads.task import (
     Holdable,
     fewest,
     has_holdable_heads,
@@ -43,26 +44,25 @@ from skillplan.domains.swarmitfix.heads.task import (
     heads_of,
     segment_fault,
 )
-from skillplan.domains.swarmitfix.machine_settings import (
+from skillplan_swarmitfix.machine_settings import (
     bench_of,
     limits_of,
     mount_of,
     timings_of,
 )
-from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
-from skillplan.domains.swarmitfix.pkm.reach import (
+from skillplan_swarmitfix.pkm.kinematics import PkmGeometry
+from skillplan_swarmitfix.pkm.reach import (
     Mount,
     PkmLimits,
     Range,
     ReachableCentres,
     horizontal_reach_m,
 )
-from skillplan.domains.swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
-from skillplan.domains.swarmitfix.trajectory.content import elements_of
-from skillplan.domains.swarmitfix.trajectory.path_elements import sampling_error_m
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
-from skillplan.task.task import BackEndChoice, Task
+from skillplan_swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
+from skillplan_swarmitfix.trajectory.content import elements_of
+from skillplan_swarmitfix.trajectory.path_elements import sampling_error_m
+from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.trajectory.workpiece import Segment, Workpiece
 
 Plans = Mapping[str, Sequence[str]]
 GOALS = "goals"
@@ -123,7 +123,7 @@ class Job:
         most_m = max(off_m, default=0.0)
         if chords and (trajectory.file or "").lower().endswith(".dxf"):
             # The reader puts its own curves through points of the drawing's.
-            from skillplan.domains.swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
+            from skillplan_swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
 
             most_m += CURVE_TOLERANCE_M
         return chords, most_m

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.pkm.reach import Mount, PkmLimits
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 
 
 def bench_of(config: SwarmitfixConfig) -> Bench:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from skillplan.domains.domain import Overview
-from skillplan.domains.swarmitfix.job import Job
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 
 
 def overview(config: SwarmitfixConfig) -> Overview:

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from skillplan.domains.domain import Name, Strict
-from skillplan.domains.swarmitfix.trajectory.schema import TrajectoryConfig
 from skillplan.files.schema_errors import Located
+from skillplan_swarmitfix.trajectory.schema import TrajectoryConfig
 
 Length = Annotated[float, Field(gt=0, le=1000)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]

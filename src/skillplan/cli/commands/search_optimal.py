@@ -23,9 +23,8 @@ def command(
     solver: Annotated[
         str | None,
         solver_option(
-            "Which solver searches; for a chain also one for each stage, as "
-            "heads=monte-carlo,base=sarsa; default: auto, which chooses and says why; for the "
-            "bench exact, for several robots on it fleet."
+            "Solver to use; for a chain also one for each stage, as heads=monte-carlo,base=sarsa. "
+            "Default: the choice of the kind of task, mostly auto, which chooses and says why."
         ),
     ] = None,
     seed: Seed = 0,

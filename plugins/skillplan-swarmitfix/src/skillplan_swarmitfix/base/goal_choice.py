@@ -14,8 +14,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.base.goals import GoalSet
-from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.base.goals import GoalSet
+from skillplan_swarmitfix.bench.bench import Bench
 
 # Above the time of any path round a bench [us]: 12 days.
 _STEP = 1 << 40

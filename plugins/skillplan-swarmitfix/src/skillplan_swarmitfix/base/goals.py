@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.base.reach import (
+from skillplan_swarmitfix.base.reach import (
     EQ3,
     EQ4_NEXT,
     SIDE,
@@ -31,9 +31,9 @@ from skillplan.domains.swarmitfix.base.reach import (
     quadrilateral,
     within_reach,
 )
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.pkm.reach import ReachableCentres
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.pkm.reach import ReachableCentres
+from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
 
 __all__ = [
     "MOST_SPLITS",

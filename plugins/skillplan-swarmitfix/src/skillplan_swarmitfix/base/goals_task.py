@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from skillplan.domains.swarmitfix.base.goal_choice import LeastSwings
-from skillplan.domains.swarmitfix.base.goals import GoalSet
-from skillplan.domains.swarmitfix.base.task import STEPS
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Place, Task
+from skillplan_swarmitfix.base.goal_choice import LeastSwings
+from skillplan_swarmitfix.base.goals import GoalSet
+from skillplan_swarmitfix.base.task import STEPS
+from skillplan_swarmitfix.bench.bench import Bench
 
 
 def serve(number: int, position: str) -> str:

@@ -13,10 +13,10 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-from skillplan.domains.swarmitfix.base.path import BasePath, BaseStep
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.domains.swarmitfix.bench.swings import Direction
+from skillplan_swarmitfix.base.path import BasePath, BaseStep
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.bench.swings import Direction
 
 
 class FiveStep(StrEnum):

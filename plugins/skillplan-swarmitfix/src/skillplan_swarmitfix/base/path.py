@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.bench import Bench
 
 BaseStep = tuple[int, int, int]
 """Action, position before, position after."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
 
 # Of Eq. 3, relative to the quadrilateral: areas are sums of products, and a centroid on its
 # border must not depend on how they round.

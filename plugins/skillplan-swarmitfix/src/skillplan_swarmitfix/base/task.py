@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost, Cost
 from skillplan.task.reward import DistanceReward
@@ -18,6 +17,7 @@ from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Facts
 from skillplan.task.task import Metric, Place, Task
+from skillplan_swarmitfix.bench.bench import Bench
 
 STEPS = Metric("steps", "steps", 0)
 

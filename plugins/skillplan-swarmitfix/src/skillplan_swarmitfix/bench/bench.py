@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.pin_lattice import PinLattice, read_only
-from skillplan.domains.swarmitfix.bench.swings import ALL_TURNS, SWING_ACTIONS, Swing, Turn
+from skillplan_swarmitfix.bench.pin_lattice import PinLattice, read_only
+from skillplan_swarmitfix.bench.swings import ALL_TURNS, SWING_ACTIONS, Swing, Turn
 
 
 @dataclass(frozen=True)

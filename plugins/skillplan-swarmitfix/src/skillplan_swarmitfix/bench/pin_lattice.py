@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.swings import HEADINGS
+from skillplan_swarmitfix.bench.swings import HEADINGS
 
 # Pins and positions are kept in 32 bits.
 _MAX_POSITIONS = 2_000_000_000

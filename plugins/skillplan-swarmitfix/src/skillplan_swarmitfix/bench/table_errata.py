@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.swings import ALL_TURNS, Direction, Turn
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.swings import ALL_TURNS, Direction, Turn
 
 Parity = Literal["even", "odd"]
 PARITIES: tuple[Parity, Parity] = ("even", "odd")

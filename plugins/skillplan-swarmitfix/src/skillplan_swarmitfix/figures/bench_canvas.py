@@ -15,7 +15,6 @@ from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import Circle, FancyArrow, Polygon
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.colours import FAINT, MUTED, PAPER
 from skillplan.views.figures.figure_style import (
     LEAST_PT,
@@ -26,6 +25,7 @@ from skillplan.views.figures.figure_style import (
     legend_columns,
     sheet,
 )
+from skillplan_swarmitfix.bench.bench import Bench
 
 _PITCH_IN = 1.25
 _MOST_WIDTH_IN, _MOST_HEIGHT_IN = 15.0, 12.5

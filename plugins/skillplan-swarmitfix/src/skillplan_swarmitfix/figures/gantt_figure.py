@@ -24,8 +24,8 @@ from skillplan.views.figures.figure_style import (
     legend_columns,
     sheet,
 )
-from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
 from skillplan.views.figures.text_width import text_width_in
+from skillplan_swarmitfix.figures.requested_bench import requested_bench
 
 SOLVER = "exact"
 STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}

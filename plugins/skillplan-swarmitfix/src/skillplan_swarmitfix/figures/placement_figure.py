@@ -15,13 +15,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.colours import GREEN, INK, MUTED, ORANGE, PAPER
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import Heading, in_house_style
-from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas, bench_canvas
-from skillplan.views.figures.swarmitfix.placement_labels import draw_labels
-from skillplan.views.figures.swarmitfix.placement_marks import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
+from skillplan_swarmitfix.figures.placement_labels import draw_labels
+from skillplan_swarmitfix.figures.placement_marks import (
     RADIUS,
     BaseGoal,
     HeadMark,
@@ -31,7 +31,7 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
     links_m,
     visits_of,
 )
-from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
+from skillplan_swarmitfix.figures.requested_bench import requested_bench
 
 SOLVER = "exact"
 _TRAJECTORY = "#3c4043"

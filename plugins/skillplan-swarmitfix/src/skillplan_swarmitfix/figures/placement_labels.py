@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from skillplan.views.figures.colours import INK, MUTED
 from skillplan.views.figures.figure_style import LEAST_PT, text_colour
 from skillplan.views.figures.label_placement import LabelPlacer
-from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas
-from skillplan.views.figures.swarmitfix.placement_marks import (
+from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas
+from skillplan_swarmitfix.figures.placement_marks import (
     RADIUS,
     BaseGoal,
     HeadMark,

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.colours import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
+from skillplan_swarmitfix.bench.bench import Bench
 
 Point2 = tuple[float, float]
 RADIUS = 0.2

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from skillplan.domains.domain import Account
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.figure_request import FigureRequest
+from skillplan_swarmitfix.bench.bench import Bench
 
 
 def requested_bench(request: FigureRequest, account: Account | None = None) -> Bench:

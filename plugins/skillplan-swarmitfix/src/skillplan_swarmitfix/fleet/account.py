@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skillplan.domains.domain import Account, Listing
-from skillplan.domains.swarmitfix.fleet.simulator import simulate
-from skillplan.domains.swarmitfix.job import Job
+from skillplan_swarmitfix.fleet.simulator import simulate
+from skillplan_swarmitfix.job import Job
 
 Move = tuple[str, int, int, int]
 """Robot, action, position before and after, both from 0."""

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.bench import Bench
 
 _TURN_TOLERANCE_DEG = 1e-3
 _LENGTH_TOLERANCE = 1e-6

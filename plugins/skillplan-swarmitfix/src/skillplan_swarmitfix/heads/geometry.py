@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.heads.heads import THIRD_RAD, Head, HeadRules
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment
+from skillplan_swarmitfix.heads.heads import THIRD_RAD, Head, HeadRules
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import Segment
 
 _TOUCH_M = 1e-9
 

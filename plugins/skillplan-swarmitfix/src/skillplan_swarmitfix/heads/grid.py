@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.heads.geometry import HeadShapes, SupportedStretch
-from skillplan.domains.swarmitfix.heads.heads import (
+from skillplan_swarmitfix.heads.geometry import HeadShapes, SupportedStretch
+from skillplan_swarmitfix.heads.heads import (
     THIRD_RAD,
     Head,
     HeadKind,
@@ -23,8 +23,8 @@ from skillplan.domains.swarmitfix.heads.heads import (
     normal_yaw,
     same_yaw,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import Segment
 
 MOST_HEADS = 2_000
 """More heads than this to choose from are too many for one task."""

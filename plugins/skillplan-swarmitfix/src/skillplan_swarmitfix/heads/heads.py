@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, VertexKind, Workpiece
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import Segment, VertexKind, Workpiece
 
 THIRD_RAD = math.tau / 3
 """A turn that leaves a head as it was [rad]."""

@@ -11,17 +11,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.domains.swarmitfix.heads.grid import HeadGrid
-from skillplan.domains.swarmitfix.heads.heads import Head, HeadRules
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.workpiece import Segment
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Metric, Place, Task
+from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.heads.grid import HeadGrid
+from skillplan_swarmitfix.heads.heads import Head, HeadRules
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import Segment
 
 Holdable = Callable[[Point2], bool]
 

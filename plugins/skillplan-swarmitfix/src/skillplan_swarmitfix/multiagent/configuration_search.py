@@ -18,7 +18,7 @@ import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from skillplan.model.multi_agent import Move, MultiAgentProblem
+from skillplan_swarmitfix.multiagent.multi_agent import Move, MultiAgentProblem
 
 # Calls of priority inheritance in one step, beyond which no agent is requested to give way.
 _MOST_CALLS = 64

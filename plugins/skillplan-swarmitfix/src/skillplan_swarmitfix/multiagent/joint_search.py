@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from skillplan.model.multi_agent import Move, MultiAgentProblem
+from skillplan_swarmitfix.multiagent.multi_agent import Move, MultiAgentProblem
 
 _POLL_EVERY = 64
 

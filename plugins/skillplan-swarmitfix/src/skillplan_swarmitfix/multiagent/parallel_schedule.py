@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skillplan.model.multi_agent import Move
+from skillplan_swarmitfix.multiagent.multi_agent import Move
 
 
 @dataclass(frozen=True, slots=True)

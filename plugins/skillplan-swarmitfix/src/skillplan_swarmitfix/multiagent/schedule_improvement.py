@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.model.multi_agent import Move, MultiAgentProblem
-from skillplan.solvers.multiagent.joint_search import Objective
+from skillplan_swarmitfix.multiagent.joint_search import Objective
+from skillplan_swarmitfix.multiagent.multi_agent import Move, MultiAgentProblem
 
 Path = list[Move | None]
 """An agent's move in every step; None where it waits."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.pkm.pose6 import Matrix, Point3, Pose6, zyz_angles, zyz_matrix
+from skillplan_swarmitfix.pkm.pose6 import Matrix, Point3, Pose6, zyz_angles, zyz_matrix
 
 LEGS = ("A", "B", "C")
 

@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.pkm.kinematics import (
+from skillplan.task.verdict import Verdict
+from skillplan_swarmitfix.pkm.kinematics import (
     LEGS,
     OutsideWorkspace,
     PkmGeometry,
     forward,
     inverse,
 )
-from skillplan.domains.swarmitfix.pkm.pose6 import Point3, Pose6, zyz_matrix
-from skillplan.task.verdict import Verdict
+from skillplan_swarmitfix.pkm.pose6 import Point3, Pose6, zyz_matrix
 
 Range = tuple[float, float]
 Point2 = tuple[float, float]

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.swings import Direction
 from skillplan.task.pose import Pose
 from skillplan.views.playback.document import Playback, box, cylinder
 from skillplan.views.playback.meshes import hull_mesh
 from skillplan.views.playback.turns import Numbers
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.swings import Direction
 
 BASE_TOP_M = 0.2
 """How high the body of a base is; not published, drawn so [m]."""

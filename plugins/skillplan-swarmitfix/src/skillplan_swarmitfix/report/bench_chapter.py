@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from skillplan.domains.load import Problem
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.pictures.plan_bars import PlanBar
-from skillplan.views.report.chapters import ChainInput
+from skillplan.views.report.chapters import ChainInput, chain_account
 from skillplan.views.report.markup import Markup
 from skillplan.views.report.plan_sections import figure
-from skillplan.views.report.swarmitfix.bench_picture import bench_picture
-from skillplan.views.report.swarmitfix.bench_playback import bench_playback
-from skillplan.views.report.swarmitfix.fleet_playback import fleet_playback, swings_of
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.report.bench_picture import bench_picture
+from skillplan_swarmitfix.report.bench_playback import bench_playback
+from skillplan_swarmitfix.report.fleet_playback import fleet_playback, swings_of
 
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 
@@ -34,11 +34,7 @@ def bench_input(
     playing
         Whether the page has no playback yet.
     """
-    plans = {
-        part["name"]: tuple(part["skills"])
-        for part in [*document.get("stages", ()), *(document.get("sequences") or ())]
-    }
-    account = problem.account(plans, document.get("replans", 0))
+    account = chain_account(problem, document)
     known = account.document
     playback, images = None, tuple[Markup, ...]()
     missing = "the file describes no bench, or nothing has been planned"

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.pictures.drawing import (
     SERIES,
     SMALL_PX,
@@ -22,6 +21,7 @@ from skillplan.views.pictures.drawing import (
     text_width_px,
 )
 from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
+from skillplan_swarmitfix.bench.bench import Bench
 
 _WIDTH_PX, _MARGIN_PX, _LEGEND_PX = 960.0, 20.0, 40.0
 # What is shown round the outermost pins [m].

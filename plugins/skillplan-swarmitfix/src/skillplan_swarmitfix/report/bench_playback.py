@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.pkm.kinematics import OutsideWorkspace, PkmGeometry, inverse
-from skillplan.domains.swarmitfix.pkm.pose6 import zyz_matrix
-from skillplan.domains.swarmitfix.pkm.reach import Mount
 from skillplan.task.pose import Pose
 from skillplan.views.playback.document import Playback, box, cylinder
 from skillplan.views.playback.meshes import hull_mesh
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.playback.turns import Numbers, rows_of
-from skillplan.views.report.swarmitfix.bases import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.pkm.kinematics import OutsideWorkspace, PkmGeometry, inverse
+from skillplan_swarmitfix.pkm.pose6 import zyz_matrix
+from skillplan_swarmitfix.pkm.reach import Mount
+from skillplan_swarmitfix.report.bases import (
     BASE_TOP_M,
     Turning,
     add_base,

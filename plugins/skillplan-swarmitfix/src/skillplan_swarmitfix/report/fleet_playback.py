@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.colours import PALETTE
 from skillplan.views.playback.document import Playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
-from skillplan.views.report.swarmitfix.bases import (
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.report.bases import (
     Turning,
     add_base,
     add_bench,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 BezierSpan = tuple[Point2, Point2, Point2, Point2]
 

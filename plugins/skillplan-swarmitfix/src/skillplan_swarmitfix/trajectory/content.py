@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory.schema import PathElementConfig, TrajectoryConfig
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.schema import PathElementConfig, TrajectoryConfig
 
 
 def elements_of(config: TrajectoryConfig) -> tuple[Point2, tuple[Element, ...]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 TOUCH_M = 1e-9
 """Chords as near as this touch [m]; chords that are compared have to be longer."""

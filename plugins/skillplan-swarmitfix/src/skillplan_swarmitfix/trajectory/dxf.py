@@ -23,14 +23,14 @@ from typing import TYPE_CHECKING
 from ezdxf.filemanagement import read
 from ezdxf.lldxf.const import DXFError
 
-from skillplan.domains.swarmitfix.trajectory.dxf_entities import EntityReader
-from skillplan.domains.swarmitfix.trajectory.path import (
+from skillplan_swarmitfix.trajectory.dxf_entities import EntityReader
+from skillplan_swarmitfix.trajectory.path import (
     TrajectoryFileError,
     TrajectoryPath,
     one_line,
 )
-from skillplan.domains.swarmitfix.trajectory.path_chain import MOST_NAMED, Piece, chained
-from skillplan.domains.swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
+from skillplan_swarmitfix.trajectory.path_chain import MOST_NAMED, Piece, chained
+from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing

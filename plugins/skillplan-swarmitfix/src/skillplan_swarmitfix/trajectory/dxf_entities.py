@@ -17,9 +17,9 @@ from ezdxf.entities.polyline import Polyline
 from ezdxf.entities.spline import Spline as SplineEntity
 from ezdxf.math import Vec3
 
-from skillplan.domains.swarmitfix.trajectory.path import TrajectoryFileError, one_line
-from skillplan.domains.swarmitfix.trajectory.path_chain import Piece
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.path import TrajectoryFileError, one_line
+from skillplan_swarmitfix.trajectory.path_chain import Piece
+from skillplan_swarmitfix.trajectory.path_elements import (
     FLAT_RAD,
     MAX_CHORDS,
     Element,
@@ -27,7 +27,7 @@ from skillplan.domains.swarmitfix.trajectory.path_elements import (
     Spline,
     arc_or_line,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import (
+from skillplan_swarmitfix.trajectory.plane_point import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
     Point2,

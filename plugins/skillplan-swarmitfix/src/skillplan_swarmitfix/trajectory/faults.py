@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from skillplan.domains.swarmitfix.trajectory.crossings import Crossing, crossings
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.crossings import Crossing, crossings
+from skillplan_swarmitfix.trajectory.path_elements import (
     MAX_CHORDS,
     Element,
     Line,
@@ -18,7 +18,7 @@ from skillplan.domains.swarmitfix.trajectory.path_elements import (
     refuse_tolerance,
     sample,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import (
+from skillplan_swarmitfix.trajectory.plane_point import (
     SAME_POINT_M,
     Point2,
     on_any_bench,

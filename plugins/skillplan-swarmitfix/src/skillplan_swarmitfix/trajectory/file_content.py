@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from skillplan.domains.swarmitfix.trajectory.path import TrajectoryPath
-from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Element, Line
+from skillplan_swarmitfix.trajectory.path import TrajectoryPath
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line
 
 
 def content_of(path: TrajectoryPath) -> dict[str, Any]:

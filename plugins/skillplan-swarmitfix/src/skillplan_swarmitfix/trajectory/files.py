@@ -8,15 +8,15 @@ import math
 import re
 from pathlib import Path
 
-from skillplan.domains.swarmitfix.trajectory.path import (
+from skillplan.files.companion_file import CompanionFileError, read_companion
+from skillplan_swarmitfix.trajectory.path import (
     TrajectoryFileError,
     TrajectoryPath,
     one_line,
 )
-from skillplan.domains.swarmitfix.trajectory.path_elements import Element, Line
-from skillplan.domains.swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
-from skillplan.domains.swarmitfix.trajectory.units import UNITS_M, UnitName
-from skillplan.files.companion_file import CompanionFileError, read_companion
+from skillplan_swarmitfix.trajectory.path_elements import Element, Line
+from skillplan_swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
+from skillplan_swarmitfix.trajectory.units import UNITS_M, UnitName
 
 __all__ = ["MAX_BYTES", "SUFFIXES", "TrajectoryFileError", "TrajectoryPath", "read_trajectory"]
 
@@ -61,13 +61,13 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     content = _content(path)
     if suffix == ".dxf":
         # Takes ezdxf, which takes half a second to import.
-        from skillplan.domains.swarmitfix.trajectory.dxf import dxf_trajectory
+        from skillplan_swarmitfix.trajectory.dxf import dxf_trajectory
 
         return dxf_trajectory(path, content, unit)
     text = _text(path, content)
     if suffix == ".csv":
         return csv_trajectory(path, text, unit)
-    from skillplan.domains.swarmitfix.trajectory.gcode import gcode_trajectory
+    from skillplan_swarmitfix.trajectory.gcode import gcode_trajectory
 
     return gcode_trajectory(path, text, unit)
 

@@ -18,20 +18,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
-from skillplan.domains.swarmitfix.trajectory.path import (
+from skillplan_swarmitfix.trajectory.path import (
     JOIN_M,
     TrajectoryFileError,
     TrajectoryPath,
     one_line,
 )
-from skillplan.domains.swarmitfix.trajectory.path_elements import Element, Line, arc_or_line
-from skillplan.domains.swarmitfix.trajectory.plane_point import (
+from skillplan_swarmitfix.trajectory.path_elements import Element, Line, arc_or_line
+from skillplan_swarmitfix.trajectory.plane_point import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
     Point2,
     shown,
 )
-from skillplan.domains.swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
+from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
 _BLANK = re.compile(r"\([^()]*\)|;.*|\s")

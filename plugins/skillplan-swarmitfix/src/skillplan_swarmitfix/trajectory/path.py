@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from skillplan.domains.swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix.trajectory.path_elements import (
     Element,
     Spline,
     ending_at,
     points_of,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 JOIN_M = 1e-5
 """Ends of a file's elements as near as this are joined [m]: files hold rounded decimals."""

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillplan.domains.swarmitfix.trajectory.path import (
+from skillplan_swarmitfix.trajectory.path import (
     JOIN_M,
     TrajectoryFileError,
     TrajectoryPath,
 )
-from skillplan.domains.swarmitfix.trajectory.path_elements import Element, reversed_element
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
+from skillplan_swarmitfix.trajectory.path_elements import Element, reversed_element
+from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
 
 MOST_NAMED = 6
 """So many entities are named in a message."""

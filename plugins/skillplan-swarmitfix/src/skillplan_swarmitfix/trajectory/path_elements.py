@@ -11,14 +11,14 @@ import itertools
 import math
 from dataclasses import dataclass
 
-from skillplan.domains.swarmitfix.trajectory.catmull_rom import (
+from skillplan_swarmitfix.trajectory.catmull_rom import (
     BezierSpan,
     bezier_spans,
     chords_needed,
     deviation_m,
     point_of,
 )
-from skillplan.domains.swarmitfix.trajectory.plane_point import (
+from skillplan_swarmitfix.trajectory.plane_point import (
     MAX_COORDINATE_M,
     SAME_POINT_M,
     Point2,

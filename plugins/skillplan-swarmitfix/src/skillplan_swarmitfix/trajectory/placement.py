@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from skillplan.domains.swarmitfix.trajectory.path import TrajectoryPath
-from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.path import TrajectoryPath
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 # Cosine and sine of quarter turns, which are exact.
 _QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))

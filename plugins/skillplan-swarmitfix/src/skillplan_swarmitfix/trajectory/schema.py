@@ -15,9 +15,9 @@ from pydantic import (
 )
 
 from skillplan.domains.domain import Strict
-from skillplan.domains.swarmitfix.trajectory.path import TrajectoryPath, one_line
-from skillplan.domains.swarmitfix.trajectory.units import UnitName
 from skillplan.files.schema_errors import Located, continued, schema_issues
+from skillplan_swarmitfix.trajectory.path import TrajectoryPath, one_line
+from skillplan_swarmitfix.trajectory.units import UnitName
 
 Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
@@ -121,7 +121,7 @@ class TrajectoryConfig(DrawingConfig):
         others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
         if others:
             raise Located(f"a file says all; leave {', '.join(others)} out.", "file")
-        from skillplan.domains.swarmitfix.trajectory.file_content import content_of
+        from skillplan_swarmitfix.trajectory.file_content import content_of
 
         folder = Path((info.context or {}).get("folder", Path()))
         read = _trajectory_in(folder, data["file"], drawing)
@@ -176,8 +176,8 @@ def in_file(name: str, place: str, message: str) -> str:
 
 
 def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> TrajectoryPath:
-    from skillplan.domains.swarmitfix.trajectory.files import TrajectoryFileError, read_trajectory
-    from skillplan.domains.swarmitfix.trajectory.placement import placed
+    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, read_trajectory
+    from skillplan_swarmitfix.trajectory.placement import placed
 
     if not name.strip():
         raise Located(f"must name a DXF, CSV or G-code file, not {name!r}.", "file")

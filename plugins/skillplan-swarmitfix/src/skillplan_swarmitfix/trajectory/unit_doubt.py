@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from skillplan.domains.swarmitfix.trajectory.schema import TrajectoryConfig, in_file
-from skillplan.domains.swarmitfix.trajectory.units import DEFAULT_UNIT, is_doubtful
 from skillplan.errors import Issue
+from skillplan_swarmitfix.trajectory.schema import TrajectoryConfig, in_file
+from skillplan_swarmitfix.trajectory.units import DEFAULT_UNIT, is_doubtful
 
 
 def unit_doubt(config: TrajectoryConfig) -> Issue | None:

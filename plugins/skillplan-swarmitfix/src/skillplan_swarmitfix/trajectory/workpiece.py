@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Self
 
-from skillplan.domains.swarmitfix.trajectory.faults import faults, joined
-from skillplan.domains.swarmitfix.trajectory.path_elements import Element, end_directions, sample
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.errors import Issue
+from skillplan_swarmitfix.trajectory.faults import faults, joined
+from skillplan_swarmitfix.trajectory.path_elements import Element, end_directions, sample
+from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 __all__ = [
     "ANGLE_TOLERANCE_RAD",
