@@ -44,7 +44,8 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	$(SKILLPLAN) search-optimal $(BOARD)
 	$(SKILLPLAN) search-optimal configs/br17.10.sop
 	for engine in $(ENGINES); do \
-	  $(SKILLPLAN) search-optimal $(BOARD) --physics $$engine --collision contact-pairs --no-cache || exit; done
+	  $(SKILLPLAN) search-optimal $(BOARD) --set 'chart=[]' --physics $$engine \
+	    --collision contact-pairs --no-cache || exit; done
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
 	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 5000 --out "$$out/runs"
 	@mkdir -p $(dir $(PAGE)) && rm -f $(PAGE)

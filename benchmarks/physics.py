@@ -24,8 +24,8 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 
 BOARD = "configs/inverter_board.yaml"
-PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
-SWEPT = Setup(collision=("swept",))
+PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",), with_chart=False)
+SWEPT = Setup(collision=("swept",), with_chart=False)
 STEPS_PER_S = 240
 ROUNDS = 3
 STIFFNESSES_PER_S2 = (150.0, 400.0, 1000.0, 2500.0, 6000.0)

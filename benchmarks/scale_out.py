@@ -182,7 +182,7 @@ def main() -> None:
     parser.add_argument("--start-s", type=float, default=3.0, help="until a worker is ready [s]")
     words = parser.parse_args()
     task = load_problem(words.board).tasks[-1]
-    setup = Setup(words.physics, tuple(words.collision.split(",")))
+    setup = Setup(words.physics, tuple(words.collision.split(",")), with_chart=False)
     recording = Recording()
     checks = fill(task, setup, 1, lambda slots: Recorder(slots, recording))
     if not recording.answers:

@@ -23,7 +23,7 @@ def main() -> None:
     for config in ("inverter_board", "motor_drive"):
         task = load_problem(f"configs/{config}.yaml").task
         for detector in ("precedence", "aabb"):
-            setup = Setup(collision=(detector,))
+            setup = Setup(collision=(detector,), with_chart=False)
             result = solve(task, "exact", setup, stop=Stop(time_limit_s=60))
             cost = "-" if result.cost is None else f"{result.cost:.5f}"
             print(

@@ -23,7 +23,7 @@ from skillplan_pinocchio.swept import SweptDetector
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 BOARD = "configs/inverter_board.yaml"
-SWEPT = Setup(collision=("swept",))
+SWEPT = Setup(collision=("swept",), with_chart=False)
 SHARES = tuple(step / 40 for step in range(1, 40))
 ROUNDS = 5
 SAMPLES = 1_000

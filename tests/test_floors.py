@@ -49,6 +49,7 @@ OPENS = {
     "training/generated_boards.py": "boards of its own, in a folder of its own",
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",
+    "skillplan_ray/access.py": "the token of a cluster, and a folder of its own for its session",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
     "skillplan_cad/reading/step_file.py": "the null device, for what OCCT prints",
     "skillplan_cad/writing/accepted.py": "a task to be checked, in a folder of its own",

@@ -50,6 +50,9 @@ def _report(message: str, code: int, may_print: bool) -> None:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     # Nothing is imported here: an import may be what is being interrupted. As long as this module
     # is not there, no plugin is, from whose exceptions a signal would have to be told apart.
+    supervised = sys.modules.get("skillplan.workers.supervised")
+    if supervised is not None:
+        supervised.note_interrupt()
     blame = sys.modules.get("skillplan.plugins.blame")
     raise getattr(blame, "Interrupted", KeyboardInterrupt)
 

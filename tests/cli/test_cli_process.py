@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -257,6 +258,30 @@ def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number: i
     assert 130 == process.wait(PATIENCE_S)
     assert said.endswith("skillplan: interrupted\n")
     assert "Traceback" not in said
+
+
+def test_an_exception_of_a_signal_that_a_library_wraps_is_an_interruption(
+    install: Any, board: str
+) -> None:
+    """As pydantic does while it builds what reads a file."""
+    source = """
+        import sys, time
+
+        print("imports", file=sys.stderr)
+        try:
+            time.sleep(600)
+        except BaseException as error:
+            raise ValueError("a field") from error
+    """
+    install("solver", "wrapping", "wrapping_solver:Wrapping", source)
+    words = ["search-optimal", board, "--solver", "wrapping"]
+    process = subprocess.Popen([*SKILLPLAN, *words], stderr=subprocess.PIPE, text=True)
+    with process:
+        assert process.stderr is not None
+        assert "imports\n" == process.stderr.readline()
+        process.terminate()
+        assert "skillplan: interrupted\n" == process.communicate(timeout=PATIENCE_S)[1]
+    assert 130 == process.returncode
 
 
 class TestPipes:

@@ -38,6 +38,20 @@ def polygonal(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(solved(tmp_path_factory.mktemp("reach") / "run", POLYGONAL))
 
 
+@pytest.fixture(scope="module")
+def former(solved: Any, corner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result of a file that says nothing about reach, as an earlier version wrote it."""
+    folder = tmp_path_factory.mktemp("former") / "run"
+    solved(folder, corner, "--set", "base.reachable=preferred")
+    document = json.loads((folder / "result.json").read_text("utf-8"))
+    document["origin"]["set"] = {}
+    del document["reachable"]
+    for part in (document, *document["sequences"], *document["stages"]):
+        part.pop("dwells_from", None)
+    (folder / "result.json").write_text(json.dumps(document), "utf-8")
+    return folder
+
+
 class TestNoPlan:
     @pytest.mark.parametrize("solver", ["exact", "csp", "policy-iteration"])
     def test_the_first_support_out_of_reach_is_named_and_the_exit_code_is_1(
@@ -144,3 +158,27 @@ def test_the_former_key_is_read_with_a_note(cli: Any, tmp_path: Path) -> None:
     outcome = cli("search-optimal", str(path), "--format", "json")
     assert (0, 17) == (outcome.code, outcome.document["cost"])
     assert "base.prefer_reachable: is read as reachable: ignored" in outcome.err
+
+
+class TestResultsOfEarlierVersions:
+    """Their default was `preferred`, which their hash stands for."""
+
+    def test_they_are_verified_with_the_default_of_their_time(self, cli: Any, former: Path) -> None:
+        outcome = cli("verify", str(former))
+        assert (0, "") == (outcome.code, outcome.err)
+
+    def test_they_are_reported_with_the_default_of_their_time(
+        self, cli: Any, former: Path, tmp_path: Path
+    ) -> None:
+        outcome = cli("report", str(former), "--out", str(tmp_path / "page.html"))
+        assert 0 == outcome.code, outcome.err
+
+    def test_a_file_that_changed_is_another_task(
+        self, cli: Any, corner: str, former: Path, tmp_path: Path
+    ) -> None:
+        changed = tmp_path / "corner.yaml"
+        text = Path(corner).read_text("utf-8")
+        changed.write_text(text.replace("max_gap_m: 0.25", "max_gap_m: 0.24"), "utf-8")
+        outcome = cli("verify", str(former), "--task", str(changed))
+        assert 2 == outcome.code
+        assert "has changed since" in outcome.err

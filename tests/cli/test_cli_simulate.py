@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -405,3 +407,58 @@ class TestExplainWithPictures:
         outcome = cli(*words)
         assert (3, "") == (outcome.code, outcome.out)
         assert "Back end 'puppet' failed: OSError: the window has gone away" in outcome.err
+
+
+class TestReportOfAFailedSimulation:
+    """The plan is proved, and an engine that performs it fails at step 6 of 15."""
+
+    @pytest.fixture
+    def page(
+        self,
+        cli: Any,
+        board: str,
+        install: Any,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> str:
+        """The text of the page, without markup; what stands between tags is a line."""
+        broken = PUPPET.replace(
+            'default="", description="skill that',
+            'default="place(switch_2)", description="skill that',
+        )
+        install("physics", "puppet", "puppet_engine:Puppet", broken)
+        performing = "skillplan.pipeline.presentation.performing.performing_engine"
+        monkeypatch.setattr(performing, lambda: "puppet")
+        monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
+        outcome = cli("report", board, "--out", str(tmp_path / "page.html"))
+        assert 0 == outcome.code
+        markup = (tmp_path / "page.html").read_text("utf-8").partition("<body")[2]
+        return re.sub(r"(\s*<[^>]*>\s*)+", "\n", markup)
+
+    def test_the_headline_puts_the_failure_first(self, page: str) -> None:
+        begin = page.index("Proved by kinematic, precedence; the simulation by puppet fails at ")
+        assert "step 6 of 15, place(switch_2): place(switch_2) jams." in page[begin : begin + 120]
+        assert "A valid plan" not in page
+        assert begin < page.index("Not checked: geometry")
+
+    def test_the_time_line_says_where_measured_times_end(self, page: str) -> None:
+        assert "Times as simulated up to step 6, which fails; later steps as planned" in page
+        titles = set(re.findall(r"\n(\d+\. [^;\n]* s, as planned, not simulated)\n", page))
+        assert 9 == len(titles)
+
+    def test_planned_times_fill_the_table_after_the_failure(self, page: str) -> None:
+        table = page.partition("15 skills in order")[2].partition("Cell and product")[0]
+        assert 9 == table.count("not simulated")
+        assert 1 == table.count("fails")
+        rows = re.findall(r"\n(\d+)\n([a-z]+\([a-z0-9_]+\))\n(?:[a-z]+|-)\n([0-9.]+|-)\n", table)
+        assert 15 == len(rows)
+        begins = [float(row[2]) for row in rows]
+        assert begins == sorted(begins)
+        assert 12.0 == begins[6], "where the failed step ended"
+
+    def test_the_facts_list_proof_simulation_and_what_is_not_checked(self, page: str) -> None:
+        facts = page.rpartition("What was asked and found")[2].split("\n")
+        after = dict(itertools.pairwise(filter(None, facts)))
+        assert "kinematic, precedence" == after["Proved by"]
+        assert after["Simulation"].startswith("by puppet fails at step 6 of 15")
+        assert after["Not checked"].startswith("geometry (")

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from situations import assembly, config_content, fetching_board
 from skillplan.collision.aabb import AabbDetector
+from skillplan.pipeline import registry
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.testing import DetectorSuite, lid_content, reachable_states
@@ -425,3 +426,15 @@ def test_boxes_refuse_to_judge_what_holds_a_round_part():
     refusal = AabbDetector(task).refuses()
     assert "about 'pin' in place(pin), and boxes cannot tell what holds a round" in refusal
     assert AabbDetector(task, AabbDetector.Options(check_support=False)).refuses() is None
+
+
+def test_boxes_list_the_arm_as_not_checked_unless_another_detector_checks_it(board_task):
+    """A chart does not; convex hulls of the links do."""
+
+    def not_checked(*names):
+        return solve(board_task, "exact", Setup(collision=(*names, "precedence"))).not_checked
+
+    (sentence,) = not_checked("aabb")
+    assert sentence == "the arm's links, fingers and postures: aabb checks boxes of parts and tools"
+    if "swept" in registry.names("collision"):
+        assert sentence not in not_checked("aabb", "swept")

@@ -163,6 +163,17 @@ def test_the_table_names_what_was_checked_and_what_was_not(
     assert "not checked  torque limit of joint_3: unknown" in notes
 
 
+def test_the_table_says_whether_the_plan_was_simulated(optimal: Result, board_task: Task) -> None:
+    assert "simulation  not run" in plan_table(optimal, board_task).notes
+    failed = SimulationOutcome("mujoco", False, 9, "place(gear)", "it rests 6 mm off")
+    (note,) = [
+        note
+        for note in plan_table(replace(optimal, simulation=failed), board_task).notes
+        if note.startswith("simulation")
+    ]
+    assert note == "simulation  by mujoco fails at step 9 of 1, place(gear): it rests 6 mm off"
+
+
 def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
     """A task that was made by hand is from nowhere."""
     assert optimal.document()["origin"] is None

@@ -19,7 +19,7 @@ from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture
 from skillplan.views.pictures.graph_layers import Bend, layers_of
 from skillplan.views.pictures.layout_picture import layout_picture
-from skillplan.views.pictures.plan_bars import PlanBar, plan_bars
+from skillplan.views.pictures.plan_bars import FAILED, NOT_SIMULATED, PlanBar, plan_bars
 from skillplan.views.pictures.precedence_graph import precedence_graph
 from skillplan.views.pictures.precedence_picture import precedence_picture
 from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
@@ -107,6 +107,31 @@ def test_measured_times_go_before_planned_ones(board: Task, plan: list[str]) -> 
     times = {k: (2.0 * k, 2.0 * k + 1.5) for k in range(len(plan))}
     bars = plan_bars(board, plan, [1.0] * len(plan), times)
     assert [(28.0, 29.5)] == [(bar.start_s, bar.end_s) for bar in bars[-1:]]
+
+
+def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(
+    board: Task, plan: list[str]
+) -> None:
+    times = {0: (0.5, 2.0), 1: (2.0, 5.0)}
+    bars = plan_bars(board, plan, [1.0] * len(plan), times, failed=1)
+    assert ["", FAILED] + [NOT_SIMULATED] * (len(plan) - 2) == [bar.mark for bar in bars]
+    assert [(0.5, 2.0), (2.0, 5.0), (5.0, 6.0), (6.0, 7.0)] == [
+        (bar.start_s, bar.end_s) for bar in bars[:4]
+    ]
+    assert bars[1].title.endswith(", fails in simulation")
+
+
+def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(
+    board: Task, plan: list[str]
+) -> None:
+    bars = plan_bars(board, plan, [1.0] * len(plan), {0: (0.0, 2.0)}, failed=0)
+    whole = gantt_picture(plan_bars(board, plan, [1.0] * len(plan)), "Times")
+    marked = gantt_picture(bars, "Times")
+    added = {*labels(marked)} - {*labels(whole)}
+    assert {FAILED, NOT_SIMULATED} <= added
+    red = [item for item in marked.items if isinstance(item, Shape) and item.look.stroke == "red"]
+    (line,) = [shape for shape in red if len(shape.points) == 2]
+    assert line.points[0][0] == line.points[1][0]
 
 
 def test_a_time_line_needs_a_bar() -> None:

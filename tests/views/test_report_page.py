@@ -183,6 +183,61 @@ def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures() -> N
     assert ["Status"] == re.findall("<dt>(.*?)</dt>", said)
 
 
+OPTIMAL = {
+    "status": "optimal",
+    "physics": "kinematic",
+    "collision": "swept,precedence",
+    "cost": 1.0,
+    "steps": [{}] * 30,
+}
+FAILURE = {
+    "engine": "mujoco",
+    "complete": False,
+    "failed_step": 9,
+    "skill": "place(gear)",
+    "reason": "it rests 6 mm off",
+}
+
+
+def leads(document: dict[str, object]) -> list[str]:
+    return re.findall(r'<p class="lead">(.*?)</p>', str(lead(document)))
+
+
+class TestTheHeadline:
+    def test_names_the_back_ends_of_the_proof(self) -> None:
+        (words,) = leads(OPTIMAL)
+        assert words == (
+            "A valid plan, proved to be the best by geometry (kinematic, swept, precedence)."
+        )
+
+    def test_of_a_failed_simulation_says_so_in_the_first_sentence(self) -> None:
+        shown = leads({**OPTIMAL, "simulation": FAILURE})
+        assert shown == [
+            "Proved by geometry (kinematic, swept, precedence); the simulation by mujoco fails at "
+            "step 9 of 30, place(gear): it rests 6 mm off."
+        ]
+        figures = str(lead({**OPTIMAL, "simulation": FAILURE}))
+        assert '<span class="chip bad">fails</span><small>at step 9 of 30</small>' in figures
+        assert '<span class="chip good">optimal</span>' in figures, "the status stays"
+
+    def test_of_a_plan_not_proved_to_be_the_best_claims_no_proof(self) -> None:
+        (words,) = leads({**OPTIMAL, "status": "solved", "simulation": FAILURE})
+        assert words.startswith("Checked by geometry (kinematic, swept, precedence), not proved")
+
+    def test_of_a_complete_simulation_says_by_which_engine(self) -> None:
+        done = {**FAILURE, "complete": True, "failed_step": None, "skill": None, "reason": ""}
+        (words,) = leads({**OPTIMAL, "simulation": done})
+        assert words.endswith("The simulation by mujoco completes the plan.")
+
+    def test_of_the_chart_alone_mentions_no_geometry_and_lists_it_as_not_checked(self) -> None:
+        sentence = "geometry (collisions): only the chart is checked"
+        by_chart = {**OPTIMAL, "collision": "precedence", "not_checked": [sentence]}
+        assert leads(by_chart) == [
+            "A valid plan, proved to be the best by kinematic, precedence.",
+            f"Not checked: {sentence}.",
+        ]
+
+
 @pytest.mark.parametrize(
     ("measured_s", "played_s", "expected"),
     [

@@ -17,8 +17,10 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system can
 PATIENCE_S = 30
 PROGRAM = """\
 import os, signal, sys, threading, time
-from skillplan.workers.supervised import doing, limit_command, report_finishing
+from skillplan.workers.supervised import doing, limit_command
 from skillplan.workers.supervisor import supervise
+from skillplan.cli.interruption import heeding
+from skillplan.errors import SearchStopped
 
 
 def command():
@@ -165,13 +167,15 @@ class TestSignals:
 
     @pytest.mark.slow(reason="waits five seconds; a command without a reaction is in every run")
     def test_a_command_that_writes_its_result_is_given_time(self) -> None:
-        """Longer than one that does not react at all."""
+        """Longer than a search that does not stop at all."""
         body = """
-            signal.signal(signal.SIGUSR1, lambda *_: None)
-            print("begun", flush=True)
-            time.sleep(1)
-            report_finishing()
-            time.sleep(4)
+            requested = []
+            with heeding(lambda: requested.append(True)):
+                with doing("the search"):
+                    print("begun", flush=True)
+                    while not requested:
+                        time.sleep(0.01)
+                time.sleep(4)
             return 0
         """
         process = start(body)
@@ -179,6 +183,41 @@ class TestSignals:
         process.send_signal(signal.SIGINT)
         assert ("", "") == process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
+
+    @pytest.mark.slow(reason="waits three seconds; a command that hangs in every run")
+    def test_a_search_that_does_not_stop_is_left_by_an_exception(self) -> None:
+        """Which leaves what it has found so far."""
+        body = """
+            with heeding(lambda: None):
+                try:
+                    with doing("the search"):
+                        print("begun", flush=True)
+                        time.sleep(600)
+                except SearchStopped:
+                    time.sleep(2)
+                    return 0
+        """
+        process = start(body)
+        wait_for_line(process, "begun")
+        process.send_signal(signal.SIGINT)
+        assert ("", "") == process.communicate(timeout=PATIENCE_S)
+        assert 0 == process.returncode
+
+    def test_an_exception_that_is_lost_in_a_callback_is_raised_again(self) -> None:
+        """Without a traceback; libraries in C call back, and so does the end of an object."""
+        body = """
+            class Loud:
+                def __del__(self):
+                    print("begun", flush=True)
+                    time.sleep(600)
+            Loud()
+            time.sleep(600)
+        """
+        process = start(body)
+        wait_for_line(process, "begun")
+        process.terminate()
+        assert ("", "skillplan: interrupted\n") == process.communicate(timeout=PATIENCE_S)
+        assert 130 == process.returncode
 
     def test_an_ignored_signal_stays_ignored(self) -> None:
         """As under nohup."""
@@ -192,6 +231,16 @@ class TestSignals:
         process.send_signal(signal.SIGHUP)
         process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
+
+    def test_a_program_that_ignores_the_end_of_children_still_gets_the_code(self) -> None:
+        """As if it was started by a service that leaves no zombies."""
+        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+        try:
+            process = start("return 1")
+        finally:
+            signal.signal(signal.SIGCHLD, before)
+        process.communicate(timeout=PATIENCE_S)
+        assert 1 == process.returncode
 
     @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no process file system")
     def test_sigkill_takes_the_command_along(self) -> None:

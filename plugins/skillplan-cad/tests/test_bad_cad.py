@@ -25,6 +25,7 @@ from skillplan.plugins import installed
 from skillplan_cad.blocking.ray_mesh import RayMesh
 from skillplan_cad.importing import import_cad
 from skillplan_cad.product import Part
+from skillplan_cad.reading import step_file
 from skillplan_cad.reading.glb import parts_of
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
 
@@ -98,6 +99,17 @@ def refused(capsys, tmp_path, *words):
             # Once this took time by the square of its length: a quarter of an hour.
             b"ISO-10303-21;\nDATA;\n#1=A(#2);" + b"/* " * 350_000 + END,
             "is damaged: it refers to 1 entity that it lacks, such as #2",
+        ),
+        (
+            b"ISO-10303-21;\nDATA;\n#1=A(#0,#000);" + END,
+            "is damaged: it refers to 1 entity that it lacks, such as #0",
+        ),
+        *(
+            (
+                b"ISO-10303-21;\nDATA;\n#7=A('#8=',(1.,%b,2.));" % number + END,
+                f"#7 has {number.decode()!r}, which is no finite number. Correct it in CAD",
+            )
+            for number in (b"NAN", b"-INF", b"1.E400", b"9.E+308", b"1E99999")
         ),
         (
             b"ISO-10303-21;\nDATA;\n#1=(LENGTH_UNIT()SI_UNIT(.EXA.,.METRE.));" + END,
@@ -277,7 +289,6 @@ def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("NAN", "has coordinates that are no finite numbers: point #24 has 'NAN'"),
         ("1.E300", "has coordinates that are no finite numbers: point #24 has '1.E300'"),
         ("1.E12", "is 1e+09 m long, where 10,000 m are the most; post_1 reaches farthest"),
     ],
@@ -335,6 +346,30 @@ def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
     meshes = [RayMesh(part, np.zeros(3)) for _ in range(1100)]
     hits = [mesh.first_hits([[0.1, 0.1, -9.0]], [[0.0, 0.0, 1.0]])[0] for mesh in meshes]
     assert hits == [2] * len(meshes)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(
+        st.sampled_from(
+            [b"#", b"0", b"12", b"9" * 5000, b"=", b"'", b"/*", b"*/", b"NAN", b"1E999", b"(", b")"]
+        )
+        | st.binary(max_size=6),
+        max_size=30,
+    )
+)
+def test_any_step_file_is_handed_to_occt_or_refused_in_words(pieces):
+    """What is looked at before OCCT starts never fails."""
+    with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        path = Path(folder, "odd.step")
+        path.write_bytes(b"ISO-10303-21;\nDATA;\n" + b"".join(pieces) + END)
+        patch.setattr(step_file, "tessellated", lambda path, content, chord_m: glb([{"mesh": 0}]))
+        refusal, parts = "", ()
+        try:
+            parts = step_file.read_step(path, 1e-4).parts
+        except OptionError as error:
+            refusal = str(error)
+    assert refusal.startswith(str(path)) or len(parts) == 1
 
 
 MESHES = {

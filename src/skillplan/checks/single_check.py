@@ -193,8 +193,8 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
 
 
 def _query(back_end: BackEnd, skill: Skill, state: State) -> Verdict:
-    """Return the verdict; a process that crashes meanwhile names a back end of a plugin."""
-    if type(back_end).__module__.startswith("skillplan."):
+    """Return the verdict; a process that crashes or hangs meanwhile names a back end of others."""
+    if type(back_end).__module__.startswith("skillplan"):
         return back_end.check(skill, state)
     with doing(f"a check of {skill.name} by the back end {back_end.name!r}"):
         return back_end.check(skill, state)

@@ -20,7 +20,7 @@ from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.cli.writing import restored_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
-from skillplan.workers.supervised import passed_limit
+from skillplan.workers.supervised import is_interrupted, passed_limit
 
 # Panel of the group's help to its commands, each with its line.
 PANELS = {
@@ -199,24 +199,28 @@ def _run(words: list[str]) -> int:
         with _surroundings(words):
             code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
         return code if isinstance(code, int) else 0
-    except typer.TyperException as error:
-        return report_usage(error, words)
-    except (typer.Abort, KeyboardInterrupt, SearchStopped):
+    except BaseException as error:
+        return _report(error, words)
+
+
+def _report(error: BaseException, words: list[str]) -> int:
+    """Report what ended the command and return the exit code."""
+    stopped = isinstance(error, (typer.Abort, KeyboardInterrupt, SearchStopped))
+    # Libraries raise errors of their own from the exception of a signal.
+    if stopped or is_interrupted():
         if message := passed_limit():
             return report_error(SkillplanError(message), words)
         tell("skillplan: interrupted")
         return exit_code(interrupted=True)
-    except SkillplanError as error:
+    if isinstance(error, typer.TyperException):
+        return report_usage(error, words)
+    if isinstance(error, SkillplanError):
         return report_error(error, words)
-    except SystemExit as ended:
-        # Typer ends so once it has completed a word for a shell, or printed or installed the
-        # script for it; a plugin ends nothing.
-        if not os.environ.get(COMPLETION) and not _sets_up_completion(words):
-            report_bug(ended, words)
-            return exit_code(ended)
-        return ended.code if isinstance(ended.code, int) else 0
-    except BaseException as error:  # such as a `SystemExit` of a plugin's making
-        if os.environ.get("SKILLPLAN_DEBUG"):
-            raise
-        report_bug(error, words)
-        return exit_code(error)
+    # Typer ends so once it has completed a word for a shell, or printed or installed the
+    # script for it; a plugin ends nothing.
+    if isinstance(error, SystemExit) and (os.environ.get(COMPLETION) or _sets_up_completion(words)):
+        return error.code if isinstance(error.code, int) else 0
+    if os.environ.get("SKILLPLAN_DEBUG") and not isinstance(error, SystemExit):
+        raise error
+    report_bug(error, words)
+    return exit_code(error)

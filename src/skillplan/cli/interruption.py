@@ -18,8 +18,8 @@ from skillplan.workers import supervised
 def heeding(request: Callable[[], None]) -> Iterator[None]:
     """Call `request` at the first signal; at the second raise `Interrupted`.
 
-    A supervisor that sees no reaction for two seconds has `SearchStopped` raised, which leaves the
-    best plan so far, and then ends the process.
+    If a search or a plugin goes on for two seconds, the supervisor has `SearchStopped` raised,
+    which leaves the best plan so far, and then ends the process.
 
     Parameters
     ----------
@@ -32,11 +32,15 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
         nonlocal interrupted
         if number == supervised.LAST_REQUEST:
             request()
+            if interrupted:
+                supervised.note_interrupt()
             raise SearchStopped
         if interrupted:
+            supervised.note_interrupt()
             raise Interrupted
         interrupted = True
         request()
+        supervised.report_stopping()
         if sys.stderr.isatty():
             # Not print: a handler may interrupt a print.
             os.write(sys.stderr.fileno(), b"\nstopping; once more ends the program\n")
@@ -51,5 +55,3 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if interrupted:
-            supervised.report_finishing()

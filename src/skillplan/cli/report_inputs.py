@@ -28,6 +28,7 @@ from skillplan.pipeline.solve_problem import solve_problem
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate
+from skillplan.records.execution.simulation import simulation_outcome
 from skillplan.records.stored.result_folder import is_result, result_path, run_folder
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -153,6 +154,7 @@ class Reporter:
     ) -> Chapter:
         description = str(getattr(problem.config, "description", "") or "")
         if problem.is_chain and part is None:
+            document = {**document, "simulation": None}
             given = chain_input(problem, document, name, self.playback is None)
             self.playback = self.playback or given.playback
             given = replace(
@@ -181,6 +183,12 @@ class Reporter:
             played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
             made = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
+        # A stored result can claim a simulation; the page shows only its own.
+        document = {**document, "simulation": None}
+        if measured is not None:
+            skills = [task.skill(str(step["skill"])) for step in document["steps"]]
+            outcome = simulation_outcome(task, skills, measured.engine, measured.performance)
+            document["simulation"] = outcome.document()
         given_plan = PlanInput(
             document,
             task,

@@ -18,6 +18,7 @@ from skillplan.collision.boxes import WorldBox, centroid, contact_area, sweep_hi
 from skillplan.collision.detector import Detector
 from skillplan.quick_dataclass import dataclass
 from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.pose import DOWN, Pose, same_direction
 from skillplan.task.scene import WORLD, Body, Box, Placement
@@ -85,6 +86,7 @@ class AabbDetector(Detector):
     def __init__(self, task: Task, options: Options | None = None) -> None:
         super().__init__(task, options)
         self._swept_motions: dict[tuple[str, int], _SweptMotion] = {}
+        self._arm_is_checked = False
         self._placed = tuple(
             (body, placement, world_boxes(body, placement.pose))
             for body in task.scene.bodies
@@ -98,6 +100,19 @@ class AabbDetector(Detector):
                 for _, _, boxes in self._solids(frozenset())
                 for box in boxes
             )
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Note whether another back end checks the arm."""
+        self._arm_is_checked = any(
+            other.expensive or (isinstance(other, Detector) and other.checks_arm)
+            for other in others
+        )
+
+    def not_checked(self) -> tuple[str, ...]:
+        """Return that the arm is not checked, unless another back end does."""
+        if self._arm_is_checked:
+            return ()
+        return ("the arm's links, fingers and postures: aabb checks boxes of parts and tools",)
 
     def refuses(self) -> str | None:
         """Return what is not parallel to the axes: a box about it would be too large."""

@@ -151,6 +151,8 @@ class Domain(ABC):
         Greatest size of such a file.
     starter_suffix
         End of the name of the file that `starter` returns.
+    former_defaults
+        Values of keys left out that earlier versions took, by key path, for stored results.
     """
 
     kind: ClassVar[str]
@@ -159,6 +161,7 @@ class Domain(ABC):
     suffixes: ClassVar[tuple[str, ...]] = ()
     max_bytes: ClassVar[int] = MAX_BYTES
     starter_suffix: ClassVar[str] = ".yaml"
+    former_defaults: ClassVar[Mapping[str, str]] = {}
 
     def read(self, text: str, source: str) -> Document:
         """Return the content of a file with one of the domain's `suffixes`.

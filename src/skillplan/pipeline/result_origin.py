@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from skillplan.domains.load import Problem
-from skillplan.errors import OptionError
+from skillplan.errors import OptionError, TaskError
 from skillplan.files.regular_file import is_regular
 from skillplan.pipeline.received_task import is_near, unquoted
 from skillplan.pipeline.setup import BOXES, CHART, SCREEN, Setup, load_problem
@@ -47,6 +47,10 @@ def origin_problem(
         problem = load_problem(origin.file, queried, origin.changes, former=former)
     told = named or is_near(origin.file, result_path(path).parent)
     difference = other_task(stored, problem, quoted=told)
+    if difference is not None and former:
+        was_solved = _with_former_defaults(stored, origin, problem)
+        if was_solved is not None:
+            return was_solved, None
     if difference is None or told:
         return problem, difference
     before = {} if stored.origin is None else stored.origin.changes
@@ -57,6 +61,22 @@ def origin_problem(
         if other_task(stored, was) is None:
             return problem, difference
     raise OptionError(f"{path}: is of another task: {difference}. Name its own by --task.")
+
+
+def _with_former_defaults(stored: StoredResult, origin: Origin, problem: Problem) -> Problem | None:
+    """Return a file's task with the defaults of earlier versions; None if that is another task.
+
+    Equal hashes show that it is the task that was solved, so nothing else is taken for it.
+    """
+    changes = {**problem.domain.former_defaults, **origin.changes}
+    if changes == origin.changes:
+        return None
+    try:
+        former = load_problem(origin.file, named_back_ends(origin), changes, former=True)
+    except TaskError:
+        # The file gives a key that excludes the default, which did not count then.
+        return None
+    return former if other_task(stored, former) is None else None
 
 
 def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:

@@ -17,6 +17,7 @@ from skillplan.errors import BackEndError
 
 # First letters of the lines.
 BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
+SWALLOWED = b"S"
 NO_LIMIT = b"none"
 # A longer line would not be written in one piece.
 _LINE_BYTES = 1000
@@ -44,6 +45,11 @@ class _Line:
     limit_s: float | None = None
     # So long a plugin may take to be imported [s]; None for no limit.
     import_limit_s: float | None = None
+    # How many activities are under way, and whether they were requested to stop.
+    activities: int = 0
+    is_stopping: bool = False
+    # Whether a signal has raised an exception, which a library may have wrapped in its own.
+    is_interrupted: bool = False
 
 
 _line = _Line()
@@ -152,15 +158,40 @@ def doing(
     limit = NO_LIMIT if limit_s is None else repr(limit_s).encode()
     name = activity.encode("utf-8", "replace")
     _report(BEGUN, b"%s %d %d %s" % (limit, forced, exit_code, name))
+    _line.activities += 1
     try:
         yield
     finally:
+        _line.activities -= 1
         _report(ENDED)
+        if _line.is_stopping:
+            report_stopping()
 
 
-def report_finishing() -> None:
-    """Report that a request to stop was followed and that only the result is left to be written."""
-    _report(FINISHING)
+def note_interrupt() -> None:
+    """Note that an exception is raised by a signal handler."""
+    _line.is_interrupted = True
+
+
+def is_interrupted() -> bool:
+    """Whether an exception was raised by a signal handler."""
+    return _line.is_interrupted
+
+
+def report_stopping() -> None:
+    """Report that a request to stop was heard.
+
+    If no activity is under way, only its result is left to be judged and written, for which the
+    supervisor gives more time than for the activity itself.
+    """
+    _line.is_stopping = True
+    if _line.activities == 0:
+        _report(FINISHING)
+
+
+def report_swallowed() -> None:
+    """Report that the exception of a signal was lost in a callback, so that it is raised again."""
+    _report(SWALLOWED)
 
 
 def report_printed() -> None:

@@ -31,6 +31,8 @@ _FINISHING_S = 30.0
 _EXIT_S = 5.0
 # Two signals within this time are one, sent to the process and to its group [s].
 _SAME_SIGNAL_S = 0.1
+# An exception of a signal that was lost in a callback is raised again after this time [s].
+_AGAIN_S = 0.05
 # How often memory is measured, if it is limited [s].
 _MEMORY_EVERY_S = 0.1
 
@@ -61,29 +63,33 @@ def supervise(
     # A signal that is ignored, as by nohup or in a shell's background, stays so.
     heard = [number for number in supervised.SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     if supervised.REQUEST is None or not hasattr(os, "fork"):
-        for number in heard:
-            signal.signal(number, request)
-        return _completed(command)
+        return _completed(command, heard, request)
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, heard)
     mask = blocked if mask is None else mask
-    near, far = os.pipe()
-    alive, parent = os.pipe()
-    wake, woken = os.pipe()
+    # Before the fork, as the child of a process that ignores it leaves no exit code.
+    on_child = signal.signal(signal.SIGCHLD, _nothing)
     folder = _temporary_folder()
-    process = os.fork()
+    try:
+        near, far = os.pipe()
+        alive, parent = os.pipe()
+        wake, woken = os.pipe()
+        process = os.fork()
+    except OSError:
+        # No process or pipe is to be had: then without a supervisor.
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        return _completed(command, heard, request)
     if process == 0:
+        signal.signal(signal.SIGCHLD, on_child)
         if folder:
             os.environ["TMPDIR"] = folder
         for number in (near, parent, wake, woken):
             os.close(number)
         _die_with_parent(alive)
         supervised.connect(far)
+        sys.unraisablehook = _report_unraisable
         for number in heard:
             signal.signal(number, _nothing)
-        for number in supervised.requests():
-            signal.signal(number, request)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        code = _completed(command)
+        code = _completed(command, supervised.requests(), request, mask)
         supervised.report_done(code)
         sys.exit(code)
     os.close(far)
@@ -91,7 +97,7 @@ def supervise(
     os.set_blocking(woken, False)
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
-    for number in (*heard, signal.SIGCHLD):
+    for number in heard:
         signal.signal(number, _nothing)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     watch = _Watch(process, near, wake, set(heard), report)
@@ -124,12 +130,21 @@ def _remove(folder: str) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _completed(command: Command) -> int:
+def _completed(
+    command: Command,
+    requests: Iterable[int],
+    request: Callable[..., None],
+    mask: Iterable[int] | None = None,
+) -> int:
     """Return the exit code of a command; a signal that comes too late does not change it."""
     code: int | None = None
     while True:
         try:
             if code is None:
+                for number in requests:
+                    signal.signal(number, request)
+                if mask is not None:
+                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 code = command()
             _ignore_requests()
         except KeyboardInterrupt:
@@ -143,6 +158,14 @@ def _completed(command: Command) -> int:
             code = exit_code(back_end_failed=True)
             continue
         return code
+
+
+def _report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Print what cannot be raised, unless it is the exception of a signal."""
+    if isinstance(unraisable.exc_value, KeyboardInterrupt):
+        supervised.report_swallowed()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _ignore_requests() -> None:
@@ -222,6 +245,7 @@ class _Watch:
         self._limit_s = 0.0
         self._memory_limit_bytes: int | None = None
         self._signalled_s: float | None = None
+        self._again_s: float | None = None
         # When the next step is due towards a child that does not stop, and why it has to.
         self._next_s: float | None = None
         self._is_last = False
@@ -247,7 +271,12 @@ class _Watch:
 
     def _pause_ms(self) -> float | None:
         """Return the time until something is due [ms]; None if nothing is."""
-        due = [self._next_s, self._deadline_s, *(one.deadline_s for one in self._activities)]
+        due = [
+            self._again_s,
+            self._next_s,
+            self._deadline_s,
+            *(one.deadline_s for one in self._activities),
+        ]
         if self._memory_limit_bytes is not None:
             due.append(time.monotonic() + _MEMORY_EVERY_S)
         known = [one for one in due if one is not None]
@@ -272,6 +301,9 @@ class _Watch:
 
     def _act(self, now_s: float) -> None:
         """Take the step that is due."""
+        if self._again_s is not None and now_s >= self._again_s:
+            self._again_s = None
+            self._send(supervised.REQUEST)
         if self._next_s is not None and now_s >= self._next_s:
             if self._is_last:
                 self._kill()
@@ -363,6 +395,8 @@ class _Watch:
         elif kind == supervised.FINISHING:
             if self._signalled_s is not None:
                 self._next_s, self._is_last = now_s + _FINISHING_S, True
+        elif kind == supervised.SWALLOWED:
+            self._again_s = now_s + _AGAIN_S
         elif kind == supervised.PRINTED:
             self._printed = True
         elif kind == supervised.DONE:

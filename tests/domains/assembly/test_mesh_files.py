@@ -290,6 +290,22 @@ def test_a_mesh_that_an_arm_names_often_is_read_once_a_scale(tmp_path, monkeypat
     assert len(reads) == 2
 
 
+def test_a_mesh_that_is_refused_is_read_once(tmp_path, monkeypatch):
+    """Thousands of parts of a task may name it."""
+    reads = []
+
+    def count_reads(content, suffix):
+        reads.append(suffix)
+        return parsed(content, suffix)
+
+    monkeypatch.setattr(mesh_files, "parsed", count_reads)
+    (tmp_path / "open.obj").write_bytes(as_obj(WEDGE, WEDGE_FACES[1:]))
+    for _ in range(3):
+        with pytest.raises(MeshFileError, match="It is not closed"):
+            read_mesh(tmp_path, "open.obj", 1.0)
+    assert len(reads) == 1
+
+
 def test_meshes_of_an_arm_that_are_too_large_together_are_refused(tmp_path, monkeypatch):
     size = len(as_stl(WEDGE, WEDGE_FACES))
     monkeypatch.setattr(urdf_file, "MAX_MESH_BYTES", 3 * size)

@@ -49,6 +49,7 @@ class SweptDetector(Detector):
 
     name = "swept"
     expected_s = 0.005
+    checks_arm = True
     removed_options: ClassVar[Mapping[str, RemovedDwell]] = {
         "grasp_s": RemovedDwell(Event.GRASP, 0.5, "durations_s.pick", _OF_PART),
         "release_s": RemovedDwell(Event.RELEASE, 0.5, "durations_s.place", _OF_PART),

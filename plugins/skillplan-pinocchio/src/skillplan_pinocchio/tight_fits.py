@@ -7,6 +7,7 @@ clearance of a fit, a skill is refused that the meshes allow.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import permutations
 
 from skillplan.collision.solids.solid import Solid
@@ -136,7 +137,7 @@ def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
     for placed in (_at_start(task), _at_goal(task)):
         pairs: dict[frozenset[str], list[TightFit]] = {}
         for mover, other in permutations(placed, 2):
-            if mover.body.surfaces or other.body.surfaces:
+            if (mover.body.surfaces or other.body.surfaces) and mover.is_near(other):
                 pair = frozenset((mover.body.name, other.body.name))
                 fits = _fits(mover, other, as_pieces=as_pieces)
                 pairs.setdefault(pair, []).extend(fits)
@@ -144,7 +145,7 @@ def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Placed:
     """A body at the start or at its goal, and the directions from which it comes there."""
 
@@ -152,25 +153,43 @@ class _Placed:
     placement: Placement
     along: tuple[Point, ...]
 
-    @property
+    @cached_property
     def solid(self) -> Solid:
         return Solid(self.body.exact_shapes, self.placement.pose)
 
-    @property
+    @cached_property
     def meshes(self) -> tuple[ConvexPiece, ...]:
         return standing_pieces_of(self.body, self.placement.pose)
 
-    @property
+    @cached_property
     def pieces(self) -> tuple[ConvexPiece, ...]:
         return pieces_of(self.body, self.placement.pose)
+
+    @cached_property
+    def low(self) -> tuple[float, ...]:
+        return tuple(min(piece.low[axis] for piece in self.meshes) for axis in range(3))
+
+    @cached_property
+    def high(self) -> tuple[float, ...]:
+        return tuple(max(piece.high[axis] for piece in self.meshes) for axis in range(3))
+
+    def is_near(self, other: _Placed) -> bool:
+        """Whether the boxes about both overlap or touch."""
+        return all(
+            low <= top and bottom <= high
+            for low, high, bottom, top in zip(
+                self.low, self.high, other.low, other.high, strict=True
+            )
+        )
 
 
 def _fits(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightFit]:
     """Yield the fit for every direction in which the meshes pass each other."""
     stands = other.pieces if as_pieces else other.meshes
     for along in mover.along:
-        length_m = _length_m(mover.meshes, other.meshes, along)
-        if length_m <= 0:
+        length_m = _length_m(mover, other, along)
+        if length_m <= _ROUNDING_M:
+            # It stands on the other.
             continue
         clearance_m = _clearance_m(mover.meshes, other.meshes, along, length_m)
         if clearance_m <= 0:
@@ -187,22 +206,17 @@ def _fits(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightF
         yield TightFit((mover.body.name, other.body.name), clearance_m, left_m)
 
 
-def _length_m(
-    moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece], along: Point
-) -> float:
-    """Return how far back a body goes until the box about it leaves another's [m].
-
-    0 if the boxes are apart.
-    """
+def _length_m(mover: _Placed, other: _Placed, along: Point) -> float:
+    """Return how far back a body goes until the box about it leaves another's [m]."""
     exits_m = []
     for axis in range(3):
-        low, high = min(p.low[axis] for p in moving), max(p.high[axis] for p in moving)
-        bottom, top = min(p.low[axis] for p in standing), max(p.high[axis] for p in standing)
-        if low > top or bottom > high:
-            return 0.0
-        if abs(along[axis]) > 1e-9:
-            gap_m = top - low if along[axis] < 0 else high - bottom
-            exits_m.append(gap_m / abs(along[axis]))
+        if abs(along[axis]) > _ROUNDING_M:
+            ahead_m = (
+                other.high[axis] - mover.low[axis]
+                if along[axis] < 0
+                else mover.high[axis] - other.low[axis]
+            )
+            exits_m.append(ahead_m / abs(along[axis]))
     return min(exits_m)
 
 

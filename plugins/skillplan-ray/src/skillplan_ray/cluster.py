@@ -10,11 +10,13 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from skillplan.errors import SkillplanError
+from skillplan.workers.supervised import requests
 from skillplan_ray import fingerprint as fingerprints
+from skillplan_ray.access import on_loopback, refuse_open_cluster, require_token, session_folder
 from skillplan_ray.actor import LISTENING, THREADS, Actor
 from skillplan_ray.fingerprint import differences, fingerprint
 
@@ -49,6 +51,8 @@ class Cluster:
         # Nothing is reported to anybody, and nobody is asked anything on the way.
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+        if not address:
+            require_token()
         self.ray: Any = importlib.import_module("ray")
         self.address = address
         self._here = fingerprint()
@@ -58,11 +62,14 @@ class Cluster:
         if not address:
             words["object_store_memory"] = object_store_mib * 1024**2
             words["include_dashboard"] = False
+            words["_temp_dir"] = session_folder()
         try:
-            with signals_held(), _stdout_kept():
+            with signals_held(), _stdout_kept(), nullcontext() if address else on_loopback():
                 self.ray.init(log_to_driver=False, logging_level=logging.ERROR, **words)
         except Exception as error:
             raise SkillplanError(_no_cluster(address, error)) from error
+        if not address:
+            refuse_open_cluster(self.ray)
         _keep_stdout_clean()
         self._class = self.ray.remote(concurrency_groups={LISTENING: 1})(_listening(self.ray))
         self.ray.cloudpickle.register_pickle_by_value(fingerprints)
@@ -210,7 +217,7 @@ def _mixed(places: list[str]) -> str:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back, and pass them on afterwards to who hears them.
+    """Hold requests to stop back, and pass them on afterwards to their handlers.
 
     A start that is broken off leaves processes of Ray that nobody ends, and Ray puts a handler of
     its own in the place of ours.
@@ -219,7 +226,7 @@ def signals_held() -> Iterator[None]:
         yield
         return
     held: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = requests()
     before = {one: signal.signal(one, lambda number, _: held.append(number)) for one in numbers}
     try:
         yield

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from skillplan.domains.domain import Account, Domain, Listing, Overview, Recheck
 from skillplan.errors import ChainBroken, Issue, OptionError
@@ -30,6 +30,7 @@ class SwarmitfixDomain(Domain):
     kind = "swarmitfix"
     Config = SwarmitfixConfig
     stages = ("heads", "goals", "base")
+    former_defaults: ClassVar[Mapping[str, str]] = {"base.reachable": "preferred"}
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of positions, trajectory, reach and robots."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records import schemas
+from skillplan.records.result import SimulationOutcome
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -107,6 +108,34 @@ def time_difference(
     return TimeDifference(
         done[-1].end_s, planned_s, settling_s, acting_s, moving_s, planned.timed_by
     )
+
+
+def simulation_outcome(
+    task: Task, skills: Sequence[Skill], engine: str, performance: Performance
+) -> SimulationOutcome:
+    """Return the outcome of a simulation of a whole plan.
+
+    Parameters
+    ----------
+    task, skills
+        The task and the plan.
+    engine
+        Name of the engine.
+    performance
+        Its measurements.
+    """
+    failed = performance.failed
+    if failed is not None:
+        step = performance.skills.index(failed) + 1
+        return SimulationOutcome(engine, False, step, failed.skill, failed.verdict.reason)
+    if len(performance.skills) < len(skills):
+        reason = f"ended after {len(performance.skills)} of {len(skills)} skills"
+        return SimulationOutcome(engine, False, reason=reason)
+    state = task.initial
+    for skill in skills:
+        state = skill.prediction_in(state).apply(state)
+    complete = task.goal.holds(state)
+    return SimulationOutcome(engine, complete, reason="" if complete else "the goal is not reached")
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from skillplan.views.pictures.drawing import (
     shortened,
     text_width_px,
 )
-from skillplan.views.pictures.plan_bars import PlanBar
+from skillplan.views.pictures.plan_bars import FAILED, NOT_SIMULATED, PlanBar
 
 _LEFT_PX, _RIGHT_PX, _TOP_PX = 12.0, 18.0, 8.0
 _ROW_PX, _BAR_PX, _AXIS_PX, _LEGEND_PX = 34.0, 24.0, 38.0, 26.0
@@ -70,6 +70,13 @@ def gantt_picture(bars: Sequence[PlanBar], title: str, width_px: float = 960.0) 
     )
     items += _legend(kinds, left, bottom + _AXIS_PX + 10, numbered=numbered)
     height_px = bottom + _AXIS_PX + _LEGEND_PX
+    marks = [mark for mark in (FAILED, NOT_SIMULATED) if any(bar.mark == mark for bar in bars)]
+    if marks:
+        items += _marks_legend(marks, left, height_px)
+        height_px += _LEGEND_PX
+    for bar in bars:
+        if bar.mark == FAILED:
+            items += _failure(left + scale * bar.end_s, _TOP_PX, bottom)
     return Drawing(width_px, height_px, title, tuple(items), (left, right, _TOP_PX - 4, bottom + 4))
 
 
@@ -77,12 +84,35 @@ def _bar(bar: PlanBar, left: float, right: float, middle: float, role: str) -> I
     top, bottom = middle - _BAR_PX / 2, middle + _BAR_PX / 2
     right = max(right, left + 1.0)
     look = Look(fill=role, stroke="paper", width_px=1.0, opacity=0.45)
+    if bar.mark:
+        look = _MARKS[bar.mark](role)
     yield Shape(rectangle(left, top, right, bottom), look, title=bar.title, seek_s=bar.start_s)
     edge = rectangle(left, top, left + min(3.0, right - left), bottom)
     yield Shape(edge, Look(fill=role))
     words, size_px = _words(bar, right - left)
     if words:
         yield Label(((left + right) / 2 + 1.5, middle), words, size_px=size_px)
+
+
+def _failure(at: float, top: float, bottom: float) -> Iterator[Item]:
+    """Yield a line across all rows where a simulation fails."""
+    look = Look(stroke="red", width_px=1.5, dashed=True)
+    yield Shape(((at, top), (at, bottom)), look, closed=False)
+
+
+def _marks_legend(marks: Sequence[str], left: float, middle: float) -> Iterator[Item]:
+    for mark in marks:
+        square = rectangle(left, middle - 5, left + 10, middle + 5)
+        yield Shape(square, _MARKS[mark]("grey"))
+        yield Label((left + 15, middle), mark, "muted", SMALL_PX, "start")
+        left += 30 + text_width_px(mark, SMALL_PX)
+
+
+_MARKS = {
+    FAILED: lambda role: Look(fill=role, stroke="red", width_px=2.5, opacity=0.45),
+    NOT_SIMULATED: lambda role: Look(fill=role, stroke=role, dashed=True, opacity=0.12),
+}
+"""Looks of marked bars, by the role of their kind."""
 
 
 def _words(bar: PlanBar, width_px: float) -> tuple[str, float]:

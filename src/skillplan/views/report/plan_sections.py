@@ -15,7 +15,7 @@ from skillplan.views.pictures.drawing import Drawing, Shape
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture
 from skillplan.views.pictures.layout_picture import layout_picture
-from skillplan.views.pictures.plan_bars import PlanBar, plan_bars
+from skillplan.views.pictures.plan_bars import FAILED, PlanBar, plan_bars
 from skillplan.views.pictures.precedence_graph import PrecedenceGraph
 from skillplan.views.pictures.precedence_picture import precedence_picture
 from skillplan.views.pictures.svg_canvas import picture_svg
@@ -38,14 +38,19 @@ def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> 
 def bars_of(
     task: Task, document: Mapping[str, Any], played: Sequence[PerformedSkill]
 ) -> list[PlanBar]:
-    """Return a plan as bars: as it is played if all of it is, or else as it was planned."""
+    """Return a plan as bars: as far as it is played with those times, then as planned."""
     steps = _steps(document)
-    if len(played) == len(steps):
-        times = {k: (one.begin_s, one.end_s) for k, one in enumerate(played)}
-    else:
-        times = None
+    times = {index: (skill.begin_s, skill.end_s) for index, skill in enumerate(played)}
     names = [str(step["skill"]) for step in steps]
-    return plan_bars(task, names, [float(step["duration_s"]) for step in steps], times)
+    durations_s = [float(step["duration_s"]) for step in steps]
+    return plan_bars(task, names, durations_s, times, _failed_index(played))
+
+
+def _failed_index(played: Sequence[PerformedSkill]) -> int | None:
+    """Return the index of the first failed skill, from 0; None without one."""
+    return next(
+        (index for index, skill in enumerate(played) if not skill.verdict.is_feasible), None
+    )
 
 
 def gantt_section(
@@ -54,6 +59,10 @@ def gantt_section(
     """Return the time line; where the plan is played, a cursor marks the moment on it."""
     planned = "Times along the planned paths." if along_paths else "Times as planned."
     caption = "Times as simulated." if measured else planned
+    failed = next((index for index, bar in enumerate(bars) if bar.mark == FAILED), None)
+    if failed is not None:
+        later = "; later steps as planned, not simulated" if failed + 1 < len(bars) else ""
+        caption = f"Times as simulated up to step {failed + 1}, which fails{later}."
     drawing = gantt_picture(bars, "Who does what when")
     if not played:
         items = tuple(
@@ -77,7 +86,8 @@ def plan_section(
     task, document
         What was solved, and ``skillplan.result/1``.
     done
-        When skills began and ended, as far as they were done; None where nobody knows.
+        Begin and end of skills, as far as they were done; None if no times but planned ones are
+        known. Later skills follow as planned.
     how
         They were done: ``simulated`` or ``played``.
     """
@@ -85,9 +95,8 @@ def plan_section(
     costs = numbers([step["cost"] for step in _steps(document)])
     for index, step in enumerate(_steps(document)):
         measured = done[index] if done is not None and index < len(done) else None
-        begin_s = now_s if done is None else None if measured is None else measured.begin_s
-        now_s += float(step["duration_s"])
-        took_s = measured.end_s - measured.begin_s if measured is not None else None
+        begin_s = now_s if measured is None else measured.begin_s
+        now_s = begin_s + float(step["duration_s"]) if measured is None else measured.end_s
         rows.append(
             [
                 str(index + 1),
@@ -95,7 +104,7 @@ def plan_section(
                 _tool(task, str(step["skill"])),
                 seconds(begin_s),
                 seconds(step["duration_s"]),
-                *([seconds(took_s)] if done is not None else []),
+                *([_took(measured, how)] if done is not None else []),
                 costs[index],
                 _place(step.get("goal")),
                 *([step.get("way") or "-"] if any("way" in s for s in _steps(document)) else []),
@@ -109,6 +118,16 @@ def plan_section(
     kinds = "np nn" + ("n" if done is not None else "") + "np"
     caption = f"{len(rows)} skills in order; planned times by {planned_by(document)}"
     return Section("plan", "The plan", table(caption, columns, rows, kinds))
+
+
+def _took(measured: PerformedSkill | None, how: str) -> Markup:
+    """Return how long a skill took, marked if it failed or was not done."""
+    if measured is None:
+        return join([f"not {how}"])
+    took = seconds(measured.end_s - measured.begin_s)
+    if measured.verdict.is_feasible:
+        return join([took])
+    return join([f"{took} ", tag("span", {"class": "chip bad"}, "fails")])
 
 
 def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:

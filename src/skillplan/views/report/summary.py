@@ -8,9 +8,11 @@ from typing import Any
 
 from skillplan import __version__
 from skillplan.records.certificate import Certificate, Outcome
+from skillplan.records.result import SimulationOutcome
 from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.tables import facts, number, seconds, share
+from skillplan.views.tables.results import simulation_words
 
 _TONES = {
     "optimal": "good",
@@ -22,11 +24,16 @@ _TONES = {
 }
 _MOST_NAMED = 3
 _WORDS = {
-    "optimal": "A valid plan, proved to be the best.",
-    "solved": "A valid plan; that it is the best is not proved.",
-    "infeasible": "Proved: there is no plan.",
+    "optimal": "A valid plan, proved to be the best{by}.",
+    "solved": "A valid plan{by}; that it is the best is not proved.",
+    "infeasible": "Proved{by}: there is no plan.",
     "unsolved": "No plan was found, which is no proof that there is none.",
 }
+_FAILED_WORDS = {
+    "optimal": "Proved{by}; the simulation {failure}.",
+    "solved": "Checked{by}, not proved to be the best; the simulation {failure}.",
+}
+_GEOMETRIC = ("aabb", "swept")
 
 
 def chip(status: object) -> Markup:
@@ -61,11 +68,18 @@ def lead(
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
     reasons = [one.rstrip(".") for one in str(document.get("reason") or "").splitlines()]
-    claim = _WORDS.get(status, "There is no plan.")
-    words = [*_verified(claim, certificate), *(f"{one}." for one in reasons if one)]
+    words = [*_verified(document, certificate), *(f"{one}." for one in reasons if one)]
     sentence = join([tag("p", {"class": "lead"}, one) for one in words])
     planned, cost, bound = (document.get(k) for k in ("makespan_s", "cost", "lower_bound"))
     figures: list[tuple[str, object]] = [("Status", chip(status))]
+    simulation = _of(document, "simulation")
+    if simulation:
+        complete, step = simulation["complete"], simulation["failed_step"]
+        tone = "good" if complete else "bad"
+        words_of = "complete" if complete else "not complete" if step is None else "fails"
+        word = tag("span", {"class": f"chip {tone}"}, words_of)
+        small = f"at step {step} of {len(document['steps'])}" if step is not None else None
+        figures.append(("Simulation", _with(word, small)))
     if cost is not None:
         figures.append(("Cost", _with(f"{number(cost)} {unit}", document.get("kind_of_cost"))))
     if bound is not None:
@@ -87,18 +101,71 @@ def lead(
     return join([sentence, tag("dl", {"class": "figures"}, *made)])
 
 
-def _verified(claim: str, certificate: Certificate | None) -> list[str]:
-    """Return the claim of a status, as a claim of the result unless it was verified."""
+def _verified(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+    """Return the claim of a status, worst first; unverified it is a claim of the result."""
+    claim, limits = _claim(document), _limits(document, certificate)
     if certificate is None:
-        return [claim]
+        return [claim, *limits]
     if not certificate.valid:
-        return [f"The result claims: {claim}", f"Not verified: {certificate.unconfirmed_words()}."]
+        plain = _WORDS.get(str(document.get("status")), "There is no plan.").format(by="")
+        failure = _simulation_words(document)
+        return [
+            f"Not verified: {certificate.unconfirmed_words()}.",
+            *([f"The simulation {failure}."] if failure else []),
+            f"The result claims: {plain}",
+            *limits,
+        ]
     open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]
     left = f", without {', '.join(open_[:_MOST_NAMED])}" if open_ else ""
-    return [claim, f"Verified for this page{left}."]
+    return [claim, *limits, f"Verified for this page{left}."]
 
 
-def _with(value: str, small: object) -> Markup:
+def _claim(document: Mapping[str, Any]) -> str:
+    """Return what is proved, by which back ends, and how a simulation went."""
+    status, names = str(document.get("status")), checked_by(document)
+    kind = "geometry " if any(name in _GEOMETRIC for name in names) else ""
+    by = f" by {kind}({', '.join(names)})" if kind else f" by {', '.join(names)}" if names else ""
+    failure = _simulation_words(document)
+    if failure and status in _FAILED_WORDS and not _of(document, "simulation")["complete"]:
+        return _FAILED_WORDS[status].format(by=by, failure=failure)
+    claim = _WORDS.get(status, "There is no plan.").format(by=by)
+    return f"{claim} The simulation {failure}." if failure else claim
+
+
+def _limits(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+    """Return what back ends leave unchecked, in one sentence; none if that is nothing."""
+    sentences = not_checked(document, certificate)
+    more = len(sentences) - _MOST_NAMED
+    if not sentences:
+        return []
+    shown = "; ".join(sentences[:_MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")
+    return [f"Not checked: {shown}."]
+
+
+def checked_by(document: Mapping[str, Any]) -> list[str]:
+    """Return the back ends under which the status was checked; results of old versions too."""
+    if document.get("status") not in ("optimal", "solved", "infeasible"):
+        return []
+    names = [document.get("physics"), *str(document.get("collision") or "").split(",")]
+    return [str(name) for name in names if name]
+
+
+def not_checked(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+    """Return what back ends leave unchecked, as verified for the page if it was."""
+    if certificate is not None:
+        return list(certificate.not_checked)
+    return [str(sentence) for sentence in document.get("not_checked") or ()]
+
+
+def _simulation_words(document: Mapping[str, Any]) -> str:
+    """Return how the simulation of the plan went, as the end of a sentence; empty without one."""
+    simulation = _of(document, "simulation")
+    if not simulation:
+        return ""
+    return simulation_words(SimulationOutcome(**simulation), len(document.get("steps") or ()))
+
+
+def _with(value: str | Markup, small: object) -> Markup:
     return join([value, tag("small", {}, small)]) if small else join([value])
 
 
@@ -132,6 +199,9 @@ def summary_section(
         ("Hash of the task", tag("code", {}, task.get("sha256") or "-")),
         ("Solver", f"{document.get('solver')}, seed {document.get('seed')}"),
         ("Status", document.get("status")),
+        ("Proved by", ", ".join(checked_by(document))),
+        ("Simulation", _simulation_words(document)),
+        ("Not checked", "; ".join(not_checked(document, certificate))),
         ("Bound proved by", _unchecked(document.get("bound_method"), certificate)),
         ("Physics", document.get("physics")),
         ("Collision", document.get("collision")),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 
 from skillplan.model.replay import Step
 from skillplan.records.chain_result import ChainResult
-from skillplan.records.result import Result, Status
+from skillplan.records.result import Result, SimulationOutcome, Status
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
 from skillplan.views.text.table import Column, Table
@@ -33,7 +34,8 @@ def plan_table(result: Result, task: Task) -> Table:
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
     notes = status_notes(result.status, result.reason)
-    notes += [*proved_by_notes(result), *not_checked_notes(result.not_checked)]
+    notes += [*proved_by_notes(result), *_simulation_note(result, task)]
+    notes += not_checked_notes(result.not_checked)
     bound = _bound_note(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
@@ -179,6 +181,8 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
     notes = [f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason]
     for result in results:
         notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
+    sentences = chain.from_iterable(result.not_checked for result in results)
+    notes += not_checked_notes(tuple(dict.fromkeys(sentences)))
     return Table(title, columns, rows, notes)
 
 
@@ -220,6 +224,26 @@ def proved_by_notes(result: Result | ChainResult) -> list[str]:
     """Return the back ends under which the status was checked."""
     label = "checked by" if result.status is Status.SOLVED else "proved by"
     return [f"{label:<9}  {', '.join(result.proved_by)}"] if result.proved_by else []
+
+
+def _simulation_note(result: Result, task: Task) -> list[str]:
+    """Return how a simulation of the plan went, if bodies can be simulated."""
+    if result.cost is None or not task.scene.bodies:
+        return []
+    if result.simulation is None:
+        return ["simulation  not run"]
+    return [f"simulation  {simulation_words(result.simulation, len(result.steps))}"]
+
+
+def simulation_words(simulation: SimulationOutcome, steps: int) -> str:
+    """Return how a simulation of a plan of so many steps went, as the end of a sentence."""
+    by = f"by {simulation.engine}"
+    if simulation.complete:
+        return f"{by} completes the plan"
+    if simulation.failed_step is None:
+        return f"{by} does not complete the plan: {simulation.reason}"
+    place = f"step {simulation.failed_step} of {steps}"
+    return f"{by} fails at {place}, {simulation.skill}: {simulation.reason}"
 
 
 def not_checked_notes(sentences: Sequence[str]) -> list[str]:

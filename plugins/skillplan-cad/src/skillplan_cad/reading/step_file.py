@@ -181,6 +181,12 @@ _BEGINS, _ENDS = b"ISO-10303-21;", b"END-ISO-10303-21;"
 _TEXT = re.compile(rb"'[^']*(?:'|\Z)|/\*.*?(?:\*/|\Z)", re.DOTALL)
 # OCCT keeps the number of an entity in 32 bits, and mistakes a larger one for another.
 _MOST_NUMBER = 2**31 - 1
+# Numbers that no double holds: OCCT does without them, or takes for ever.
+_NOT_FINITE = re.compile(
+    rb"[(,]\s*([+-]?(?:NAN|INF(?:INITY)?)|[+-]?[0-9.]{1,40}E\+?0*"
+    rb"(?:30[89]|3[1-9][0-9]|[4-9][0-9]{2}|[0-9]{4,}))\s*(?=[,)])",
+    re.IGNORECASE,
+)
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
 _PREFIXES = {b".MILLI.": "mm", b".CENTI.": "cm", b".DECI.": "dm", b"$": "m", b".MICRO.": "um"}
 _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
@@ -245,29 +251,47 @@ def _content(path: Path) -> bytes:
         raise OptionError(
             f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
         )
-    _refuse_references(path, content)
+    bare = _TEXT.sub(b"", content)
+    _refuse_references(path, bare)
+    _refuse_numbers(path, bare)
     return content
 
 
-def _refuse_references(path: Path, content: bytes) -> None:
+def _refuse_numbers(path: Path, bare: bytes) -> None:
+    """Refuse numbers that are not finite; `bare` is a file without texts and comments."""
+    number = _NOT_FINITE.search(bare)
+    if number is None:
+        return
+    *_, entity = re.findall(rb"#([0-9]+)\s*=", bare[: number.start()]) or [b""]
+    holder = f"#{entity.decode()}" if entity else "its header"
+    raise OptionError(
+        f"{path}: {holder} has {number[1][:40].decode()!r}, which is no finite number. Correct it "
+        "in CAD."
+    )
+
+
+def _refuse_references(path: Path, bare: bytes) -> None:
     """Refuse entities that are missing, as OCCT leaves out what needs them, or too far on."""
-    bare = _TEXT.sub(b"", content)
-    named = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)", bare)}
-    largest = max(named, key=lambda digits: (len(digits), digits), default=b"")
-    if len(largest) > 10 or int(largest or b"0") > _MOST_NUMBER:
+    named = _numbers(rb"#([0-9]+)", bare)
+    largest = max(named, key=lambda digits: (len(digits), digits), default=b"0")
+    if len(largest) > 10 or int(largest) > _MOST_NUMBER:
         digits = largest.decode()
         raise OptionError(
             f"{path}: numbers an entity #{digits[:20]}{'...' if digits[20:] else ''}, of "
             f"{len(digits)} digits; OCCT reads up to #{_MOST_NUMBER}. {_ASSEMBLE}, numbered anew."
         )
-    defined = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)\s*=", bare)}
-    lost = named - defined
+    lost = named - _numbers(rb"#([0-9]+)\s*=", bare)
     if lost:
         entities = "entity" if len(lost) == 1 else "entities"
         raise OptionError(
             f"{path}: is damaged: it refers to {len(lost)} {entities} that it lacks, such as "
             f"#{min(map(int, lost))}; parts would be missing. Save or copy it anew."
         )
+
+
+def _numbers(pattern: bytes, bare: bytes) -> set[bytes]:
+    """Return the distinct numbers of entities, without zeros before them."""
+    return {digits.lstrip(b"0") or b"0" for digits in re.findall(pattern, bare)}
 
 
 def _remedy(words: str, content: bytes) -> str:

@@ -53,7 +53,10 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
         but a closed surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
     """
     content, suffix = content_of(folder, name)
-    return _polyhedron(content, suffix, scale)
+    polyhedron = _polyhedron_or_refusal(content, suffix, scale)
+    if isinstance(polyhedron, MeshFileError):
+        raise MeshFileError(str(polyhedron), polyhedron.key)
+    return polyhedron
 
 
 def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], bytes]:
@@ -118,8 +121,15 @@ def content_of(folder: Path, name: str) -> tuple[bytes, str]:
         raise MeshFileError(str(error)) from None
 
 
-# Many parts may name one file.
+# Hundreds of parts may name one file.
 @lru_cache(maxsize=16)
+def _polyhedron_or_refusal(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
+    try:
+        return _polyhedron(content, suffix, scale)
+    except MeshFileError as refusal:
+        return refusal.with_traceback(None)
+
+
 def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
     raw_corners, raw_faces = parsed(content, suffix)
     if not len(raw_faces):
