@@ -11,8 +11,6 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from list_slow import Collector
-
 repeatable = settings(
     derandomize=True,
     deadline=None,
@@ -30,11 +28,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # All that is collected stays: looking for garbage among it only takes time.
 gc.disable()
-
-
-def pytest_configure(config):
-    """One test compares the slow tests of this run with the list of them."""
-    config.pluginmanager.register(Collector(), Collector.__name__)
 
 
 def pytest_collection_finish(session):
