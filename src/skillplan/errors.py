@@ -22,10 +22,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
-
-from skillplan.quick_dataclass import dataclass
 
 # What every command ends with; `exit_code` says when.
 EXIT_SOLVED = 0

@@ -5,14 +5,13 @@ from __future__ import annotations
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.errors import Issue, OptionError
 from skillplan.files.yaml import MAX_BYTES, Document, parse
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.task import Task
 
 

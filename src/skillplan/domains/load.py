@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hi
 from skillplan.files.schema_errors import schema_issues, shown, untagged
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.plugins.blame import blame
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.back_end import BackEnd
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skillplan.model.replay import Replay
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.result import Result, Status, step_document
 from skillplan.solvers.gap import deviation, relative_gap

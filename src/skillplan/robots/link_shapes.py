@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
-
-from skillplan.quick_dataclass import dataclass
 
 Triple = tuple[float, float, float]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.values import count_option, positive_number
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.options.shared import BackEnds, Checking, Reading

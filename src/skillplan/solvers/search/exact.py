@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from typing import TypeVar
@@ -19,7 +20,6 @@ from typing import TypeVar
 from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.quick_dataclass import dataclass
 from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
