@@ -72,7 +72,7 @@ test-release: .venv/.test try-web  ## claims of minutes each, and property tests
 	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
-	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)
+	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE) --jobs 2
 
 check: .venv/.test .venv/.check web/node_modules/.check  ## format, lint, types, import floors; tests of the player
 	$(BIN)/ruff format --check $(SOURCES)

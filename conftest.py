@@ -7,6 +7,8 @@ A test that asks for a number of its own asks for ``examples(number)`` of ``test
 
 import gc
 import os
+import signal
+import threading
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -28,6 +30,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # All that is collected stays: looking for garbage among it only takes time.
 gc.disable()
+
+
+# A shell that runs the suite in the background has all of it ignore Ctrl-C, and nohup the end of
+# the terminal; the programs that tests start would ignore them, too.
+if threading.current_thread() is threading.main_thread():
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def pytest_collection_finish(session):

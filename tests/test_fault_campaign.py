@@ -12,7 +12,10 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "campaign"))
 
 import failing_io  # noqa: E402
+import failing_writers  # noqa: E402
+import forgeries  # noqa: E402
 import liars  # noqa: E402
+import mutants  # noqa: E402
 import mutated_inputs  # noqa: E402
 import tally as tallies  # noqa: E402
 from interrupted_writes import fail_every_call_of_a_search  # noqa: E402
@@ -36,22 +39,45 @@ def starter(tmp_path: Path) -> Path:
 
 
 def test_liars_are_caught(tally: tallies.Tally) -> None:
-    """Fifteen solvers, six detectors that give no verdict, and two that contradict themselves."""
+    """Solvers, also under chance, detectors that give no verdict or contradict themselves."""
     liars.lie(tally)
-    expected = {"lying-solver": 15, "lying-detector": 6, "inconsistent-detector": 2}
-    assert expected == tally.cases
+    expected = {"lying-solver": 19, "lying-under-chance": 4, "lying-detector": 6}
+    assert {**expected, "inconsistent-detector": 2} == tally.cases
+    assert [] == tally.failures
+
+
+def test_every_mutant_fits_the_source() -> None:
+    """Each changes one place; `python tests/campaign/mutants.py` shows that each is noticed."""
+    package = ROOT / "src" / "skillplan"
+    for mutant in mutants.MUTANTS:
+        assert 1 == (package / mutant.file).read_text("utf-8").count(mutant.old), mutant.name
+    assert 20 <= len({mutant.name for mutant in mutants.MUTANTS}) == len(mutants.MUTANTS)
+
+
+def test_every_writer_survives_a_failure_and_a_kill_at_every_call(tally: tallies.Tally) -> None:
+    """What was there stays, or all is new."""
+    failing_writers.fail_every_call_of_writers(tally)
+    assert tally.cases["fail-writer"] > 100
+    assert [] == tally.failures
+
+
+@pytest.mark.slow(reason="a dozen searches and verifications; tests/cli/test_verify_forgeries.py")
+def test_forged_results_are_refuted(tally: tallies.Tally) -> None:
+    """Of a board, a board with chance and a chain; with two changed leaves."""
+    forgeries.forge_results(tally, 2)
+    assert sum(tally.cases.values()) > 30
     assert [] == tally.failures
 
 
 def test_a_few_dozens_of_spoilt_inputs_do_no_harm(
     tally: tallies.Tally, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two of each kind but for networks, which take a training first."""
-    inputs = mutated_inputs.Inputs(tmp_path, networks=False)
+    """Two of each kind that needs no preparation of seconds."""
+    inputs = mutated_inputs.Inputs(tmp_path, whole=False)
     for kind, way in inputs.ways().items():
         for number in range(2):
             tally.case(kind, number, way)
-    assert 18 == sum(tally.cases.values())
+    assert 22 == sum(tally.cases.values())
     assert [] == tally.failures
 
 

@@ -19,6 +19,7 @@ from typing import Any
 VARIABLE = "CAMPAIGN_FAILING_IO"
 # What a failing disk says, and a write that stops half way with a disk that is full afterwards.
 MODES = {"ENOSPC": errno.ENOSPC, "EIO": errno.EIO, "short": errno.ENOSPC}
+HALVING = {"short", "kill"}
 _PLAIN = {
     "open": os.open,
     "io_open": io.open,
@@ -43,7 +44,7 @@ class Shim:
     number
         Which call fails, from 1 on; 0 for none.
     mode
-        One of `MODES`.
+        One of `MODES`; or ``kill``, which ends the process.
     """
 
     def __init__(self, folder: Path, counter: Path, number: int, mode: str) -> None:
@@ -70,7 +71,9 @@ class Shim:
         return os.fstat(self._counter).st_size == self.number
 
     def error(self, path: Any) -> OSError:
-        """Return what the call raises."""
+        """Return what the call raises; a killed process does not come back."""
+        if self.mode == "kill":
+            os._exit(9)
         code = MODES[self.mode]
         return OSError(code, os.strerror(code), path if isinstance(path, str) else None)
 
@@ -89,7 +92,7 @@ class ShimmedFile:
     def write(self, content: Any) -> int:
         """Write, or fail, or write half and fail."""
         if self._shim.due():
-            if self._shim.mode == "short":
+            if self._shim.mode in HALVING:
                 self._file.write(content[: len(content) // 2])
                 with contextlib.suppress(OSError):
                     self._file.flush()
@@ -126,7 +129,10 @@ def _functions(shim: Shim) -> dict[str, Any]:
 
     def os_write(number: int, content: Any) -> int:
         if shim.counts(number) and shim.due():
-            if shim.mode == "short":
+            if shim.mode in HALVING:
+                if shim.mode == "kill":
+                    _PLAIN["write"](number, bytes(content)[: len(content) // 2])
+                    os._exit(9)
                 return int(_PLAIN["write"](number, bytes(content)[: max(1, len(content) // 2)]))
             raise shim.error(None)
         return int(_PLAIN["write"](number, content))

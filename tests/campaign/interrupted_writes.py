@@ -6,9 +6,11 @@ What follows is repeated or resumed, and must come to what an uninterrupted run 
 from __future__ import annotations
 
 import csv
+import gzip
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -25,8 +27,13 @@ from tally import Tally, call, guarded_folder, holds_to_its_word, progress
 HERE = Path(__file__).parent
 PROGRAM = [sys.executable, "-m", "skillplan"]
 PATIENCE_S = 300
+NOT_OVERWRITTEN = ("is not empty", "result", "is there already", "exists")
 # What a clock decides; of a kept verdict the checksum is of how long it took, too.
 CLOCKS = {"wall_s", "took_s", "learning_s", "checksum"}
+SINGLE_FILES = {"report", "export"}
+FIXTURES = HERE.parents[1] / "plugins" / "skillplan-cad" / "tests" / "fixtures"
+# Seconds that a stage of an import took.
+TIMES = re.compile(rb'"[a-z_]*_s": [0-9.e-]+')
 # Of a training: what is learned and what can be resumed; the rest tells when and by which command.
 LEARNED = ("metrics.jsonl", "policy.json", "policy.safetensors", "last.json", "last.safetensors")
 
@@ -45,15 +52,25 @@ class Job:
         What is added where there is a folder already.
     kept
         Returns what counts of the folder.
+    last
+        File that is written last or alone; if it is there, it is whole, and no command replaces
+        it. Empty for jobs that are resumed.
     """
 
     name: str
     words: Sequence[str]
     again: Sequence[str]
     kept: Callable[[Path], Any]
+    last: str = ""
+
+    def prepare(self, folder: Path) -> None:
+        """Make the folder for a job that writes a single file."""
+        if self.name in SINGLE_FILES:
+            folder.mkdir(exist_ok=True)
 
     def line(self, folder: Path) -> list[str]:
         """Return the command line that begins in, or goes on with, a folder."""
+        self.prepare(folder)
         words = [word.replace("OUT", str(folder)) for word in self.words]
         return [*words, *(self.again if folder.exists() else ())]
 
@@ -68,8 +85,15 @@ def jobs(task: Path) -> dict[str, Job]:
     physics = ("--physics", "pybullet", "--collision", "contact-pairs")
     learning = ("--solver", "dqn", "--runs", "1", "--steps", "600", "--checkpoint", "100")
     study = ("--solver", "q-learning", "-O", "alpha=0.1,0.5", "-O", "episodes=200", "--runs", "3")
+    solved, product = task.with_name("solved"), task.with_name("product.step")
+    page = ("report", str(solved), "--no-simulation", "--out", "OUT/page.html")
+    code = ("export", str(solved), "--to", "st", "--out", "OUT/plan.st")
+    imported = ("import-cad", str(product), "--no-cache", "--out", "OUT")
     found = [
-        Job("search", ("search-optimal", str(task), "--out", "OUT"), (), searched),
+        Job("search", ("search-optimal", str(task), "--out", "OUT"), (), searched, "result.json"),
+        Job("report", page, (), files, "page.html"),
+        Job("export", code, (), files, "plan.st"),
+        Job("import-cad", imported, (), files, "report.json"),
         Job("train", ("train", str(task), *learning, "--out", "OUT"), ("--resume",), learned),
         Job("sweep", ("sweep", str(task), *study, "--out", "OUT"), ("--resume",), swept),
         Job("cache-fill", ("cache", "fill", str(task), *physics), (), verdicts),
@@ -96,6 +120,22 @@ def learned(folder: Path) -> Any:
     """Return what is learned, byte for byte."""
     runs = sorted(folder.glob("runs/*"))
     return {f"{run.name}/{name}": (run / name).read_bytes() for run in runs for name in LEARNED}
+
+
+def prepare_inputs(task: Path) -> None:
+    """Write the result that is reported and exported, and the product that is imported."""
+    assert 0 == run_quietly(["search-optimal", str(task), "--out", str(task.with_name("solved"))])
+    source = (FIXTURES / "dovetail.step.gz").read_bytes()
+    task.with_name("product.step").write_bytes(gzip.decompress(source))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Return all files but those that a killed command has not finished."""
+    return {
+        str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes())
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.endswith((".tmp", ".lock"))
+    }
 
 
 def swept(folder: Path) -> Any:
@@ -183,7 +223,7 @@ def kill_at_random(tally: Tally, task: Path, counts: Mapping[str, int]) -> None:
 
 def _comes_to_the_same(job: Job, folder: Path, wanted: tuple[int, Any]) -> None:
     """Assert that a job, done again, comes to what an uninterrupted one came to."""
-    before = whole_result(folder)
+    before = whole_result(folder, job)
     done = subprocess.run(
         [*PROGRAM, *job.line(folder)],
         stdout=subprocess.DEVNULL,
@@ -193,20 +233,19 @@ def _comes_to_the_same(job: Job, folder: Path, wanted: tuple[int, Any]) -> None:
         timeout=PATIENCE_S,
     )
     holds_to_its_word(done.returncode, done.stderr)
-    finished = job.name == "search" and before is not None and done.returncode == 2
-    if finished:
-        # A whole result is never overwritten.
-        assert "is not empty" in done.stderr or "result" in done.stderr, done.stderr
-        assert before == whole_result(folder), "a whole result was changed"
+    if before is not None and done.returncode == 2:
+        # What is whole is never overwritten.
+        assert any(words in done.stderr for words in NOT_OVERWRITTEN), done.stderr
+        assert before == whole_result(folder, job), "a whole result was changed"
     else:
         assert wanted[0] == done.returncode, done.stderr
     assert wanted[1] == job.kept(folder), "not what an uninterrupted run comes to"
 
 
-def whole_result(folder: Path) -> bytes | None:
-    """Return the result of a search that is whole, else None."""
-    path = folder / "result.json"
-    return path.read_bytes() if path.is_file() else None
+def whole_result(folder: Path, job: Job) -> bytes | None:
+    """Return the file that a job writes last, if it is there."""
+    path = folder / job.last
+    return path.read_bytes() if job.last and path.is_file() else None
 
 
 def fail_every_call_of_a_search(tally: Tally, task: Path, modes: Sequence[str], step: int) -> None:
@@ -228,10 +267,10 @@ def fail_every_call_of_a_search(tally: Tally, task: Path, modes: Sequence[str], 
                 code, said = call(*job.line(folder))
             holds_to_its_word(code, said)
             assert code == 0 or "cannot be" in said, said
-            if code == 0 and whole_result(folder) is not None:
+            if code == 0 and whole_result(folder, job) is not None:
                 assert whole == job.kept(folder), "exit code 0, and not all is there"
                 return
-            before = whole_result(folder)
+            before = whole_result(folder, job)
             code, said = call(*job.line(folder))
             if before is None:
                 assert code == 0, f"it cannot be repeated: {said}"

@@ -11,10 +11,19 @@ from typing import Any
 import pytest
 from tally import Tally
 
-from situations import FakeSetup, fake_back_end, model_of, solver_that, two_roads_task
+from situations import (
+    FakeSetup,
+    fake_back_end,
+    make_skill,
+    make_task,
+    model_of,
+    solver_that,
+    two_roads_task,
+)
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.pipeline.run import solve
 from skillplan.solvers.solution import Plan, Solution
+from skillplan.task.state import Facts
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task
@@ -69,8 +78,10 @@ def _interrupting(solver: Any, model: Any) -> Solution:
 
 
 def solvers() -> dict[str, Act]:
-    """Return fifteen liars: they claim what is not so, change the task, or end the program."""
+    """Return nineteen liars: they claim what is not so, change the task, or end the program."""
     plan, cost = _solved()
+    # Valid, and its cost is true: only the proof is false.
+    dear, dear_cost = ("to_b", "finish"), cost + 1
     claims: dict[str, Callable[[], Any]] = {
         "a plan that is free": lambda: Solution(Plan(plan, 0.0), 0.0, True),
         "a plan that is dearer": lambda: Solution(Plan(plan, cost + 1), cost + 1, True),
@@ -85,6 +96,12 @@ def solvers() -> dict[str, Act]:
         "half a plan": lambda: Solution(Plan(plan[:-1], cost), cost, True),
         "a plan backwards": lambda: Solution(Plan(plan[::-1], cost), cost, True),
         "no solution": lambda: None,
+        "a dearer plan and a false proof": lambda: Solution(Plan(dear, dear_cost), dear_cost, True),
+        "a dearer plan and a false bound": lambda: Solution(
+            Plan(dear, dear_cost), cost + 0.5, False
+        ),
+        "a proof that there is no plan": lambda: Solution(None, None, True),
+        "no plan and a false bound": lambda: Solution(None, cost + 0.5, False),
     }
     acts: dict[str, Act] = {
         name: (lambda solver, model, make=make: make()) for name, make in claims.items()
@@ -109,9 +126,44 @@ def _solver_is_caught(act: Act) -> None:
     else:
         believed = result.status in ("optimal", "solved")
         assert not believed or result.cost == cost, f"believed: {result.status} at {result.cost}"
-        assert result.status != "optimal" or result.lower_bound == cost, "believed its bound"
+        assert result.status != "infeasible", "believed that there is no plan"
+        bound = result.lower_bound
+        assert bound is None or bound <= cost, f"believed the bound {bound}"
+        assert result.status != "optimal" or bound == cost, "believed its bound"
     honest = solve(task, "exact")
     assert ("optimal", cost) == (honest.status, honest.cost), "the task was changed"
+
+
+def chance_claims(task: Task) -> dict[str, Solution]:
+    """Return claims about a task with chance whose best policy costs 2."""
+    sure, again = task.skill("sure"), task.skill("again")
+    dear, best = {task.initial: sure}, {task.initial: again}
+    return {
+        "a dearer policy and a false proof": Solution(dear, 3.0, True),
+        "a dearer policy and a false bound": Solution(dear, 2.5, False),
+        "the best policy and a bound above it": Solution(best, 2.5, False),
+        "a fixed sequence": Solution(Plan(("again",), 1.0), 1.0, True),
+    }
+
+
+def _chance_task() -> Task:
+    facts = Facts(("done",))
+    tried = [(0.5, ("done",), ()), (0.5, (), ())]
+    skills = [
+        make_skill(facts, "again", forbids=("done",), outcomes=tried, cost=1.0),
+        make_skill(facts, "sure", forbids=("done",), add=("done",), cost=3.0),
+    ]
+    return make_task(facts, skills, goal=("done",))
+
+
+def _claim_under_chance_is_caught(name: str) -> None:
+    """Assert that no false claim about expected costs is believed."""
+    task = _chance_task()
+    solution = chance_claims(task)[name]
+    result = solve(task, solver_that(lambda solver, model: solution))
+    assert result.status != "optimal", f"believed: optimal at {result.cost}"
+    bound = result.lower_bound
+    assert bound is None or bound <= 2.0, f"believed the bound {bound}"
 
 
 def _raising(error: BaseException) -> Callable[[Any, Any], Any]:
@@ -184,6 +236,9 @@ def lie(tally: Tally) -> None:
     """Do a case of every liar."""
     for number, (name, act) in enumerate(solvers().items()):
         tally.case("lying-solver", number, _case(_solver_is_caught, name, act))
+    for number, name in enumerate(chance_claims(_chance_task())):
+        check = _claim_under_chance_is_caught
+        tally.case("lying-under-chance", number, _case(check, name, name))
     for number, (name, answer) in enumerate(detectors().items()):
         tally.case("lying-detector", number, _case(_detector_is_caught, name, answer))
     for number, (name, make) in enumerate(INCONSISTENT.items()):

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib.util
 import json
+import os
 import random
+import re
 import shutil
-from collections.abc import Callable
-from contextlib import chdir
+import struct
+from collections.abc import Callable, Collection, Iterator
+from contextlib import chdir, contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import yaml
+from forgeries import SLIPPERY
 from tally import Tally, guarded_folder, progress, survives
+
+from urdf_text import urdf
 
 TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent
@@ -68,6 +75,33 @@ f 1 2 4
 f 2 3 4
 f 3 1 4
 """
+# Kinds of input that take longer get fewer cases at scale 1.
+MOST_CASES = 600
+CASES = {"json": 300, "policies": 200, "urdf": 300, "safetensors": 150, "manifest": 60} | {
+    "journal": 60,
+    "verdict": 60,
+    "step": 60,
+    "stl": 60,
+}
+# Kinds that need nothing prepared that takes seconds.
+CHEAP = {"yaml", "bench", "sop", "dxf", "csv", "g-code", "mesh", "json", "urdf", "policies"}
+PARTS = ROOT / "plugins" / "skillplan-cad" / "tests" / "fixtures"
+STUDY = (
+    *("sweep", "--solver", "q-learning", "--sampler", "optuna", "--runs", "1"),
+    *("-O", "alpha=0.1:0.5", "-O", "episodes=20"),
+)
+ARM = """\
+kind: assembly
+name: arm
+robot: {model: arm.urdf, tip: flange, home_m: [0.4, 0.0]}
+tools: {t: {holder_m: [0.4, 0.2]}}
+initial_tool: t
+parts:
+  a: {tool: t, size_m: [0.02, 0.02, 0.02], start_m: [0.4, -0.1], goal_m: [0.4, 0.1]}
+"""
+FEASIBLE = b'"status": "feasible", "reason": ""'
+INFEASIBLE = b'"status": "infeasible", "reason": "forged"'
+NUMBER = re.compile(r"(?<=: )-?[0-9][0-9.e+-]*")
 MESH_TASK = (
     "  box: {tool: gripper, mass_kg: 0.1, meshes: [{file: box.obj, scale: 0.05}],\n    start_m"
 )
@@ -114,6 +148,19 @@ def spoilt_document(chance: random.Random, content: Any, fuzz: ModuleType) -> An
     return content
 
 
+def box_stl(shift_mm: float) -> bytes:
+    """Return a cube of 20 mm as a binary STL."""
+    x, y, z = ((0.0 + shift_mm, 20.0 + shift_mm), (0.0, 20.0), (0.0, 20.0))
+    corners = [(i, j, k) for i in x for j in y for k in z]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [(a, b, c) for a, b, c, _ in faces] + [(a, c, d) for a, _, c, d in faces]
+    content = bytes(80) + struct.pack("<I", len(triangles))
+    for triangle in triangles:
+        values = [0.0, 0.0, 0.0, *(value for one in triangle for value in corners[one])]
+        content += struct.pack("<12fH", *values, 0)
+    return content
+
+
 class Inputs:
     """One way to spoil each kind of input, in a folder that holds a whole one of each.
 
@@ -121,11 +168,11 @@ class Inputs:
     ----------
     folder
         Where to work.
-    networks
-        Whether to train one, and to spoil it.
+    whole
+        Whether to prepare also what takes seconds: a training, a study and kept verdicts.
     """
 
-    def __init__(self, folder: Path, *, networks: bool = True) -> None:
+    def __init__(self, folder: Path, *, whole: bool = True) -> None:
         self.folder, self.fuzz = folder, fuzz_tests()
         (folder / "small.yaml").write_text(self.fuzz.TASK, "utf-8")
         self.sop = (ROOT / "configs" / "ESC12.sop").read_bytes()
@@ -133,16 +180,61 @@ class Inputs:
         assert 0 == survives("init", "assembly", "--out", self.starter)
         assert 0 == survives("search-optimal", self.starter, "--out", folder / "result")
         self.result = json.loads((folder / "result" / "result.json").read_text("utf-8"))
-        self.policy = self._trained() if networks else b""
+        self.urdf, self.arm = urdf(), folder / "arm.yaml"
+        self.arm.write_text(ARM, "utf-8")
+        (folder / "arm.urdf").write_text(self.urdf, "utf-8")
+        assert 0 == survives("check", self.arm)
+        (folder / "chance.yaml").write_text(SLIPPERY, "utf-8")
+        assert 0 == survives("search-optimal", folder / "chance.yaml", "--out", folder / "policy")
+        self.policies = (folder / "policy" / "policies.json").read_bytes()
+        self.policy = self._trained() if whole else b""
+        if whole:
+            self._studied()
+            self._filled()
 
     def _trained(self) -> bytes:
         learning = ("--runs", "1", "--steps", "100", "--out", self.folder / "run")
         assert survives("train", self.starter, "--solver", "dqn", *learning) in (0, 1)
         return (self.folder / "run" / "runs" / "00" / "last.safetensors").read_bytes()
 
+    def _studied(self) -> None:
+        """Begin a study whose sampler keeps a journal."""
+        words = (*STUDY, self.starter, "--trials", "2", "--out", self.folder / "study")
+        assert survives(*words) in (0, 1)
+
+    def _filled(self) -> None:
+        """Keep the verdicts of an engine on a board of two parts, and the result with them."""
+        self.small_board = self.folder / "two.yaml"
+        self.small_board.write_text(SLIPPERY.replace("grasp_failure: 0.3", ""), "utf-8")
+        with self._cache("kept"):
+            assert 0 == self._by_engine(self.folder / "by-engine")
+        document = json.loads((self.folder / "by-engine" / "result.json").read_text("utf-8"))
+        self.engine_plan = (document["status"], document["cost"], document["skills"])
+
+    def _by_engine(self, out: Path) -> int:
+        engine = ("--physics", "pybullet", "--collision", "contact-pairs")
+        return survives("search-optimal", self.small_board, *engine, "--out", out)
+
+    @contextmanager
+    def _cache(self, name: str) -> Iterator[None]:
+        """Keep verdicts in a folder of its own meanwhile."""
+        before = os.environ["SKILLPLAN_CACHE_DIR"]
+        os.environ["SKILLPLAN_CACHE_DIR"] = str(self.folder / name)
+        try:
+            yield
+        finally:
+            os.environ["SKILLPLAN_CACHE_DIR"] = before
+
     def ways(self) -> dict[str, Callable[[random.Random], None]]:
         """Return what does a case of each kind."""
-        networks = {"safetensors": self.safetensors} if self.policy else {}
+        whole = {
+            "safetensors": self.safetensors,
+            "manifest": self.manifest,
+            "journal": self.journal,
+            "verdict": self.verdict,
+            "step": self.step,
+            "stl": self.stl,
+        }
         return {
             "yaml": self.yaml,
             "bench": self.bench,
@@ -152,7 +244,9 @@ class Inputs:
             "g-code": lambda chance: self.trajectory(chance, ".nc"),
             "mesh": self.mesh,
             "json": self.json,
-            **networks,
+            "urdf": self.urdf_file,
+            "policies": self.policies_file,
+            **(whole if self.policy else {}),
             "command-line": self.command_line,
         }
 
@@ -211,8 +305,13 @@ class Inputs:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         path = folder / "result.json"
+        text = json.dumps(self.result)
         if chance.random() < 0.3:
-            path.write_bytes(spoilt(chance, json.dumps(self.result).encode()))
+            path.write_bytes(spoilt(chance, text.encode()))
+        elif chance.random() < 0.2:
+            number = chance.choice(list(NUMBER.finditer(text)))
+            value = chance.choice(("1e999", "NaN", "-Infinity", "9" * 400, "-0"))
+            path.write_text(text[: number.start()] + value + text[number.end() :], "utf-8")
         else:
             made = spoilt_document(chance, self.result, self.fuzz)
             path.write_text(json.dumps(made), "utf-8")
@@ -231,6 +330,106 @@ class Inputs:
                 path.write_bytes(spoilt(chance, self.policy))
         survives("evaluate", folder, "--episodes", "2", "--format", "json")
 
+    def urdf_file(self, chance: random.Random) -> None:
+        """Spoil bytes of a robot's description, and check a task with it."""
+        (self.folder / "arm.urdf").write_bytes(spoilt(chance, self.urdf.encode()))
+        survives("check", self.arm)
+
+    def policies_file(self, chance: random.Random) -> None:
+        """Spoil policies; what is not the same policy any more must not be called valid."""
+        folder = self._fresh(self.folder / "policy")
+        path = folder / "policies.json"
+        if chance.random() < 0.3:
+            path.write_bytes(spoilt(chance, self.policies))
+        else:
+            document = spoilt_document(chance, json.loads(self.policies), self.fuzz)
+            path.write_text(json.dumps(document), "utf-8")
+        code = survives("verify", folder, "--time-limit", "5", "--format", "json")
+        survives("evaluate", self.folder / "chance.yaml", "--policy", path, *QUICK)
+        if code == 0:
+            # Only choices in states that the policy never reaches may differ.
+            before, after = (json.loads(one) for one in (self.policies, path.read_bytes()))
+            for document in (before, after):
+                document["policies"][0].pop("choices")
+            assert before == after, "a spoilt policy is valid"
+
+    def manifest(self, chance: random.Random) -> None:
+        """Spoil the manifest of a training, and evaluate and resume it."""
+        folder = self._fresh(self.folder / "run")
+        path = folder / "manifest.json"
+        if chance.random() < 0.3:
+            path.write_bytes(spoilt(chance, path.read_bytes()))
+        else:
+            document = spoilt_document(chance, json.loads(path.read_text("utf-8")), self.fuzz)
+            path.write_text(json.dumps(document), "utf-8")
+        survives("evaluate", folder, "--episodes", "2", "--format", "json")
+        survives("report", folder, "--time-limit", "1", "--out", self._page())
+
+    def journal(self, chance: random.Random) -> None:
+        """Spoil the journal of a study, and go on with it."""
+        folder = self._fresh(self.folder / "study")
+        path = folder / "trials.jsonl"
+        path.write_bytes(spoilt(chance, path.read_bytes()))
+        survives(*STUDY, self.starter, "--trials", "3", "--out", folder)
+
+    def verdict(self, chance: random.Random) -> None:
+        """Spoil kept verdicts; the search comes to what it came to without them."""
+        shutil.rmtree(self.folder / "cache", ignore_errors=True)
+        shutil.copytree(self.folder / "kept", self.folder / "cache")
+        kept = [path for path in sorted((self.folder / "cache").rglob("*")) if path.is_file()]
+        for path in chance.sample(kept, min(3, len(kept))):
+            content = path.read_bytes()
+            swapped = content.replace(FEASIBLE, INFEASIBLE, 1)
+            changed = swapped if chance.random() < 0.3 else spoilt(chance, content)
+            path.write_bytes(changed)
+        out = self.folder / "again"
+        shutil.rmtree(out, ignore_errors=True)
+        with self._cache("cache"):
+            assert 0 == self._by_engine(out)
+        document = json.loads((out / "result.json").read_text("utf-8"))
+        plan = (document["status"], document["cost"], document["skills"])
+        assert plan == self.engine_plan, "a spoilt verdict changed the result"
+
+    def step(self, chance: random.Random) -> None:
+        """Spoil bytes of a STEP file, and import it."""
+        source = PARTS / "interlocked.step.gz"
+        path = self.folder / "product.step"
+        path.write_bytes(spoilt(chance, gzip.decompress(source.read_bytes())))
+        self._import(path)
+
+    def stl(self, chance: random.Random) -> None:
+        """Spoil one of two meshes of a product, and import it."""
+        folder = self.folder / "product"
+        folder.mkdir(exist_ok=True)
+        for number in range(2):
+            path = folder / f"part_{number}.stl"
+            path.write_bytes(box_stl(20.0 * number))
+        path.write_bytes(spoilt(chance, path.read_bytes()))
+        self._import(folder, "--unit", "mm")
+
+    def _import(self, source: Path, *words: str) -> None:
+        out = self.folder / "imported"
+        shutil.rmtree(out, ignore_errors=True)
+        limits = ("--time-limit", "5", "--no-cache", "--format", "json")
+        if survives("import-cad", source, *words, *limits, "--out", out) == 0:
+            written = json.loads((out / "report.json").read_text("utf-8"))
+            assert (
+                not (out / "product.yaml").exists() or survives("check", out / "product.yaml") == 0
+            )
+            assert written["schema"].startswith("skillplan.import/")
+
+    def _fresh(self, folder: Path) -> Path:
+        """Return a copy of a folder, to be spoilt."""
+        copy = self.folder / f"spoilt-{folder.name}"
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(folder, copy)
+        return copy
+
+    def _page(self) -> Path:
+        page = self.folder / "page.html"
+        page.unlink(missing_ok=True)
+        return page
+
     def command_line(self, chance: random.Random) -> None:
         """Put options and words together that need not fit."""
         command = chance.choice(sorted(self.fuzz.COMMANDS))
@@ -242,12 +441,14 @@ class Inputs:
             survives(command, *self.fuzz.SHORT.get(command, ()), *words)
 
 
-def mutate(tally: Tally, count: int) -> None:
-    """Do so many cases, of all kinds in turn."""
+def mutate(tally: Tally, scale: float, kinds: Collection[str] = ()) -> None:
+    """Do the cases of these kinds, or of all, as many as `CASES` says at scale 1."""
     with guarded_folder() as inside:
-        inputs = Inputs(inside)
+        inputs = Inputs(inside, whole=not kinds or not CHEAP.issuperset(kinds))
         for kind, way in inputs.ways().items():
-            each = -(-count // len(inputs.ways()))
+            if kinds and kind not in kinds:
+                continue
+            each = max(1, round(CASES.get(kind, MOST_CASES) * scale))
             progress(f"{kind}: {each} inputs")
             for number in range(each):
                 tally.case(kind, number, way)

@@ -28,6 +28,15 @@ def test_a_plan_and_a_task_are_handed_over(
     assert {"one.csv", "same.csv", "pddl"} == {path.name for path in tmp_path.iterdir()}
 
 
+def test_a_plan_is_handed_over_with_what_was_not_checked(
+    cli: Any, solved_board: Path, tmp_path: Path
+) -> None:
+    """The board's detector is the chart alone."""
+    outcome = cli("export", str(solved_board), "--to", "csv", "--out", str(tmp_path / "plan.csv"))
+    assert 0 == outcome.code
+    assert "note: not checked: geometry" in outcome.err
+
+
 def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(
     cli: Any, tmp_path: Path
 ) -> None:

@@ -219,6 +219,40 @@ class TestSignals:
         assert ("", "skillplan: interrupted\n") == process.communicate(timeout=PATIENCE_S)
         assert 130 == process.returncode
 
+    def test_a_time_limit_is_no_interruption(self) -> None:
+        """So the exit code is not that of Ctrl-C."""
+        body = """
+            requested = []
+            with heeding(lambda: requested.append(True)):
+                try:
+                    with doing("the search", limit_s=0.2):
+                        time.sleep(600)
+                except SearchStopped:
+                    return 1 if requested else 0
+        """
+        assert (0, "", "") == run(body)
+
+    def test_a_time_limit_waits_until_llvm_has_been_answered(self) -> None:
+        """An exception in its call to Python would be printed and lost, and the code with it."""
+        body = """
+            import ctypes
+
+            @ctypes.CFUNCTYPE(None)
+            def _raw_object_cache_notify():
+                while not signal.getitimer(signal.ITIMER_VIRTUAL)[0]:
+                    pass
+
+            with heeding(lambda: None):
+                try:
+                    with doing("the search", limit_s=0.2):
+                        _raw_object_cache_notify()
+                        while True:
+                            pass
+                except SearchStopped:
+                    return 0
+        """
+        assert (0, "", "") == run(body)
+
     def test_an_ignored_signal_stays_ignored(self) -> None:
         """As under nohup."""
         body = "print('begun', flush=True)\ntime.sleep(0.5)\nreturn 0"

@@ -11,8 +11,8 @@ import pytest
 from skillplan.cli.app import main
 
 RESULTS = Path(__file__).parent / "former_results"
-KINDS = ("named", "plain", "boxes", "infile")
-"""Option on the command line, no option, by boxes, option in the task file."""
+KINDS = ("named", "plain", "boxes", "infile", "feeder")
+"""Option on the command line, no option, by boxes, option in the task file, a screw feeder."""
 
 
 @pytest.fixture

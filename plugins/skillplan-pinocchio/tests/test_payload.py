@@ -86,6 +86,15 @@ def test_a_payload_beyond_the_torques_is_infeasible_with_joint_torque_and_limit(
     assert "Nm of gravity with block, and its limit is 12 Nm" in result.reason
 
 
+def test_the_arm_is_blamed_and_not_a_part_that_comes_later(tmp_path: Path) -> None:
+    """Though with everything else in place the part would also run into its neighbour."""
+    content = block(60, {"payload_kg": 100})
+    roof = {**content["parts"]["block"], "mass_kg": 0.1, "start_m": [0.2, 0.4], "goal_on": "block"}
+    roof["size_m"] = [0.25, 0.25, 0.02]
+    content["parts"]["roof"] = roof
+    assert "joint_" in solved(tmp_path, content).reason.splitlines()[0]
+
+
 def test_what_a_urdf_does_not_say_is_listed_as_not_checked(tmp_path: Path) -> None:
     """Industrial files have an effort of 0. With a payload and all torques nothing is listed."""
     arm, _ = ARMS["panda"]

@@ -311,3 +311,11 @@ class TestFormerName:
         base = {"home": "C66", "reachable": "required", "prefer_reachable": True}
         with pytest.raises(TaskError, match="Keep reachable"):
             problem_of(tmp_path, content_of(TRIANGLE, closed=True, base=base))
+
+
+def test_the_reach_of_a_job_whose_goals_have_no_plan_is_not_checked() -> None:
+    """As of a result that claims that there are none."""
+    problem = load_problem(CONFIGS / "swarmitfix_polygonal.yaml")
+    (recheck,) = problem.domain.recheck(problem.config, {"goals": ()}, 0)
+    assert recheck.holds is None
+    assert recheck.detail == "no positions are chosen for the supports"

@@ -24,6 +24,7 @@ from skillplan.chart.precedence_query import (
 )
 from skillplan.checks.feasibility import Feasibility
 from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
 
 _MOST_LINES = 3
 _MOST_NAMED = 3
@@ -215,13 +216,28 @@ def _last_reason(query: PrecedenceQuery, order: ClosedRelation) -> CheckSteps[st
     """Return the reason with everything else in place that need not come after the component.
 
     A skill that is never feasible fails in every state, mostly because something else is missing.
-    The reason that the user has to repair remains when nothing is missing.
+    The reason that the user has to repair remains when nothing is missing. A reason that no other
+    component brings about, such as a place out of reach, comes first.
     """
+    alone = yield from query.check(frozenset())
+    if not alone.is_feasible and _is_of_itself(alone, query.order):
+        return f"{alone.stage}: {alone.reason}"
     done = frozenset(query.order) - {query.component} - order.after(query.component)
     verdict = yield from query.check(done)
     if verdict.is_feasible:
         return ""
     return query.hypothetical.reason(verdict, query.component, done)
+
+
+def _is_of_itself(verdict: Verdict, components: Collection[str]) -> bool:
+    """Whether a skill fails by the arm or its own part: by no other component, present or missing.
+
+    Only evidence of geometry or dynamics says so.
+    """
+    evidence = verdict.evidence
+    measured = {"bodies", "missed_by_m", "distance_m"} & evidence.keys()
+    blames = set(evidence.get("bodies", ())) & set(components)
+    return bool(measured) and not blames and "possible_supports" not in evidence
 
 
 def _derive(query: PrecedenceQuery) -> CheckSteps[str]:

@@ -2,7 +2,8 @@
 
 Such a result is checked by the rule of its time: a back end that told times added its own dwells.
 Without one, dwells were added once a skill, so that a tool that was put back in a swap, and a screw
-that was fetched, took none.
+that was fetched, took none. A bit went down to the feeder, not to the head of a screw that stands
+on it.
 """
 
 from __future__ import annotations
@@ -103,7 +104,8 @@ def _with_dwells(task: Task, dwells_s: Mapping[Event, float]) -> Task:
             return dwells_s.get(visit.event, visit.dwell_s)
         return visit.dwell_s if visit is last else 0.0
 
-    skills = tuple(_redwelt(skill, dwell_s) for skill in task.skills)
+    bare_bit = Event.FETCH in dwells_s
+    skills = tuple(_redwelt(skill, dwell_s, bare_bit=bare_bit) for skill in task.skills)
     collision = tuple(
         BackEndChoice(
             choice.name,
@@ -114,13 +116,20 @@ def _with_dwells(task: Task, dwells_s: Mapping[Event, float]) -> Task:
     return task.replace(skills=skills, collision=collision, sha256=task.sha256)
 
 
-def _redwelt(skill: Skill, dwell_s: Callable[[Visit, Visit], float]) -> Skill:
+def _redwelt(skill: Skill, dwell_s: Callable[[Visit, Visit], float], *, bare_bit: bool) -> Skill:
+    def former(visit: Visit) -> Visit:
+        # The bit went down to the feeder itself, and the screw that it took was not modelled: as
+        # if it took up its own tool there.
+        if bare_bit and visit.event is Event.FETCH:
+            return replace(visit, event=Event.LOAD, subject=skill.parameters["tool"])
+        return visit
+
     def moved(motion: Motion) -> Motion:
         routes = [
             replace(
                 route,
                 visits=tuple(
-                    replace(visit, dwell_s=dwell_s(visit, route.visits[-1]))
+                    former(replace(visit, dwell_s=dwell_s(visit, route.visits[-1])))
                     for visit in route.visits
                 ),
             )

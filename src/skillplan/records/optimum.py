@@ -21,6 +21,8 @@ class Optimum:
         Why it is not proved; empty where it is.
     wall_s
         How long that took [s].
+    not_checked
+        What the back ends of the proof left unchecked, in sentences.
 
     Raises
     ------
@@ -33,6 +35,7 @@ class Optimum:
     solver: str = "auto"
     reason: str = ""
     wall_s: float | None = None
+    not_checked: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.cost is None) != bool(self.reason):

@@ -210,4 +210,6 @@ def prove_optimum(
         reason += f", {result.reason}" if result.reason else ""
         return Optimum(solver=solver, reason=reason, wall_s=result.wall_s)
     actions = tuple(step.action for step in result.steps) if task.deterministic else ()
-    return Optimum(result.cost, actions, solver, wall_s=result.wall_s)
+    return Optimum(
+        result.cost, actions, solver, wall_s=result.wall_s, not_checked=result.not_checked
+    )

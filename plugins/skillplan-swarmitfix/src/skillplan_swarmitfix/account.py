@@ -167,6 +167,8 @@ def recheck_reach(job: Job) -> Recheck:
         reaching = [p for p in range(job.bench.n_positions) if not _hold_fault(job, p, support_m)]
         names = ", ".join(job.bench.name(position) for position in reaching) or "no position"
         return Recheck("reach", not reaching, f"{names} reaches support {job.unheld + 1}", method)
+    if len(job.goals) < len(job.goal_sets):
+        return Recheck("reach", None, "no positions are chosen for the supports", method)
     faults = [
         f"support {number} from {job.bench.name(goal)}: {fault}"
         for number, (goal_set, goal) in enumerate(zip(job.goal_sets, job.goals, strict=True), 1)

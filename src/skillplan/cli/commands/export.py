@@ -84,6 +84,7 @@ def command(
     """
     from contextlib import closing
 
+    from skillplan.checks.single_check import list_not_checked
     from skillplan.cli.waiting import showing_checks
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import exit_code
@@ -107,6 +108,9 @@ def command(
             handover = handed_over(model, setup, plan)
             files = exported(exporter, handover)
             notes = [*notes_of(exporter, handover), *([_FAMILY] if family else [])]
+            if plan is not None:
+                back_ends_of = model.feasibility.back_ends
+                notes += [f"not checked: {one}" for one in list_not_checked(back_ends_of)]
     _write(exporter, path, files)
     for note in notes:
         tell(f"skillplan: note: {note}")

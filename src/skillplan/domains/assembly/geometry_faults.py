@@ -73,7 +73,9 @@ def payload_issues(config: AssemblyConfig) -> Iterator[Issue]:
     }
     for name, kg in on_flange_kg.items():
         if kg > limit_kg:
-            yield Issue(f"{kg:g} kg is {most}", ("tools", name, "mass_kg"))
+            given = config.tools[name].mass_kg is not None
+            words = f"{kg:g} kg is {most}" if given else f"the hand, {kg:g} kg, is {most}"
+            yield Issue(words, ("tools", name, "mass_kg") if given else ("robot", "payload_kg"))
     for section, items in (("parts", config.parts), ("screws", config.screws)):
         for name, item in items.items():
             kg = on_flange_kg[item.tool]

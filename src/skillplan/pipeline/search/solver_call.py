@@ -48,9 +48,14 @@ def plain_answer(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> So
     # The model ends a solver that does not poll a second after the limit; this comes after it.
     limit_s = None if left_s is None else 1.1 * left_s + 1.5
     try:
+        if stop.interrupted:
+            # A signal while the task was prepared.
+            raise SearchStopped
         with doing(activity, limit_s=limit_s), blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
     except SearchStopped:
+        # Polled, as it may be the first to learn that the time is over.
+        stop()
         solution = Solution(stop.best, stop.lower_bound)
     if not isinstance(solution, Solution):
         raise SolverError(

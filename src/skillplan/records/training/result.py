@@ -221,6 +221,7 @@ class TrainingResult:
             "optimum_solver": best.solver,
             "optimum_reason": best.reason,
             "optimum_wall_s": best.wall_s,
+            "not_checked": list(best.not_checked),
             "runs": [
                 one.document(best.cost, seen_apart=self.seen_optimum is None)
                 for one in self.outcomes

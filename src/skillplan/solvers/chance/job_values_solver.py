@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from skillplan.errors import NotASequencing
+from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.chance.reachable import asked_everywhere
-from skillplan.solvers.chance.retries import touched, why_not_retried
+from skillplan.solvers.chance.retries import failures, touched, why_not_retried
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
+
+if TYPE_CHECKING:
+    from skillplan.solvers.chance.job_values import JobValues
+
+# Up to this probability of failure a thousand tries multiply what rounding hides: 1e-13 at most.
+_CERTAIN_DIGITS = 0.999
+_SAME_COST = 5e-10
 
 
 class JobValuesSolver(Solver):
@@ -86,7 +94,22 @@ class JobValuesSolver(Solver):
         self.stop.bound(values.cost)
         # Values know of no step limit, which only a plan has to keep.
         short = not model.task.deterministic or len(values) <= model.step_limit
-        return Solution(values, values.cost, proved=short, trace=trace)
+        same = _costs_as_much(model, values, complete=bool(trace["policy_complete"]))
+        return Solution(values, values.cost, proved=short and same, trace=trace)
+
+
+def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> bool:
+    """Whether the policy has the least cost, if failures are so likely that rounding may hide it.
+
+    Two choices that differ by less than rounding differ by much once they are repeated.
+    """
+    shares = [one.probability for skill in model.task.skills for one in failures(skill)]
+    if max(shares, default=0.0) <= _CERTAIN_DIGITS:
+        return True
+    if not complete:
+        return False
+    own = evaluate_policy(model, values.get).cost
+    return own is not None and abs(own - values.cost) <= _SAME_COST * max(1.0, values.cost)
 
 
 def _obstacle(model: SkillModel) -> str | None:

@@ -11,6 +11,7 @@ from skillplan.records.training.result import TrainingResult
 from skillplan.solvers.gap import deviation
 from skillplan.views.tables.learning.layouts import layouts_table
 from skillplan.views.tables.learning.shortfall import shortfall_notes
+from skillplan.views.tables.results import not_checked_notes
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import count, number, percent
 
@@ -73,7 +74,8 @@ def _row(result: TrainingResult, index: int, one: RunOutcome) -> list[str]:
 
 def _notes(result: TrainingResult) -> list[str]:
     task = result.task
-    notes = [_optimum_note(result), _runs_note(result)]
+    notes = [_optimum_note(result), *not_checked_notes(result.optimum.not_checked)]
+    notes.append(_runs_note(result))
     off, cost = result.deviation_iqm, result.cost_iqm
     if off is not None:
         notes.append(f"deviation  interquartile mean {_interval(off, percent)}")
