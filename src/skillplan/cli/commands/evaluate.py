@@ -208,7 +208,7 @@ def _evaluate(
     from skillplan.pipeline.run import make_model, solve
     from skillplan.records.evaluation import Evaluation
     from skillplan.solvers.solution import Plan, Policy
-    from skillplan.views.tables.evaluation import evaluation_table
+    from skillplan.views.tables.questions import evaluation_table
 
     cache = checking.cache() or VerdictCache()
     with showing_checks("replaying") as on_check:

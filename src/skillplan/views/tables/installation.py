@@ -1,11 +1,100 @@
-"""What is kept of verdicts, what a test of them found, and what filling the cache came to."""
+"""What a domain has to show in its own words, as a table."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from pydantic import BaseModel
+
+from skillplan.domains.domain import Listing
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
+from skillplan.records.plugin_info import PluginInfo
 from skillplan.views.text.table import Column, Table
+
+
+def listing_table(listing: Listing) -> Table:
+    """Return a domain's listing as a table; columns of figures are set flush right."""
+    columns = []
+    for index, heading in enumerate(listing.columns):
+        cells = [row[index] for row in listing.rows]
+        columns.append(Column(heading, right=all(_is_figure(cell) for cell in cells)))
+    return Table(listing.title, columns, listing.rows, listing.notes)
+
+
+def _is_figure(cell: str) -> bool:
+    return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
+
+
+_BOUNDS = {
+    "minimum": ">= ",
+    "exclusiveMinimum": "> ",
+    "maximum": "<= ",
+    "exclusiveMaximum": "< ",
+}
+
+
+def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
+    """Return the plugins and, where there is one only, its options."""
+    headings = ("kind", "name", "distribution", "version", "what it does")
+    rows = [
+        (
+            info.kind,
+            info.name,
+            info.distribution,
+            info.version,
+            f"BROKEN: {info.problem}" if info.problem else info.summary,
+        )
+        for info in infos
+    ]
+    tables = [Table("installed plugins", [Column(heading) for heading in headings], rows)]
+    if options is not None:
+        tables.append(_option_table(infos[0].name, options))
+    return tables
+
+
+def _option_table(name: str, options: type[BaseModel]) -> Table:
+    properties = options.model_json_schema().get("properties", {})
+    rows = [
+        (
+            key,
+            _type(field),
+            _default(field),
+            _range(field),
+            str(field.get("description", "")),
+        )
+        for key, field in properties.items()
+    ]
+    headings = ("option", "type", "default", "range", "what it is [unit]")
+    title = f"options of {name}" if rows else f"{name} has no options"
+    return Table(title, [Column(heading) for heading in headings], rows)
+
+
+def _default(field: Mapping[str, Any]) -> str:
+    """Return the default of an option, as a file and ``-O`` have it."""
+    default = field.get("default", "required")
+    return default if isinstance(default, str) else json.dumps(default)
+
+
+def _type(field: Mapping[str, Any]) -> str:
+    """Return the type of an option; of an optional one that of its value."""
+    kinds = [kind.get("type") for kind in field.get("anyOf", ())]
+    return str(field.get("type") or " or ".join(str(k) for k in kinds if k != "null") or "any")
+
+
+def _range(field: Mapping[str, Any]) -> str:
+    """Return the bounds of an option, or its words."""
+    kinds = (field, *field.get("anyOf", ()))
+    for kind in kinds:
+        if "enum" in kind or "const" in kind:
+            return " or ".join(str(word) for word in kind.get("enum", [kind.get("const")]))
+    for kind in kinds:
+        bounds = [f"{sign}{kind[bound]}" for bound, sign in _BOUNDS.items() if bound in kind]
+        if bounds:
+            return ", ".join(bounds)
+    return "-"
 
 
 def survey_table(survey: CacheSurvey) -> Table:
@@ -124,3 +213,33 @@ def _age(age_s: float) -> str:
         if age_s >= length_s:
             return f"{age_s / length_s:.0f} {unit}"
     return f"{age_s:.0f} s"
+
+
+def imported_table(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
+    """Return a row for every part, and below the rows what was found.
+
+    Parameters
+    ----------
+    document
+        `skillplan.import/1`.
+    lines
+        What was found, in words.
+    """
+    columns = [
+        Column("part"),
+        Column("kind"),
+        Column("mass [kg]", right=True),
+        Column("size [mm]", right=True),
+        Column("free directions", right=True),
+    ]
+    rows = [
+        (
+            part["name"],
+            part["kind"],
+            f"{part['mass_kg']:.4g}",
+            " x ".join(f"{one:.4g}" for one in part["size_mm"]),
+            str(len(part["free"])),
+        )
+        for part in document["parts"]
+    ]
+    return Table(f"{document['product']}: imported", columns, rows, list(lines))
