@@ -259,7 +259,7 @@ def _training_notes(result: TrainingResult) -> list[str]:
     for one in faults[:_MOST_RUNS]:
         notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
     if len(faults) > _MOST_RUNS:
-        notes.append(f"runs       {len(faults) - _MOST_NAMED} more do not complete")
+        notes.append(f"runs       {len(faults) - _MOST_RUNS} more do not complete")
     if result.warm_start is not None:
         notes.append(f"begun      {result.warm_start.text}")
     notes += shortfall_notes(result)
