@@ -34,12 +34,12 @@ KILLS = {
     "search": 40,
     "report": 20,
     "export": 20,
-    "import-cad": 10,
-    "train": 15,
-    "sweep": 15,
-    "cache-fill": 8,
+    "import-cad": 15,
+    "train": 25,
+    "sweep": 25,
+    "cache-fill": 10,
 }
-FORGED_LEAVES, CALLS_OF_A_TRAINING = 400, 40
+FORGED_LEAVES, CALLS_OF_A_TRAINING = 800, 80
 # Two halves that take about as long.
 HALVES = (("lies", "forgeries", "inputs"), ("writes", "kills"))
 PARTS = (*HALVES[0], *HALVES[1])

@@ -76,12 +76,12 @@ f 2 3 4
 f 3 1 4
 """
 # Kinds of input that take longer get fewer cases at scale 1.
-MOST_CASES = 600
-CASES = {"json": 300, "policies": 200, "urdf": 300, "safetensors": 150, "manifest": 60} | {
+MOST_CASES = 1_000
+CASES = {"json": 300, "policies": 200, "urdf": 1_000, "safetensors": 150, "manifest": 60} | {
     "journal": 60,
     "verdict": 60,
     "step": 60,
-    "stl": 60,
+    "stl": 300,
 }
 # Kinds that need nothing prepared that takes seconds.
 CHEAP = {"yaml", "bench", "sop", "dxf", "csv", "g-code", "mesh", "json", "urdf", "policies"}

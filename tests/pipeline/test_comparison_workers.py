@@ -128,6 +128,6 @@ def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other() -
 def test_limits_hold_for_each() -> None:
     """Time counts from the beginning of each search."""
     problem = load_problem(OPEN)
-    rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 0.5})
+    rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 2.0})
     assert [row.status for row in rows] == ["solved", "solved"]  # type: ignore[union-attr]
-    assert all(row.wall_s < 3.0 for row in rows)
+    assert all(row.wall_s < 6.0 for row in rows)
