@@ -69,7 +69,7 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         ("compare BOARD --solvers exact,value-iteration", "the comparison, 2 at there"),
         ("compare GENERATED --solvers exact,value-iteration", "the comparison, 2 at there"),
         ("sweep BOARD --solver exact --runs 2", "the runs, 2 at there"),
-        ("sweep GENERATED --solver exact --runs 2", "the runs, 2 at there"),
+        ("sweep GENERATED --solver exact --runs 2 --collision precedence", "the runs, 2 at there"),
         ("train BOARD --solver tabular --runs 2 --steps 100", "the training, 2 at there"),
         ("train GENERATED --solver tabular --runs 2 --steps 100", "the training, 2 at there"),
     ],

@@ -399,7 +399,7 @@ class TestTerminals:
         assert all(["optimal", "1.86709", "0.00", "%"] == row.split()[1:5] for row in rows)
         assert 2 == len(rows)
         sequence = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
-        assert f"exact: makespan [s] 69.5; sequence {sequence}" in lines
+        assert f"exact: makespan [s] 74.5; sequence {sequence}" in lines
         assert all(len(line) <= 80 for line in lines)
 
     @pytest.mark.slow(reason="a process on a terminal; a comparison on a narrower one in every run")

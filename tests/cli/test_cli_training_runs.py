@@ -113,7 +113,8 @@ class TestEvaluate:
     def test_back_ends_are_those_of_the_training_unless_named(self, cli: Any, runs: Path) -> None:
         words = ("evaluate", str(runs), "--format", "json")
         assert "precedence" == cli(*words).document["collision"]
-        assert "aabb" == cli(*words, "--collision", "aabb").document["collision"]
+        named = cli(*words, "--collision", "aabb").document
+        assert "aabb,precedence" == named["collision"]
 
     @pytest.mark.parametrize(
         ("break_it", "told"),

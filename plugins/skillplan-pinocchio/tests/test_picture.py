@@ -123,7 +123,8 @@ def test_explain_draws_them_without_an_engine_that_moves_bodies(tmp_path, capsys
     """Where it refused before: the engine is kinematic."""
     path = tmp_path / "hulls.png"
     words = ["explain", "configs/inverter_board.yaml", "place(transformer)"]
-    words += ["--after", "0,1,10,11,8", "--collision", "swept", "--picture", str(path)]
+    words += ["--after", "0,1,10,11,8", "--set", "chart=[]"]
+    words += ["--collision", "swept", "--picture", str(path)]
     with pytest.raises(SystemExit) as ended:
         main([*words, "--format", "json"])
     assert ended.value.code == 1

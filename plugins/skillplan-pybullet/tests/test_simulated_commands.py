@@ -77,6 +77,7 @@ def test_the_moment_of_a_collision_is_drawn(call, tmp_path) -> None:
     """A picture of it, and the whole skill in motion; stdout holds the document alone."""
     png, gif = tmp_path / "moment.png", tmp_path / "whole.gif"
     words = ("explain", BOARD, "place(transformer)", "--after", "0,1,10,11,8", "--no-cache")
+    words += ("--set", "chart=[]")
     words += ("--physics", "pybullet", "--collision", "contact-pairs", "--format", "json")
     code, out = call(*words, "--picture", str(png), "--animate", str(gif))
     document = json.loads(out)

@@ -113,9 +113,10 @@ def _temporary_folder() -> str:
     Empty if there is no place for it; then the child has the usual one.
     """
     for place in (os.environ.get("TMPDIR", ""), "/tmp", "/var/tmp"):
-        folder = os.path.join(os.path.abspath(place), f"skillplan-{os.urandom(6).hex()}")
+        # The current folder may be gone: a relative place is then as good as none.
         with suppress(OSError):
             if place:
+                folder = os.path.join(os.path.abspath(place), f"skillplan-{os.urandom(6).hex()}")
                 os.mkdir(folder, 0o700)
                 return folder
     return ""
