@@ -117,7 +117,7 @@ bench: .venv/.test try-web  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/learning.py
 	$(BIN)/python benchmarks/handover.py
 
-schema: .venv/.core  ## the JSON Schema that editors read
+schema: .venv/.demo  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
 	$(SKILLPLAN) schema sop > configs/sop.schema.json
 	$(SKILLPLAN) schema swarmitfix > configs/swarmitfix.schema.json
@@ -147,7 +147,7 @@ clean:  ## all that these targets make
 .venv/.demo: .venv/.core
 	$(SKILLPLAN) warm-up & kernels=$$!; \
 	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
-	    --editable plugins/skillplan-mujoco \
+	    --editable plugins/skillplan-mujoco --editable plugins/skillplan-swarmitfix \
 	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
 	touch $@
 

@@ -13,8 +13,6 @@ import threading
 import pytest
 from hypothesis import HealthCheck, settings
 
-from list_slow import Collector
-
 repeatable = settings(
     derandomize=True,
     deadline=None,
@@ -40,11 +38,6 @@ if threading.current_thread() is threading.main_thread():
     for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)
-
-
-def pytest_configure(config):
-    """One test compares the slow tests of this run with the list of them."""
-    config.pluginmanager.register(Collector(), Collector.__name__)
 
 
 def pytest_collection_finish(session):

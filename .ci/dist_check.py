@@ -18,6 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OPTIMUM_M = 1.86709
+BENCH = "swarmitfix_polygonal.yaml"
 PHYSICS = ("--collision", "contact-pairs", "--physics")
 # What is executed in the engine that every Python has, to the last digit the same on each.
 EXECUTED = ("place(switch_1)", "--after", "0,1,2", *PHYSICS, "mujoco", "--no-cache")
@@ -112,8 +113,8 @@ def check_player(folder: Path) -> str:
 
 def check_page(binaries: Path, place: Path, script: str) -> None:
     """See that the installed wheel writes a page with 3-D where no Node is found."""
-    bench = place / "swarmitfix_polygonal.yaml"
-    shutil.copy(ROOT / "configs" / "swarmitfix_polygonal.yaml", bench)
+    bench = place / BENCH
+    shutil.copy(ROOT / "configs" / BENCH, bench)
     page = place / "bench.html"
     run(binaries / "skillplan", "report", bench, "--out", page, cwd=place, path=str(binaries))
     text = page.read_text("utf-8")
@@ -180,6 +181,28 @@ def check(
     return json.dumps(json.loads(told)["stages"])
 
 
+def check_core(python: str, wheels: list[Path], folder: Path) -> None:
+    """Install the core alone: it solves and reports the board, and names what a bench needs."""
+    place = folder / "core"
+    place.mkdir()
+    run(python, "-m", "venv", place / "venv", cwd=place)
+    binaries = place / "venv" / "bin"
+    quiet = ("--quiet", "--disable-pip-version-check", "--no-compile")
+    (core,) = (wheel for wheel in wheels if wheel.name.startswith("skillplan-"))
+    run(binaries / "python", "-m", "pip", "install", *quiet, core, cwd=place)
+    board, bench = (ROOT / "configs" / name for name in ("inverter_board.yaml", BENCH))
+    answer = run(binaries / "skillplan", "search-optimal", board, "--format", "json", cwd=place)
+    if abs(json.loads(answer)["cost"] - OPTIMUM_M) > 5e-6:
+        sys.exit("dist-check: the core alone does not find the optimum of the board")
+    run(binaries / "skillplan", "report", board, "--out", place / "board.html", cwd=place)
+    refused = subprocess.run(
+        [binaries / "skillplan", "check", bench], cwd=place, capture_output=True, text=True
+    )
+    if refused.returncode != 2 or "pip install skillplan-swarmitfix" not in refused.stderr:
+        sys.exit(f"dist-check: the core alone says of a bench: {refused.stderr}")
+    print("the core alone: the board, and the command that installs the bench")
+
+
 def main() -> None:
     """Build, install and solve, in a folder that is removed again."""
     with tempfile.TemporaryDirectory() as scratch:
@@ -190,6 +213,7 @@ def main() -> None:
         print(f"built {', '.join(wheel.name for wheel in wheels)}")
         script = check_player(built)
         print(f"player: {len(script) / 1e6:.2f} MB in wheel and sdist, with its licences")
+        check_core(interpreters()[3, 11], wheels, folder)
         told = {
             check(version, python, wheels, folder, script)
             for version, python in interpreters().items()

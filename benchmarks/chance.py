@@ -4,8 +4,7 @@ A third of the parts is missed with a probability of 0.1 to 0.4. For each board:
 on average, exactly, and the 95 % interval of the mean of 2,000 roll-outs; the proved lower bound of
 the deterministic relaxation; the least expected cost by `job-values`, and by value iteration where
 that many states can be held; and how long an answer takes, new plans included, of a policy that has
-planned for no state yet. With `--learn` also what `imitate` costs, exactly and by 2,000 roll-outs,
-how long it learns and how long it takes to answer.
+planned for no state yet.
 
 Every board that is done is a line of `--out`, and not done again.
 """
@@ -61,14 +60,6 @@ def main() -> None:
                 with options.out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(done[key]) + "\n")
             print(shown(key, done[key]), flush=True)
-            if options.learn:
-                learn_key = (*key, "imitate")
-                if learn_key not in done:
-                    figures = learnt(board(*key), options)
-                    done[learn_key] = {"board": learn_key, **figures}
-                    with options.out.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(done[learn_key]) + "\n")
-                print(shown_learnt(done[key], done[learn_key]), flush=True)
 
 
 def parsed() -> argparse.Namespace:
@@ -78,7 +69,6 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=3, help="boards of each size")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=300.0, help="of each solver [s]")
-    parser.add_argument("--learn", action="store_true", help="train imitate, too")
     parser.add_argument("--max-states", type=int, default=1_000_000, help="for value iteration")
     return parser.parse_args()
 
@@ -176,39 +166,6 @@ def optimum(task: Task, options: argparse.Namespace) -> dict[str, Any]:
         "states": found.trace["states"],
         "vi_s": time.perf_counter() - begin_s,
     }
-
-
-def learnt(task: Task, options: argparse.Namespace) -> dict[str, Any]:
-    """Return what a network costs that learned from replan, and what its answers take."""
-    model = make_model(task)
-    solver = make_solver("imitate", {}, Stop(time_limit_s=options.time_limit))
-    begin_s = time.perf_counter()
-    found = solver.solve(model)
-    figures = {"learning_s": time.perf_counter() - begin_s}
-    names = ("teacher_cost", "imitated_cost", "learned_cost", "demonstrations", "answer_ms")
-    figures |= {name: found.trace.get(name) for name in names}
-    sample = None if found.policy is None else sample_policy(model, found.policy.get)
-    if sample is not None and sample.problem is None:
-        figures["cost"] = sample.cost
-        figures["half_width"] = sample.half_width
-    return figures
-
-
-def shown_learnt(line: dict[str, Any], learned: dict[str, Any]) -> str:
-    """Return what was learned as a line below that of its board."""
-    cost = learned.get("learned_cost")
-    costs = (line.get(one) for one in ("replan", "by_sets", "optimum"))
-    better = min(one for one in costs if one is not None)
-    above = None if cost is None else 100 * (cost - better) / better
-    low, high = (
-        None if "cost" not in learned else learned["cost"] + side * learned["half_width"]
-        for side in (-1, 1)
-    )
-    return (
-        f"      imitate: {text(cost, 5)}, of 2,000 roll-outs {text(low, 5)} to {text(high, 5)}, "
-        f"{text(above, 2)} % above the best; {text(learned.get('answer_ms'), 3)} ms an answer; "
-        f"{learned['learning_s']:.1f} s, {learned.get('demonstrations')} states shown"
-    )
 
 
 def shown(key: tuple[int, float, int], line: dict[str, Any]) -> str:

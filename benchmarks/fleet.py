@@ -14,11 +14,11 @@ import sys
 from typing import Any
 
 from skillplan import solve
-from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.domains.swarmitfix.bench.step_timings import Timings
-from skillplan.domains.swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
-from skillplan.domains.swarmitfix.fleet.task import fleet_task
-from skillplan.solvers.multiagent.fleet import FleetSolver
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
+from skillplan_swarmitfix.fleet.task import fleet_task
+from skillplan_swarmitfix.multiagent.fleet import FleetSolver
 
 BENCH = Bench(6, 13, 0.34)
 

@@ -16,11 +16,11 @@ import time
 import numpy as np
 from timing import against_baseline
 
-from skillplan.domains.swarmitfix.base.task import BaseGrounding
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.solvers.mdp.label_setting import costs_to_go
+from skillplan_swarmitfix.base.task import BaseGrounding
+from skillplan_swarmitfix.bench.bench import Bench
 
 PITCH_M = 0.34
 SWING_S = {60: 7.47, 120: 11.63, 180: 15.8}

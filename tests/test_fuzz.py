@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skillplan.cli.app import COMMANDS, main
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline import registry
+from skillplan_swarmitfix.schema import SwarmitfixConfig
 from thinned import thinned
 from yaml_data import yaml_text
 

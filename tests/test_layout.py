@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-import list_slow
 import skillplan
 from skillplan import errors
 from sources import parsed
@@ -195,16 +194,6 @@ def test_a_function_has_sixty_lines_at_most_or_a_reason() -> None:
     assert set(LONG_FUNCTIONS) == long
 
 
-@pytest.mark.slow(reason="collects all tests, unless this run has done so")
-def test_the_list_of_slow_tests_is_current(request: pytest.FixtureRequest) -> None:
-    """As ``python tests/support/list_slow.py`` prints it."""
-    printed = list_slow.of_this_run(request.config)
-    if printed is None:
-        words = [sys.executable, list_slow.__file__]
-        printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    assert (ROOT / "tests" / "SLOW.md").read_text("utf-8") == printed
-
-
 def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
     """Yield every public class, function and method of a module, and the module."""
     tree = parsed(path)
@@ -303,7 +292,6 @@ class TestErrors:
             ("PluginError", 2),
             ("ModelTooLarge", 2),
             ("NotASequencing", 2),
-            ("NotMultiAgent", 2),
             ("BackEndError", 3),
         ],
     )

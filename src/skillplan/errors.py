@@ -11,7 +11,6 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
     ├── PluginError               an unknown, doubled, broken or unfit plugin
     ├── ModelTooLarge             an array export would exceed its limit
     ├── NotASequencing            a model is not a sequencing problem
-    ├── NotMultiAgent             a model is not one of agents that move between places
     ├── ChainBroken               what a stage of a chain gave leaves nothing for the next
     ├── SolverError               a solver raised, or returned what is no solution
     └── BackEndError              a physics or collision back end failed        exit code 3
@@ -23,10 +22,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
-
-from skillplan.quick_dataclass import dataclass
 
 # What every command ends with; `exit_code` says when.
 EXIT_SOLVED = 0
@@ -161,10 +158,6 @@ class ModelTooLarge(SkillplanError):
 
 class NotASequencing(SkillplanError):
     """A model does not have the structure of a sequencing problem."""
-
-
-class NotMultiAgent(SkillplanError):
-    """A model does not have the structure of agents that move between places of their own."""
 
 
 class ChainBroken(SkillplanError):

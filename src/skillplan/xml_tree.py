@@ -6,10 +6,8 @@ expat alone would expand entities that a file declares; a file that declares any
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from xml.parsers import expat
-
-from skillplan.quick_dataclass import dataclass
 
 MAX_ELEMENTS = 20_000
 MAX_DEPTH = 64

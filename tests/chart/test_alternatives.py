@@ -16,7 +16,7 @@ from skillplan.model.sequencing import SequencingProblem
 from skillplan.records.chart import chart_document
 from skillplan.solvers.auto import AutoSolver
 from skillplan.solvers.search.exact import ExactSolver
-from skillplan.views.tables.chart import chart_table
+from skillplan.views.tables.questions import chart_table
 from way_boards import CLOSED, closing, drawer_task
 
 ALONG = ("place(drawer) along +x", "place(drawer) along -x")

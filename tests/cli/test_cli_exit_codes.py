@@ -10,7 +10,7 @@ import typer
 from rich.text import Text
 
 from skillplan.cli.app import COMMANDS, EPILOG, app
-from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES
+from skillplan.views.figures.catalogue import RUN_FIGURES, figure_lines
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 EXACT = ("--solver", "exact")
@@ -270,5 +270,7 @@ class TestHelp:
     def test_the_figures_of_plot_stand_in_a_list(self, cli: Any) -> None:
         """Each with its line."""
         words = words_of(cli("plot", "--help").out)
-        for name, figure in {**TASK_FIGURES, **RUN_FIGURES}.items():
-            assert f"{name} {figure.line}" in words
+        lines = figure_lines() | {name: figure.line for name, figure in RUN_FIGURES.items()}
+        assert {"gantt", "placement", "success"} <= set(lines)
+        for name, line in lines.items():
+            assert f"{name} {line}" in words

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image as PillowImage
 
-from skillplan.views.figures.catalogue import TASK_FIGURES
+from skillplan.views.figures.catalogue import figure_names
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 POLYGONAL = str(CONFIGS / "swarmitfix_polygonal.yaml")
@@ -291,7 +291,7 @@ def test_help_lists_all_figures_and_loads_none() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("False False\n")
-    assert all(f"│ {name} " in done.stdout for name in TASK_FIGURES)
+    assert all(f"│ {name} " in done.stdout for name in figure_names())
 
 
 def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.MonkeyPatch) -> None:

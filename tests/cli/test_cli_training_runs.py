@@ -335,7 +335,7 @@ class TestPlot:
     @pytest.mark.parametrize(
         ("words", "told"),
         [
-            ((), "Name a figure of the task: policy, "),
+            ((), "Name a figure of the task: learning, "),
             (("success",), "Figure 'success' is of a folder of runs, which train writes"),
             (("rewards", "--against", "steps"), "--against is for a folder of runs"),
         ],

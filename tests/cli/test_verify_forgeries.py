@@ -19,7 +19,7 @@ from skillplan.errors import SkillplanError
 from skillplan.judge.second_proof import LeastCost
 from skillplan.pipeline.certification import certify
 from skillplan.records.certificate import Verdict
-from skillplan.views.tables.saved import csv_files
+from skillplan.views.tables.results import csv_files
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs/inverter_board.yaml")

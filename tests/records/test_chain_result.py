@@ -23,7 +23,7 @@ from skillplan.views.tables.chain import (
     chain_comparison_tables,
     chain_tables,
 )
-from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.installation import listing_table
 from skillplan.views.text.rendering import render
 from skillplan.views.text.table import as_csv
 from swarm_situations import base_task

@@ -17,7 +17,7 @@ from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts
 from skillplan.task.task import Task
-from skillplan.views.tables.evaluation import evaluation_table
+from skillplan.views.tables.questions import evaluation_table
 from sop_instances import instance
 
 BARE = Setup()

@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.swarmitfix.base.task import BaseGrounding
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import OptionError
 from skillplan.model.policy_value import roll_out
 from skillplan.pipeline.run import make_model, solve
@@ -20,6 +18,8 @@ from skillplan.records.stored import policy_file
 from skillplan.records.stored.policy_file import policy_document, read_policy, start_state
 from skillplan.solvers.solution import Policy
 from skillplan.task.task import Task
+from skillplan_swarmitfix.base.task import BaseGrounding
+from skillplan_swarmitfix.bench.bench import Bench
 from swarm_situations import SWING_S, base_task
 
 HASH = "0123456789abcdef" * 4

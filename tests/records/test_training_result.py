@@ -19,15 +19,14 @@ from skillplan.records.training.outcome import (
     RunStatus,
     Tally,
     TrainingRecord,
-    deviation,
     training_record,
 )
 from skillplan.records.training.published_runs import TABLE_III, published_runs
 from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
+from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task
-from skillplan.views.tables.learning.layouts import layouts_table
-from skillplan.views.tables.learning.training import training_tables
+from skillplan.views.tables.learning.training import layouts_table, training_tables
 from skillplan.views.text.table import as_csv, as_markdown
 
 CONFIGS = Path(__file__).parents[2] / "configs"

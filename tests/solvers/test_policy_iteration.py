@@ -169,9 +169,9 @@ class TestClaims:
     def test_too_many_cells_leave_an_honest_bound(
         self, name: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from skillplan.solvers.mdp import finite_horizon
+        from skillplan.solvers.mdp import bellman_solver
 
-        monkeypatch.setattr(finite_horizon, "MOST_CELLS", 1)
+        monkeypatch.setattr(bellman_solver, "MOST_CELLS", 1)
         task = base_task(66, 1).replace(step_limit=2)
         result = solve(task, name)
         assert result.status is Status.UNSOLVED

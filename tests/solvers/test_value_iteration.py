@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.solvers.mdp.label_setting import costs_to_go
@@ -19,6 +18,7 @@ from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task
 from skillplan.testing import SolverSuite
+from skillplan_swarmitfix.bench.bench import Bench
 from swarm_situations import base_task, grounding, minimal_starts
 
 

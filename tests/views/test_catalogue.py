@@ -5,16 +5,45 @@ from __future__ import annotations
 import importlib
 import subprocess
 import sys
+from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
-from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
+from skillplan.errors import PluginError
+from skillplan.pipeline.registry import names
+from skillplan.views.figures import catalogue
+from skillplan.views.figures.catalogue import (
+    RUN_FIGURES,
+    TASK_FIGURES,
+    CatalogueEntry,
+    figure_lines,
+    figure_module,
+    figure_names,
+)
+
+OF_SOP = CatalogueEntry("the tour", "skillplan.views.figures.learning_figure", "sop")
 
 
-@pytest.mark.parametrize("name", TASK_FIGURES)
-def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str) -> None:
-    """What ``plot`` calls of a figure's module."""
-    module = figure_module(name)
+@pytest.fixture
+def register(monkeypatch):
+    """Replace the figures of plugins by entry points that name objects of this module."""
+
+    def replace(**entries):
+        monkeypatch.setitem(sys.modules, "figures_under_test", sys.modules[__name__])
+        points = EntryPoints(
+            EntryPoint(name, f"figures_under_test:{value}", "skillplan.figure")
+            for name, value in entries.items()
+        )
+        monkeypatch.setattr(catalogue, "figures", lambda: points)
+
+    return replace
+
+
+@pytest.mark.parametrize("kind", names("domain"))
+@pytest.mark.parametrize("name", figure_names())
+def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str, kind: str) -> None:
+    """``plot`` calls these of a figure's module."""
+    module = figure_module(name, kind)
     assert isinstance(module.SOLVER, str)
     assert callable(module.runs)
     assert callable(module.draw)
@@ -24,14 +53,15 @@ def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str) -> No
 def test_a_figure_of_runs_has_its_module(name: str) -> None:
     """It holds a function of the module's own name."""
     module = RUN_FIGURES[name].module
-    drawing = importlib.import_module(f"skillplan.views.figures.{module}")
+    drawing = importlib.import_module(module)
     assert callable(getattr(drawing, module.rpartition(".")[2]))
 
 
 def test_listing_the_figures_imports_nothing_heavy() -> None:
     """The help of ``plot`` names them all, and must come at once."""
     code = (
-        "import sys, skillplan.views.figures.catalogue;"
+        "import sys, skillplan.views.figures.catalogue as catalogue;"
+        "catalogue.figure_lines();"
         "print([m for m in ('numpy', 'matplotlib', 'pydantic', 'rich') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -40,4 +70,33 @@ def test_listing_the_figures_imports_nothing_heavy() -> None:
 
 def test_an_unknown_figure_is_a_key_error() -> None:
     with pytest.raises(KeyError, match="flowers"):
-        figure_module("flowers")
+        figure_module("flowers", "assembly")
+
+
+def test_a_plugin_adds_a_figure(register) -> None:
+    register(tour="OF_SOP")
+    assert figure_names() == [*TASK_FIGURES, "tour"]
+    assert figure_lines()["tour"] == "the tour"
+    assert figure_module("tour", "sop").__name__ == OF_SOP.module
+    assert figure_module("tour", "assembly").__name__ == OF_SOP.module, "it refuses in its words"
+
+
+def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register) -> None:
+    register(gantt="OF_SOP")
+    assert figure_names() == list(TASK_FIGURES)
+    assert figure_lines()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
+    assert figure_module("gantt", "sop").__name__ == OF_SOP.module
+    assert figure_module("gantt", "assembly").__name__ == TASK_FIGURES["gantt"].module
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [("MISSING", "cannot be imported: AttributeError"), ("register", "is not a CatalogueEntry")],
+)
+def test_a_broken_figure_is_listed_with_the_reason(register, value: str, reason: str) -> None:
+    """It breaks neither the help nor the other figures."""
+    register(tour=value)
+    assert reason in figure_lines()["tour"]
+    assert figure_module("gantt", "assembly").SOLVER == "exact"
+    with pytest.raises(PluginError, match=reason):
+        figure_module("tour", "sop")

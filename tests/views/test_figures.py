@@ -20,7 +20,6 @@ from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import OptionError
 from skillplan.views.figures.colours import PALETTE
 from skillplan.views.figures.figure_file import checked_path, figure_bytes, save_figure
@@ -34,19 +33,20 @@ from skillplan.views.figures.learning_figure import (
 )
 from skillplan.views.figures.q_values_figure import StateValues, look, q_values_figure
 from skillplan.views.figures.rewards_figure import RewardStep, rewards_figure
-from skillplan.views.figures.swarmitfix.bench_canvas import bench_canvas
-from skillplan.views.figures.swarmitfix.fleet_figure import fleet_figure, paths_of
-from skillplan.views.figures.swarmitfix.gantt_figure import Bar, gantt_figure
-from skillplan.views.figures.swarmitfix.placement_figure import placement_figure
-from skillplan.views.figures.swarmitfix.placement_marks import (
+from skillplan.views.figures.text_width import text_width_in
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.figures.bench_canvas import bench_canvas
+from skillplan_swarmitfix.figures.fleet_figure import fleet_figure, paths_of
+from skillplan_swarmitfix.figures.gantt_figure import Bar, gantt_figure
+from skillplan_swarmitfix.figures.placement_figure import placement_figure
+from skillplan_swarmitfix.figures.placement_marks import (
     BaseGoal,
     HeadMark,
     colours_of,
     links_m,
     ranges_text,
 )
-from skillplan.views.figures.swarmitfix.policy_figure import policy_figure, steps_to
-from skillplan.views.figures.text_width import text_width_in
+from skillplan_swarmitfix.figures.policy_figure import policy_figure, steps_to
 
 pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
 

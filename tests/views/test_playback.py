@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.physics.performance import Contact, Sample
 from skillplan.robots.panda import PANDA
 from skillplan.task.pose import Pose
@@ -20,7 +19,8 @@ from skillplan.views.playback.document import Playback, box, upright_along
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import Tracks
 from skillplan.views.playback.turns import link_frames, rows_of
-from skillplan.views.report.swarmitfix.bases import base_rows, turning
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.report.bases import base_rows, turning
 
 Numbers = Any
 

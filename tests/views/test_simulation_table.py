@@ -13,7 +13,7 @@ from skillplan.records.execution.simulation import PlannedTimes, Simulation
 from skillplan.task.scene import Pose
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.simulation import simulation_tables
+from skillplan.views.tables.trials import simulation_tables
 from skillplan.views.text.rendering import render
 
 FIGURES = {

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from situations import make_skill, make_task
-from skillplan.domains.swarmitfix.base.task import BaseGrounding, at
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.task.state import Facts
 from skillplan.task.task import Place
 from skillplan.views.figures.walk_steps import WalkSteps
+from skillplan_swarmitfix.base.task import BaseGrounding, at
+from skillplan_swarmitfix.bench.bench import Bench
 
 
 @pytest.fixture

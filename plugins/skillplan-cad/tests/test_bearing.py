@@ -10,7 +10,7 @@ import pytest
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
-from skillplan_cad.importing.attitude import attitude, attitude_warnings
+from skillplan_cad.importing.planned import attitude, attitude_warnings
 from skillplan_cad.planning.assembly_plan import Planner
 from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
 from skillplan_cad.product import Face, Product

@@ -26,7 +26,7 @@ from skillplan.task.skill import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task
 from skillplan.testing.exporter_suite import solved_lid
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_ros2.message_types import TEXT_TYPE, TRAJECTORY_TYPE, message_types
+from skillplan_ros2.bag import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"

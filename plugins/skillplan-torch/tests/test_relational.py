@@ -18,9 +18,9 @@ from skillplan.solvers.relational.relational_network import NetworkSize
 from skillplan.training.family_training import followed
 from skillplan.training.generated_boards import GeneratedFamily
 from skillplan_torch.relational import RelationalSolver
+from skillplan_torch.relational.learning import TorchNetwork
 from skillplan_torch.relational.lessons import Board, Lessons
-from skillplan_torch.relational.options import RelationalOptions
-from skillplan_torch.relational.torch_network import TorchNetwork
+from skillplan_torch.relational.solver import RelationalOptions
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TINY = {"boards": 2, "rounds": 2, "updates": 3, "batch": 8, "width": 16, "layers": 1}

@@ -10,11 +10,11 @@ orders.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 from skillplan.chart.partial_order import ClosedRelation
 from skillplan.chart.precedence_query import CheckSteps, PrecedenceQuery, Undecided
-from skillplan.quick_dataclass import dataclass
 
 # So many states are considered for one skill before its alternatives are left unsaid.
 _MOST_STATES = 256

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 from skillplan.chart.partial_order import cycle, orderable
 from skillplan.chart.precedence_query import Relation
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.scene import Body, Box, Pose
 from skillplan.task.task import Task
 

@@ -8,6 +8,7 @@ want of a, or a's operation fails because b is an obstacle.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 from skillplan.chart.alternatives import Alternatives, alternatives
@@ -22,7 +23,6 @@ from skillplan.chart.precedence_query import (
     run_queries,
 )
 from skillplan.checks.feasibility import Feasibility
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.partial_order import ClosedRelation
 from skillplan.checks.precondition import PRECONDITION
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus

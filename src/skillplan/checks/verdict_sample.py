@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.ways import asked_about
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

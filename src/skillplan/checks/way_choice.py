@@ -6,12 +6,12 @@ Where all cost the same, that is the first.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
 
 from skillplan.checks.deciding import Checking
 from skillplan.checks.single_check import Checked, CheckRequest
 from skillplan.checks.way_verdict import WayAccount
 from skillplan.checks.ways import Pairing, Variant, Ways
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus

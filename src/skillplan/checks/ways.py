@@ -9,9 +9,9 @@ placed: between the two the hand can do nothing else, so that either state tells
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import groupby
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import Grasp
 from skillplan.task.motion import Event, Visit
 from skillplan.task.skill import Skill, Way

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from inspect import cleandoc
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 from typing import Any, Literal
 
 import typer
@@ -23,7 +23,7 @@ from skillplan.workers.supervised import limit_imports
 MARKUP: Literal["rich"] = "rich"
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 Function = Callable[..., int]
-Lists = Mapping[str, Mapping[str, str]]
+Lists = Callable[[], Mapping[str, Mapping[str, str]]]
 
 
 class Command(TyperCommand):
@@ -34,12 +34,12 @@ class Command(TyperCommand):
     name
         As it is typed.
     lists
-        Title of a panel below the options to what it lists: words, each with its line.
+        Returns the panels below the options by title: words, each with its line.
     details
         As `TyperCommand` takes them.
     """
 
-    def __init__(self, name: str | None, *, lists: Lists = MappingProxyType({}), **details: Any):
+    def __init__(self, name: str | None, *, lists: Lists = dict, **details: Any):
         super().__init__(name, **details)
         self._lists = lists
         for parameter in self.params:
@@ -73,7 +73,7 @@ class Command(TyperCommand):
         rich_help.load()
         with guarded_stdout():
             super().format_help(ctx, formatter)
-            for title, lines in self._lists.items():
+            for title, lines in self._lists().items():
                 _print_panel(title, lines)
 
 
@@ -118,7 +118,7 @@ def make_command(
     epilog
         Stands below its help.
     lists
-        What is listed below its options, by title.
+        Returns the lists below its options, by title.
     """
     made = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
     cls: Any = partial(Command, lists=lists) if lists else Command
@@ -154,11 +154,11 @@ def make_group(name: str, text: str, functions: Mapping[str, Function]) -> Any:
 def of_module(name: str, module: ModuleType) -> Any:
     """Return the command that a module holds as ``command``, or the group by its ``COMMANDS``.
 
-    ``EPILOG`` and ``LISTS`` of the module, if there are any, stand below a command's options.
+    ``EPILOG`` and the lists of ``list_choices`` of the module, if any, stand below its options.
     """
     if hasattr(module, "COMMANDS"):
         return make_group(name, module.HELP, module.COMMANDS)
-    epilog, lists = (getattr(module, one, None) for one in ("EPILOG", "LISTS"))
+    epilog, lists = (getattr(module, one, None) for one in ("EPILOG", "list_choices"))
     return make_command(name, module.command, epilog, lists)
 
 

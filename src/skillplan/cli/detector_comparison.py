@@ -11,7 +11,7 @@ from skillplan.cli.output import emit
 from skillplan.errors import OptionError, exit_code
 from skillplan.records.execution.detectors import detectors_document
 from skillplan.trials.detector_trials import try_detectors
-from skillplan.views.tables.detectors import detectors_tables
+from skillplan.views.tables.trials import detectors_tables
 
 
 def compare_detectors(

@@ -23,7 +23,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.records.execution.agreement import agreement_document
 from skillplan.task.task import Task
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
-from skillplan.views.tables.agreement import agreement_tables
+from skillplan.views.tables.trials import agreement_tables
 
 # So many queries a process are given out at a time.
 _AT_ONCE = 8

@@ -14,7 +14,7 @@ from skillplan.records.stored.product_relation import relation_beside
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.views.tables.freedom import freedom_tables
+from skillplan.views.tables.questions import freedom_tables
 
 _ASKED = re.compile(r"free\((.*)\)")
 _PICTURES = (".png", ".svg")

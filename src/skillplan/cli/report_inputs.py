@@ -36,9 +36,9 @@ from skillplan.views.pictures.precedence_graph import PrecedenceGraph, precedenc
 from skillplan.views.playback.arm_playback import PLANNED, arm_playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.chapters import (
-    ChainInput,
     PlanInput,
     chain_chapter,
+    chain_input,
     plan_chapter,
 )
 from skillplan.views.report.page import Chapter
@@ -154,10 +154,8 @@ class Reporter:
     ) -> Chapter:
         description = str(getattr(problem.config, "description", "") or "")
         if problem.is_chain and part is None:
-            from skillplan.views.report.swarmitfix.bench_chapter import bench_input
-
             document = {**document, "simulation": None}
-            given: ChainInput = bench_input(problem, document, name, self.playback is None)
+            given = chain_input(problem, document, name, self.playback is None)
             self.playback = self.playback or given.playback
             given = replace(
                 given,

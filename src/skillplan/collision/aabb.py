@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from pydantic import Field
 
 from skillplan.collision.box_sweeps import Sweep, hand_direction, sweeps_of
 from skillplan.collision.boxes import WorldBox, centroid, contact_area, sweep_hits, world_boxes
 from skillplan.collision.detector import Detector
-from skillplan.quick_dataclass import dataclass
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import Event, Point, Visit

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from skillplan.collision.boxes import WorldBox, box_at, world_box, world_boxes
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.motion import Event, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, plus, same_direction, unit

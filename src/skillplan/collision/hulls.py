@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

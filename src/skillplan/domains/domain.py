@@ -5,14 +5,13 @@ from __future__ import annotations
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.errors import Issue, OptionError
 from skillplan.files.yaml import MAX_BYTES, Document, parse
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.task import Task
 
 
@@ -268,6 +267,24 @@ class Domain(ABC):
             As in `follow`.
         """
         return ()
+
+    def second_bound(self, task: Task) -> tuple[float, str] | None:
+        """Return a lower bound on the cost of all plans of a task, and its method in words.
+
+        ``verify`` compares it with the bound of a stored result. The method must share no code
+        with solvers and must not depend on back ends. By default there is none.
+
+        Parameters
+        ----------
+        task
+            A task that this domain grounded.
+
+        Returns
+        -------
+        tuple of float and str
+            The bound, infinite if there is no plan; None if the domain has no such method.
+        """
+        return None
 
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best where the user names none."""

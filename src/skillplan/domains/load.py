@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hi
 from skillplan.files.schema_errors import schema_issues, shown, untagged
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.plugins.blame import blame
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.back_end import BackEnd
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
@@ -190,7 +189,7 @@ def load_task(
         A YAML file, or one with a suffix that a domain reads.
     domains
         By kind. Only the domain of the file is looked up, so that the others need not be
-        imported; a look-up may raise `PluginError`.
+        imported; a look-up may raise `PluginError`, and raises `KeyError` for an unknown kind.
     checks
         What is checked besides.
     changes
@@ -268,13 +267,15 @@ def _domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Dom
     if not isinstance(kind, str):
         message = f"must be the name of a kind of task, not {shown(kind)}. Known: {kinds}."
         raise document.error([Issue(message, ("kind",))])
-    if kind not in known:
-        hint = name_hint(kind, known)
-        raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))])
     try:
         return kind, domains[kind]
     except PluginError as error:
-        raise document.error([Issue(str(error), ("kind",))]) from None
+        raise document.error([Issue(str(error), ("kind",))]) from error
+    except KeyError:
+        if kind in known:
+            raise
+        hint = name_hint(kind, known)
+        raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))]) from None
 
 
 def _validated(

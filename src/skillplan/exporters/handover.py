@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 from skillplan.model.replay import Replay, Step
 from skillplan.model.skill_model import SkillModel
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

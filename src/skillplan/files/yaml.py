@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ import yaml
 from skillplan.errors import Issue, TaskError, nearest
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.syntax_errors import syntax_issue
-from skillplan.quick_dataclass import dataclass
 
 YAML_SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 1_048_576

@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from skillplan.domains.domain import Domain
 from skillplan.errors import (
     ModelTooLarge,
     NotASequencing,
-    NotMultiAgent,
     OptionError,
     SearchStopped,
 )
 from skillplan.judge.second_proof import (
-    ALONE,
     ORDERS,
     LeastCost,
-    cost_of_agents_alone,
     least_cost_of_orders,
     least_cost_of_states,
 )
@@ -68,6 +66,7 @@ def checked_claims(
     model: SkillModel,
     stop: Stop,
     expected: PolicyValue | None = None,
+    domain: Domain | None = None,
 ) -> Iterator[Claim]:
     """Yield the claims of a plan, or of there being none, each with what became of it.
 
@@ -83,6 +82,8 @@ def checked_claims(
         When to give up the second proof.
     expected
         Under chance, what the policy that was stored beside is worth; None where there is none.
+    domain
+        The domain of the task, for its second bound; None for no such bound.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def checked_claims(
     # Under chance the cost of a plan without its policy follows from the values of all states.
     unpriced = bool(walked and walked.complete and not model.task.deterministic and not expected)
     try:
-        yield from _proof_claims(stored, model, stop, unpriced=unpriced)
+        yield from _proof_claims(stored, model, stop, domain, unpriced=unpriced)
     except SearchStopped:
         least = LeastCost("second proof", why_not=stopped_words(stop))
         yield _unproved(stored, least)
@@ -213,13 +214,13 @@ def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
 
 
 def _proof_claims(
-    stored: StoredClaims, model: SkillModel, stop: Stop, *, unpriced: bool
+    stored: StoredClaims, model: SkillModel, stop: Stop, domain: Domain | None, *, unpriced: bool
 ) -> Iterator[Claim]:
     """Yield the claims about all plans, checked if the least cost can be worked out.
 
     Parameters
     ----------
-    stored, model, stop
+    stored, model, stop, domain
         As for `checked_claims`.
     unpriced
         Whether the cost is an expectation whose policy is missing.
@@ -227,12 +228,16 @@ def _proof_claims(
     bound = math.inf if stored.status is Status.INFEASIBLE else stored.lower_bound
     if bound is None and not unpriced:
         return
-    alone = _cost_alone(model) if bound is not None else None
-    if bound is not None and alone is not None and bound <= alone + tolerance(min(alone, bound)):
-        words = f"no plan costs less than {_figure(alone)}"
-        words = "there is no plan" if math.isinf(alone) else words
-        yield Claim(_proved_name(stored), Outcome.HOLDS, words, ALONE)
-        return
+    second = None
+    if bound is not None and domain is not None:
+        second = domain.second_bound(model.task)
+    if bound is not None and second is not None:
+        cost, method = second
+        if bound <= cost + tolerance(min(cost, bound)):
+            words = f"no plan costs less than {_figure(cost)}"
+            words = "there is no plan" if math.isinf(cost) else words
+            yield Claim(_proved_name(stored), Outcome.HOLDS, words, method)
+            return
     least = _least_cost(stored, model, stop)
     if bound is not None:
         yield _bound_claim(stored, bound, least, model)
@@ -304,18 +309,6 @@ def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCos
         return other
     why = f"{found.why_not}; {other.method}: {other.why_not}"
     return LeastCost(found.method, why_not=why)
-
-
-def _cost_alone(model: SkillModel) -> float | None:
-    """Return a lower bound for several agents, each alone; None if the task is none of these."""
-    from skillplan.model.multi_agent import MultiAgentProblem
-
-    if not any(skill.agents for skill in model.task.skills):
-        return None
-    try:
-        return cost_of_agents_alone(MultiAgentProblem.from_model(model))
-    except NotMultiAgent:
-        return None
 
 
 def _by_states(model: SkillModel, stop: Stop) -> LeastCost:

@@ -20,14 +20,12 @@ from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.task.state import State
 
 if TYPE_CHECKING:
-    from skillplan.model.multi_agent import MultiAgentProblem
     from skillplan.model.sequencing import SequencingProblem
 
 MOST_SUBSETS = 1_000_000
 MOST_STATES = 200_000
 ORDERS = "dynamic program over orders of jobs"
 STATES = "uniform-cost search over all states"
-ALONE = "least cost of every agent alone"
 _STOPPED = "stopped before it was done"
 _POLL_EVERY = 1_024
 
@@ -169,26 +167,6 @@ def least_cost_of_states(
     if model.stats.unknown:
         return LeastCost(STATES, why_not="some verdicts are unknown")
     return LeastCost(STATES, math.inf)
-
-
-def cost_of_agents_alone(problem: MultiAgentProblem) -> float:
-    """Return the sum of the agents' least costs if no agent blocked another; a lower bound."""
-    total = 0.0
-    for agent, (start, goal) in enumerate(zip(problem.starts, problem.goals, strict=True)):
-        queue, settled = [(0.0, start)], set[int]()
-        least = math.inf
-        while queue:
-            cost, place = heapq.heappop(queue)
-            if place == goal:
-                least = cost
-                break
-            if place in settled:
-                continue
-            settled.add(place)
-            for move in problem.moves[agent][place]:
-                heapq.heappush(queue, (cost + move.cost, move.end))
-        total += least
-    return total
 
 
 _Path = tuple[Transition, "_Path | None"]

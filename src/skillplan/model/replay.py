@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from skillplan.model.skill_model import SkillModel, Transition
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.pose import (

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 from skillplan.physics.view import Angle
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from skillplan.physics.performance import PerformedSkill, Sample
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 
 MOST_PLAYED_S = 3_600

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 
 # From the side that the arm does not hide.

@@ -307,7 +307,9 @@ class _Check:
         one = self.replayed[task.name]
         model = self.model(task)
         with closing(model.feasibility):
-            yield from checked_claims(stored, one.walked, model, self.stop, one.expected)
+            yield from checked_claims(
+                stored, one.walked, model, self.stop, one.expected, self.problem.domain
+            )
         if one.walked is not None:
             yield from self._later_detector_claims(stored, task)
 

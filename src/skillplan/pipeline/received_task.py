@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from skillplan.errors import Issue, OptionError, TaskError
+from skillplan.errors import Issue, OptionError, PluginError, TaskError
 
 
 @contextmanager
@@ -36,6 +36,8 @@ def unquoted(document: str, file: str) -> Iterator[None]:
     try:
         yield
     except TaskError as error:
+        if isinstance(error.__cause__, PluginError):
+            raise  # it quotes the kind alone, which is a known one
         first = error.issues[0]
         message = (
             f"is no sound task file here. {document} names it, so it is not quoted: see "

@@ -68,14 +68,18 @@ _DISTRIBUTIONS = {
     ("collision", "contact-force"): "skillplan-pybullet",
     ("collision", "contact-pairs"): "skillplan-pinocchio",
     ("collision", "swept"): "skillplan-pinocchio",
+    ("domain", "swarmitfix"): "skillplan-swarmitfix",
     ("executor", "ray"): "skillplan-ray",
     ("exporter", "ros2"): "skillplan-ros2",
+    ("figure", "fleet"): "skillplan-swarmitfix",
+    ("figure", "placement"): "skillplan-swarmitfix",
+    ("figure", "policy"): "skillplan-swarmitfix",
     ("physics", "mujoco"): "skillplan-mujoco",
     ("physics", "pybullet"): "skillplan-pybullet",
     ("sampler", "optuna"): "skillplan-optuna",
     ("solver", "cp-sat"): "skillplan-ortools",
     ("solver", "dqn"): "skillplan-torch",
-    ("solver", "imitate"): "skillplan-torch",
+    ("solver", "fleet"): "skillplan-swarmitfix",
     ("solver", "ppo"): "skillplan-torch",
     ("solver", "relational"): "skillplan-torch",
 }
@@ -84,10 +88,13 @@ _DISTRIBUTIONS = {
 class InstalledDomains(Mapping[str, Domain]):
     """The installed domains by kind, sorted; one is imported when it is looked up.
 
-    A look-up raises `PluginError` as `load` does.
+    A look-up raises `PluginError` as `load` does, also for a domain of this project that is not
+    installed.
     """
 
     def __getitem__(self, kind: str) -> Domain:
+        if kind not in names("domain") and not missing_words("domain", kind):
+            raise KeyError(kind)
         domain: Domain = load("domain", kind)()
         return domain
 
@@ -103,6 +110,17 @@ def names(kind: str) -> list[str]:
     return sorted(_providers(kind))
 
 
+def missing_words(kind: str, name: str) -> str:
+    """Return the command that installs a plugin of this project; empty for any other plugin."""
+    distribution = _DISTRIBUTIONS.get((kind, name))
+    if distribution is None:
+        return ""
+    return (
+        f"The {kind} {name!r} is not installed: pip install {distribution}, or in a "
+        f"checkout pip install -c constraints.txt -e plugins/{distribution}."
+    )
+
+
 def load(kind: str, name: str) -> type[Any]:
     """Import a plugin's class.
 
@@ -115,12 +133,9 @@ def load(kind: str, name: str) -> type[Any]:
     found = _providers(kind).get(name)
     if not found:
         meant = _MEANT.get(kind, {}).get(name.casefold(), name)
-        distribution = _DISTRIBUTIONS.get((kind, meant))
-        if distribution is not None:
-            raise PluginError(
-                f"The {kind} {meant!r} is not installed: pip install {distribution}, or in a "
-                f"checkout pip install -c constraints.txt -e plugins/{distribution}."
-            )
+        words = missing_words(kind, meant)
+        if words:
+            raise PluginError(words)
         raise PluginError(f"Unknown {kind} {name!r}. {name_hint(meant, names(kind))}")
     if len(found) > 1:
         owners = " and ".join(_owner(entry) for entry in found)

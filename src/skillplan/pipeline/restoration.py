@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
@@ -15,7 +15,6 @@ from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
 from skillplan.pipeline.result_origin import found_origin, origin_problem, restored_setup
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
-from skillplan.quick_dataclass import dataclass
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status

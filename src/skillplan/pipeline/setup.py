@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
 from skillplan.checks.single_check import tells_time
@@ -15,7 +15,6 @@ from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
 from skillplan.plugins.simulators import AUTO, PREFERRED, installed_simulator
-from skillplan.quick_dataclass import dataclass
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task

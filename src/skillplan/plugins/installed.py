@@ -14,6 +14,10 @@ GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
 _DECOMPOSITION = "decomposition"
 # What makes a task of a product's CAD: a function, too.
 _IMPORTER = "importer"
+# Entries of the catalogue of figures.
+_FIGURE = "figure"
+# Functions that prepare the report's chapter on a chain, by the kind of task.
+_CHAPTER = "chapter"
 
 
 class Unreadable(NamedTuple):
@@ -42,6 +46,16 @@ def importers() -> EntryPoints:
 def unreadable() -> tuple[Unreadable, ...]:
     """Return the distributions whose entry points cannot be read; they provide nothing."""
     return _entry_points()[1]
+
+
+def figures() -> EntryPoints:
+    """Return the entry points of figures of tasks, by the name of the figure."""
+    return _of_group(f"skillplan.{_FIGURE}")
+
+
+def chapters() -> EntryPoints:
+    """Return the entry points of report chapters, by the kind of task."""
+    return _of_group(f"skillplan.{_CHAPTER}")
 
 
 def registered_as(plugin: type[Any]) -> EntryPoint | None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
 from skillplan.domains.domain import Account
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status, tolerance

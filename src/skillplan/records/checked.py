@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.preview import Preview
 

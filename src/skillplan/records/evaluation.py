@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skillplan.model.replay import Replay
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.result import Result, Status, step_document
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.gap import deviation, relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
@@ -42,12 +42,7 @@ class Evaluation:
     @property
     def deviation(self) -> float | None:
         """Excess over the proved optimum, as a fraction of it; None where either is missing."""
-        optimum = self.optimum
-        if optimum is None or not self.walked.complete:
-            return None
-        if optimum == 0:
-            return 0.0 if self.walked.cost == 0 else None
-        return self.walked.cost / optimum - 1
+        return deviation(self.walked.cost if self.walked.complete else None, self.optimum)
 
     @property
     def lower_bound(self) -> float | None:

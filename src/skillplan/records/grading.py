@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.model.replay import Step
-from skillplan.quick_dataclass import dataclass
 from skillplan.records.result import Result, Status
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

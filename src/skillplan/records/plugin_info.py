@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 
 if TYPE_CHECKING:

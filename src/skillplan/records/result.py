@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
 from skillplan.model.replay import Step
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.solvers.gap import relative_gap

@@ -6,8 +6,8 @@ It holds facts and their checks, in plain Python: whoever computes with them, co
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.link_shapes import LinkShape
 
 Triple = tuple[float, float, float]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import Transform, Triple
 
 _NOWHERE = Transform()

@@ -5,9 +5,10 @@ All of them are convex, so that every engine has its own way to compute with the
 
 from __future__ import annotations
 
+import json
 import math
-
-from skillplan.quick_dataclass import dataclass
+from dataclasses import dataclass
+from pathlib import Path
 
 Triple = tuple[float, float, float]
 
@@ -34,11 +35,6 @@ class Hull:
             raise ValueError(f"Hull needs four corners at least, not {len(self.corners_m)}.")
         for corner in self.corners_m:
             _require_point("Hull corner", corner)
-
-    @classmethod
-    def from_millimetres(cls, *corners_mm: Triple) -> Hull:
-        """Return the hull of corners in millimetres."""
-        return cls(tuple((x / 1e3, y / 1e3, z / 1e3) for x, y, z in corners_mm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +91,22 @@ class Rod:
 
 LinkShape = Hull | Capsule | Rod
 """Any of them."""
+
+
+def read_hulls(name: str) -> tuple[tuple[Hull, ...], ...]:
+    """Return the convex pieces of a shipped robot's bodies, in the order of its file.
+
+    Parameters
+    ----------
+    name
+        File in the folder ``shapes``, without its suffix.
+    """
+    path = Path(__file__).with_name("shapes") / f"{name}.json"
+    bodies = json.loads(path.read_text("utf-8"))["hulls_mm"]
+    return tuple(
+        tuple(Hull(tuple((x / 1e3, y / 1e3, z / 1e3) for x, y, z in hull)) for hull in hulls)
+        for hulls in bodies
+    )
 
 
 def _require_round(what: str, start_m: Triple, end_m: Triple, radius_m: float) -> None:

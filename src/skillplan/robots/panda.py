@@ -15,8 +15,7 @@ from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda_hand_shapes import BODY_CORNERS_M, JAW_CORNERS_M
-from skillplan.robots.panda_shapes import SHAPES
+from skillplan.robots.link_shapes import read_hulls
 
 # Link lengths a [m], offsets d [m] and twists alpha [rad] of the seven joints.
 LINK_LENGTHS_M: Final = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -142,12 +141,14 @@ PANDA: Final = ArmDescription(
     ),
     tip=Transform((0.0, 0.0, FLANGE_M)),
     home_rad=READY_RAD,
-    shapes=SHAPES,
+    shapes=read_hulls("panda"),
     reach_m=0.855,
     swing=(0, 2, 6),
     payload_kg=PAYLOAD_KG,
 )
 """The arm without its hand; its tip is the flange."""
+
+((_BODY,), (_JAW,)) = read_hulls("panda_hand")
 
 PANDA_HAND: Final = Hand(
     OPENING_M,
@@ -156,8 +157,9 @@ PANDA_HAND: Final = Hand(
     FINGER_PROFILE_M,
     HAND_OUTLINE_M,
     Transform(rpy_rad=(0.0, 0.0, HAND_YAW_RAD)),
-    JAW_CORNERS_M,
-    BODY_CORNERS_M,
+    # Of the jaw behind its face, across the closing axis, and above its end; see `Hand`.
+    _JAW.corners_m,
+    _BODY.corners_m,
     HAND_MASS_KG,
 )
 """Its hand, as it is bolted on."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.panda import PANDA
 from skillplan.robots.ur5e import UR5E

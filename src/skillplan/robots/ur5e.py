@@ -17,7 +17,7 @@ import math
 from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
-from skillplan.robots.ur5e_shapes import SHAPES
+from skillplan.robots.link_shapes import read_hulls
 
 # Names of the joints, as the maker's ROS description has them.
 _NAMES: Final = (
@@ -82,7 +82,7 @@ UR5E: Final = ArmDescription(
     tip=_LINK_ENDS[-1],
     # Upper arm upright, forearm level, flange pointing down.
     home_rad=(0.0, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0),
-    shapes=SHAPES,
+    shapes=read_hulls("ur5e"),
     reach_m=0.85,
     payload_kg=5.0,
 )

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from skillplan.errors import NotASequencing
 from skillplan.model.skill_model import SkillModel
+from skillplan.plugins.installed import registered
 from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
@@ -19,6 +20,9 @@ from skillplan.task import back_end
 # Up to so many operations exact search is tried first, with at most so many labels.
 _SMALL = 24
 _LABELS = 6_000
+
+# Solver for several agents that move at once.
+_FLEET = "fleet"
 
 # Where there are too many states for tables, replanning takes plans that are found much sooner.
 _WEIGHT = 1.2
@@ -57,10 +61,8 @@ class AutoSolver(Solver):
         try:
             portfolio.problem(model)
         except NotASequencing as error:
-            from skillplan.solvers.multiagent.fleet import FleetSolver
-
-            fleet = FleetSolver(stop=self.stop)
-            if fleet.refuses(model) is None:
+            fleet = self._fleet()
+            if fleet is not None and fleet.refuses(model) is None:
                 found = self._by(fleet, model, seed, "fleet, as several agents move at once")
                 return _with_bound(found, solution)
             return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
@@ -89,6 +91,13 @@ class AutoSolver(Solver):
             why = "replan, as skills may fail and there are too many states for tables"
             return self._by(replan, model, seed, why)
         return Solution(trace={"reason": refusal, "choice": "none fits"})
+
+    def _fleet(self) -> Solver | None:
+        """Return the solver for several agents, which a plugin provides; None without it."""
+        for entry in registered("solver").select(name=_FLEET):
+            solver: Solver = entry.load()(stop=self.stop)
+            return solver
+        return None
 
     def _try_exact(self, model: SkillModel, seed: int) -> Solution:
         """Run exact search with few labels; its plan and its bound count in any case."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from skillplan.checks.feasibility import CheckCount
-from skillplan.quick_dataclass import dataclass
 from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.solution import Plan
 from skillplan.workers.resident_memory import resident_bytes

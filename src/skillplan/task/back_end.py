@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Event
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from skillplan.quick_dataclass import dataclass
+from dataclasses import dataclass
+
 from skillplan.task.state import State
 
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Motion, Point
 from skillplan.task.state import State
 

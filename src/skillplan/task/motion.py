@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import Grasp
 from skillplan.task.pose import DOWN, Point, Pose, is_unit
 from skillplan.task.state import State

@@ -6,8 +6,7 @@ Quaternions are ``(x, y, z, w)``.
 from __future__ import annotations
 
 import math
-
-from skillplan.quick_dataclass import dataclass
+from dataclasses import dataclass
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

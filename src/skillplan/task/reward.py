@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.condition import Condition
 from skillplan.task.state import State
 

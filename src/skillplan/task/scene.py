@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import StrEnum
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.robots.hand import Hand

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.pose import Point, dot
 
 # A point on the rim of a shape counts to it; rounding may put it so far out [m].

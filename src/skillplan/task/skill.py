@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.condition import Condition
 from skillplan.task.cost import Cost
 from skillplan.task.motion import Motion

@@ -7,10 +7,9 @@ those that hold, packed into the bits of one integer.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from skillplan.errors import OptionError, name_hint
-from skillplan.quick_dataclass import dataclass
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.condition import Condition
 from skillplan.task.motion import Point
 from skillplan.task.reward import Reward

@@ -8,11 +8,10 @@ keeps them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.state import State
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
 from skillplan.errors import OptionError, SkillplanError
-from skillplan.quick_dataclass import dataclass
 from skillplan.task import back_end
 
 # Of what workers start from; returns the function that does jobs. Whatever can be pickled is a job.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.errors import OptionError
-from skillplan.quick_dataclass import dataclass
 
 DEFAULT_EXECUTOR = "local"
 

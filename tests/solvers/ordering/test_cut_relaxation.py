@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
-from skillplan.solvers.ordering.relaxation.reduced_costs import repaired
+from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, repaired
 
 
 def never():

@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import all_orders
 from skillplan.solvers.ordering.instance import OrderingInstance
-from skillplan.solvers.ordering.local_search.annealing import (
+from skillplan.solvers.ordering.local_search.iterated_descent import (
+    _added,
+    _exchange,
+    descend_again,
+    note_reversals,
+)
+from skillplan.solvers.ordering.local_search.ruin_and_recreate import (
     Annealing,
     cheapest_first,
     followers,
     nearest,
 )
-from skillplan.solvers.ordering.local_search.iterated_descent import (
-    _added,
-    _exchange,
-    descend_again,
-)
-from skillplan.solvers.ordering.local_search.order_moves import note_reversals
 
 
 def kicked(instance, order, seed, kicks=60):

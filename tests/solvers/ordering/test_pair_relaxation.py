@@ -10,15 +10,20 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
-from skillplan.solvers.ordering.relaxation.pair_program import open_pairs
-from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
+from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
+from skillplan.solvers.ordering.relaxation.cut_relaxation import (
+    CutRelaxation,
+    Duals,
+    PairPrices,
+    charges_of,
+)
+from skillplan.solvers.ordering.relaxation.pair_relaxation import (
+    PairRelaxation,
+    open_pairs,
+    violated_triples,
+)
 from skillplan.solvers.ordering.relaxation.precedence_cuts import separate_between
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, PairPrices, charges_of
-from skillplan.solvers.ordering.relaxation.transitivity_cuts import violated_triples
-from skillplan.solvers.ordering.subsets.subset_search import beam
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, beam
 
 MUCH = 10**9
 

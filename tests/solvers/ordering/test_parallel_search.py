@@ -20,15 +20,13 @@ from ordering_instances import instance_of, least_cost, orderings
 from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.pipeline.run import make_model, solve
-from skillplan.solvers.ordering import portfolio, search_worker, shared_tree
-from skillplan.solvers.ordering.helper_processes import Helpers
+from skillplan.solvers.ordering import parallel_search, portfolio, search_worker
 from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
+from skillplan.solvers.ordering.parallel_search import Helpers
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
-from skillplan.solvers.ordering.subsets.side_by_side import side_by_side
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, side_by_side
 from skillplan.solvers.stop import Stop
 from skillplan.workers.executor import Answer, Ended, Executor
 from skillplan.workers.supervisor import descendants
@@ -144,8 +142,8 @@ def small_turns():
     with_all = pytest.MonkeyPatch()
     with_all.setattr(CutRelaxation, "cut", lambda self, *limits: 0)
     with_all.setattr(search_worker, "_end_with_parent", lambda: None)
-    with_all.setattr(shared_tree, "_TURN", 20_000)
-    with_all.setattr(shared_tree, "_ALONE", 1_000)
+    with_all.setattr(parallel_search, "_TURN", 20_000)
+    with_all.setattr(parallel_search, "_ALONE", 1_000)
     with_all.setattr(portfolio, "_FIRST_WORK", 1_000)
     with_all.setattr(portfolio, "_MOVES", 20_000)
     yield

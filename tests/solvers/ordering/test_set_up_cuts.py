@@ -13,11 +13,11 @@ from ordering_instances import all_orders, arcs_of, instance_of
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
-from skillplan.solvers.ordering.relaxation import set_up_cuts as counted
+from skillplan.solvers.ordering.relaxation import precedence_cuts as counted
+from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
 from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
-from skillplan.solvers.ordering.relaxation.set_up_cuts import least_changes, set_up_cuts
+from skillplan.solvers.ordering.relaxation.precedence_cuts import least_changes, set_up_cuts
 
 
 @settings(max_examples=examples(80))

@@ -8,12 +8,13 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
-from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.subsets.subset_search import beam
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
+from skillplan.solvers.ordering.subsets.two_ended_search import (
+    CompletionBounds,
+    TwoEndedSearch,
+    beam,
+)
 
 
 def never():

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import coal
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.link_pieces import LinkPiece

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -11,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_model import (
     ArmModel,

@@ -7,13 +7,13 @@ nodes to the bit, in any process: nothing depends on what was asked before.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

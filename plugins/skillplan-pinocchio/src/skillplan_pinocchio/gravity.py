@@ -7,13 +7,13 @@ counts halfway between flange and tip, a load at its centre of mass.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body, Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel, Vector

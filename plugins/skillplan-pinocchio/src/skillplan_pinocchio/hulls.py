@@ -7,12 +7,12 @@ jaws, z up, the tip at the origin.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.hand import Hand
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import Point, Pose, cross

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.pose import DOWN, Point, same_direction
 from skillplan_pinocchio.arm_model import (
     ArmModel,

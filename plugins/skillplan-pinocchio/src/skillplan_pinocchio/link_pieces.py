@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Final
 
@@ -11,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.link_shapes import Capsule, Hull, LinkShape
 from skillplan_pinocchio.kinematics.fixed_order import length, times

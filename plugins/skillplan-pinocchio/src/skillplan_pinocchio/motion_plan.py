@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import dot
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.scene import WORLD, Scene
 from skillplan_pinocchio.shapes import ConvexPiece, standing_pieces_of, table
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
@@ -11,7 +12,6 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape

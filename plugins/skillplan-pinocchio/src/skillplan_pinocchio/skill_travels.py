@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Visit
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.gravity import GravityCheck, Overload

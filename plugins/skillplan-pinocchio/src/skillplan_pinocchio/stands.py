@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, Pose, same_direction
 from skillplan.task.scene import Scene

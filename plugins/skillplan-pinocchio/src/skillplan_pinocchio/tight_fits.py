@@ -7,11 +7,11 @@ clearance of a fit, a skill is refused that the meshes allow.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
 
 from skillplan.collision.solids.solid import Solid
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import DOWN
 from skillplan.task.scene import WORLD, Body, Placement

@@ -5,10 +5,11 @@ This is the only place where the planner of `skillplan-pinocchio` is asked.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from skillplan.exporters.handover import Handover, PlannedSkill
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_paths import MotionPaths, SkillPaths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath

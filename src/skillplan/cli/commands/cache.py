@@ -33,7 +33,7 @@ def show(
     from skillplan.errors import OptionError
     from skillplan.pipeline.run import warm_cache
     from skillplan.records.cache import CacheSurvey
-    from skillplan.views.tables.cache import survey_table
+    from skillplan.views.tables.installation import survey_table
 
     root = warm_cache().folder
     folder = VerdictFolder(root)
@@ -90,7 +90,7 @@ def verify(
     from skillplan.errors import exit_code
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.records.cache import CacheTest
-    from skillplan.views.tables.cache import cache_test_table
+    from skillplan.views.tables.installation import cache_test_table
 
     loaded, setup, made = reading.set_up(task, back_ends, executor=workers.executor)
     feasibility = make_feasibility(loaded, setup, back_ends=made)
@@ -154,7 +154,7 @@ def fill(
     from skillplan.model.enumeration import enumerate_feasibility
     from skillplan.pipeline.run import make_feasibility
     from skillplan.records.cache import CacheFilling
-    from skillplan.views.tables.cache import filling_table
+    from skillplan.views.tables.installation import filling_table
 
     loaded, setup, made = reading.set_up(task, back_ends, executor=checking.executor)
     cache = checking.cache()
@@ -195,7 +195,7 @@ def clear(
     from skillplan.pipeline.run import warm_cache
     from skillplan.pipeline.setup import load_problem
     from skillplan.records.cache import clearing_document
-    from skillplan.views.tables.cache import clearing_table
+    from skillplan.views.tables.installation import clearing_table
 
     problem = None if task is None else load_problem(task)
     root = warm_cache().folder

@@ -31,7 +31,7 @@ def command(
     from skillplan.pipeline.run import make_feasibility
     from skillplan.pipeline.search.screening import executed_sample
     from skillplan.records.chart import chart_document
-    from skillplan.views.tables.chart import chart_table
+    from skillplan.views.tables.questions import chart_table
 
     # A chart derived from the chart would say nothing.
     loaded, setup, made = reading.set_up(

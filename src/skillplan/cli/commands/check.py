@@ -46,7 +46,7 @@ def command(
     from skillplan.errors import OptionError
     from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
-    from skillplan.views.tables.checked import checked_tables
+    from skillplan.views.tables.questions import checked_tables
 
     limits.begin(graceful=False)
     problem = reading.problem(task, back_ends, warn=False)

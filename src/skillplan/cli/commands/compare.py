@@ -181,7 +181,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from skillplan.pipeline.solver_choice import solver_names
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
-    from skillplan.views.tables.solved import comparison_tables
+    from skillplan.views.tables.results import comparison_tables
 
     names = run.names
     problem = reading.problem(path, back_ends)

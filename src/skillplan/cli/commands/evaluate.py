@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +15,6 @@ from skillplan.cli.options.shared import BackEnds, Checking, PartReading
 from skillplan.cli.options.single import Seed, Style
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -208,7 +208,7 @@ def _evaluate(
     from skillplan.pipeline.run import make_model, solve
     from skillplan.records.evaluation import Evaluation
     from skillplan.solvers.solution import Plan, Policy
-    from skillplan.views.tables.evaluation import evaluation_table
+    from skillplan.views.tables.questions import evaluation_table
 
     cache = checking.cache() or VerdictCache()
     with showing_checks("replaying") as on_check:

@@ -110,7 +110,7 @@ def command(
     from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain, state_after
-    from skillplan.views.tables.explanation import explanation_tables
+    from skillplan.views.tables.questions import explanation_tables
 
     if last and (after is not None or result is not None):
         raise OptionError("Give --last alone: --after and --from name another state.")

@@ -177,7 +177,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
     from skillplan.views.pictures.exploded_png import exploded_png
-    from skillplan.views.tables.imported import imported_table
+    from skillplan.views.tables.installation import imported_table
 
     limits.begin(graceful=False)
     imported = _importer()(

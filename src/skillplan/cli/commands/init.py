@@ -16,7 +16,7 @@ def command(
         typer.Argument(
             metavar="KIND",
             autocompletion=plugin_names("domain"),
-            help="A kind of task, such as assembly, swarmitfix or sop.",
+            help="A kind of task, such as assembly or sop.",
         ),
     ] = "assembly",
     out: Annotated[

@@ -20,7 +20,12 @@ from skillplan.cli.options.values import count_option, one_of, parse_options, sp
 from skillplan.cli.result_input import RESULT_HELP, load, verify_before_showing
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
-from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
+from skillplan.views.figures.catalogue import (
+    RUN_FIGURES,
+    figure_lines,
+    figure_module,
+    figure_names,
+)
 
 if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
@@ -45,21 +50,26 @@ _OF_TASK = (
 _PROOF_S = 10.0
 
 
-LISTS = {
-    "Figures of a task or a result": {name: one.line for name, one in TASK_FIGURES.items()},
-    "Figures of a folder of runs": {name: one.line for name, one in RUN_FIGURES.items()},
-}
+def list_choices() -> dict[str, dict[str, str]]:
+    """Return the lines of all figures, by the title of their list and by name."""
+    return {
+        "Figures of a task or a result": figure_lines(),
+        "Figures of a folder of runs": {name: one.line for name, one in RUN_FIGURES.items()},
+    }
 
 
 def _figure(name: str) -> str:
-    known = [*TASK_FIGURES, *RUN_FIGURES]
+    known = [*figure_names(), *RUN_FIGURES]
     if name not in known:
-        raise OptionError(f"No figure {name!r}. {name_hint(name, known)}")
+        from skillplan.pipeline.registry import missing_words
+
+        hint = missing_words("figure", name) or name_hint(name, known)
+        raise OptionError(f"No figure {name!r}. {hint}")
     return name
 
 
 def _complete(ctx: typer.Context, incomplete: str) -> list[str]:
-    figures = [one for one in (*TASK_FIGURES, *RUN_FIGURES) if one.startswith(incomplete)]
+    figures = [one for one in (*figure_names(), *RUN_FIGURES) if one.startswith(incomplete)]
     return [*task_files(incomplete), *(figures if ctx.params.get("inputs") else [])]
 
 
@@ -80,8 +90,8 @@ def command(
     solver: Annotated[
         str | None,
         solver_option(
-            "Which solver's answer is drawn; default: of RESULT its own; of TASK sarsa for policy, "
-            "learning and q-values, fleet for fleet, auto for rewards, else exact."
+            "Solver whose answer is drawn. Default: that of RESULT; for TASK the figure's own, "
+            "such as sarsa for learning, auto for rewards and exact for most."
         ),
     ] = None,
     seed: Seed = 0,
@@ -165,7 +175,7 @@ def command(
 
         runs = [RunFolder(one) for one in folders if one is not None]
         refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
-        if figure in TASK_FIGURES:
+        if figure in figure_names():
             raise OptionError(
                 f"Figure {figure!r} is of a task file; of a folder of runs there are "
                 f"{' and '.join(RUN_FIGURES)}."
@@ -175,19 +185,19 @@ def command(
         return plot_run_folders(runs, figure, out, Drawing(against, limit_s, dpi))
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
-        raise OptionError(f"Name a figure of the task: {', '.join(TASK_FIGURES)}.")
+        raise OptionError(f"Name a figure of the task: {', '.join(figure_names())}.")
     if figure in RUN_FIGURES:
         raise OptionError(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
-            f"are {', '.join(TASK_FIGURES)}."
+            f"are {', '.join(figure_names())}."
         )
     if states is not None and figure != "q-values":
         raise OptionError(f"--states is for q-values; {figure} takes none.")
     wanted = _Wanted(figure, solver, seed, seeds, split_names(states or ""), deadline, dpi, out)
+    _check_matplotlib()
     if not is_result(sources[0]):
-        module = _module(figure)
         problem = reading.problem(sources[0], back_ends)
-        return _plot(module, problem, reading.part, back_ends, wanted)
+        return _plot(problem, reading.part, back_ends, wanted)
     return _plot_result(ctx, sources[0], reading, back_ends, wanted)
 
 
@@ -209,7 +219,6 @@ def _plot_result(
     ctx: typer.Context, path: str, reading: PartReading, back_ends: BackEnds, wanted: _Wanted
 ) -> int:
     """Draw a figure of a stored result: of its plan, or with its solver, options and seed."""
-    module = _module(wanted.figure)
     loaded = load(path, reading, back_ends, solver=wanted.solver)
     stored, origin = loaded.stored, loaded.origin
     own = [
@@ -228,13 +237,10 @@ def _plot_result(
             tell(f"skillplan: note: {path}: not verified: {certificate.unconfirmed_words()}.")
     # Of a result of one task the part is known, of that of a chain the figure chooses.
     part = reading.part or (None if stored.is_chain else origin.part)
-    return _plot(
-        module, loaded.problem, part, chosen, replace(wanted, solver=solver, seed=seed), kept
-    )
+    return _plot(loaded.problem, part, chosen, replace(wanted, solver=solver, seed=seed), kept)
 
 
 def _plot(
-    module: Any,
     problem: Problem,
     part: str | None,
     back_ends: BackEnds,
@@ -250,6 +256,7 @@ def _plot(
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
     figure = wanted.figure
+    module: Any = figure_module(figure, problem.kind)
     more = (*((DOT,) if hasattr(module, "dot") else ()), *_film_suffixes(module))
     path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out, more)
     name = module.SOLVER if wanted.solver is None else wanted.solver
@@ -350,12 +357,6 @@ def _split(inputs: Sequence[str]) -> tuple[list[str], str | None]:
 def _say_why(name: str, answer: Any) -> None:
     reason = answer.reason.rstrip(".")
     tell(f"skillplan: {name}: {answer.status}: {reason}. Nothing drawn.")
-
-
-def _module(figure: str) -> Any:
-    """Return the module that draws a figure of a task."""
-    _check_matplotlib()
-    return figure_module(figure)
 
 
 def _check_matplotlib() -> None:

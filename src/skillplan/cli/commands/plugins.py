@@ -42,7 +42,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.pipeline import registry
     from skillplan.records.plugin_info import plugin_document
-    from skillplan.views.tables.plugins import plugin_tables
+    from skillplan.views.tables.installation import plugin_tables
 
     kinds = [kind] if kind else list(registry.KINDS)
     infos = [info for one in kinds for info in registry.describe(one)]

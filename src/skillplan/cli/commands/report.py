@@ -55,8 +55,8 @@ def command(
     shown, and the page says what was not verified. The page holds what was asked and found, the
     plan and its times, why parts come before others, and what was refused; it needs no network, and
     without JavaScript only the playback is missing. The first plan is played: that of an arm as an
-    engine executes it or, where none is installed, along its planned paths; that of a bench as its
-    times say. Once --time-limit is over, the page is written without the rest, and says so.
+    engine executes it or, where none is installed, along its planned paths; that of a chain by
+    its times. Once --time-limit is over, the page is written without the rest, and says so.
     """
     from pathlib import Path
 

@@ -23,9 +23,8 @@ def command(
     solver: Annotated[
         str | None,
         solver_option(
-            "Which solver searches; for a chain also one for each stage, as "
-            "heads=monte-carlo,base=sarsa; default: auto, which chooses and says why; for the "
-            "bench exact, for several robots on it fleet."
+            "Solver to use; for a chain also one for each stage, as heads=monte-carlo,base=sarsa. "
+            "Default: the choice of the kind of task, mostly auto, which chooses and says why."
         ),
     ] = None,
     seed: Seed = 0,
@@ -79,7 +78,7 @@ def command(
     from skillplan.cli.writing import as_json
     from skillplan.pipeline.solve_problem import solve_problem
     from skillplan.pipeline.solver_choice import solver_names
-    from skillplan.views.tables.solved import solved_tables
+    from skillplan.views.tables.results import solved_tables
 
     part = reading.part
     problem = reading.problem(task, back_ends)
@@ -115,7 +114,7 @@ def command(
         if folder is not None:
             from skillplan.records.stored.policy_file import policy_document, solved_tasks
             from skillplan.records.stored.result_folder import POLICIES
-            from skillplan.views.tables.saved import csv_files
+            from skillplan.views.tables.results import csv_files
 
             beside = csv_files(result, last)
             policies = policy_document(problem.sha256, solver, solved_tasks(result, last))

@@ -152,7 +152,7 @@ def command(
     from skillplan.pipeline.taken_ways import by_ways
     from skillplan.records.execution.simulation import Simulation, applicable_part
     from skillplan.records.execution.trace_file import SUFFIXES
-    from skillplan.views.tables.simulation import simulation_tables
+    from skillplan.views.tables.trials import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
     deadline = limits.begin(graceful=True)

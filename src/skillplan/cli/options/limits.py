@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from skillplan.cli.options.values import memory_size, positive_seconds
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.deadline import Deadline

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +14,6 @@ from skillplan.cli.options.single import ExecutorName, Jobs
 from skillplan.cli.options.values import parse_options, split_names
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.checks.verdict_cache import DiskVerdictCache

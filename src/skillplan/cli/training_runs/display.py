@@ -10,7 +10,7 @@ from typing import Any
 
 from skillplan.cli.interruption import heeding
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.outcome import deviation
+from skillplan.solvers.gap import deviation
 from skillplan.training.group_job import GroupReport
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.views.text.escaping import escaped

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.values import count_option, positive_number
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.options.shared import BackEnds, Checking, Reading
@@ -143,8 +143,7 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
     from skillplan.errors import exit_code
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.records.training.trainings import trainings_document
-    from skillplan.views.tables.learning.training import training_tables
-    from skillplan.views.tables.learning.trainings import trainings_table
+    from skillplan.views.tables.learning.training import training_tables, trainings_table
 
     results, interrupted = [], False
     for folder in [RunFolder(path) for path in paths]:

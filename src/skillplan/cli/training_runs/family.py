@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-from skillplan.quick_dataclass import dataclass
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -63,7 +62,7 @@ def train_on_boards(ordered: Ordered, style: str) -> int:
     from skillplan.training.family_training import FamilyFolder, FamilyPlan, train_family
     from skillplan.training.generated_boards import GeneratedFamily
     from skillplan.training.trainer import next_folder
-    from skillplan.views.tables.learning.family import family_table
+    from skillplan.views.tables.learning.training import family_table
 
     family = GeneratedFamily.parse(ordered.family)
     parsed = parse_options(list(ordered.options), ordered.solver)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from skillplan.collision.solids.polygons import Planar, Polygon, intersection, inwards, overlap
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Shape
 

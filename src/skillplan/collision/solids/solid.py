@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING
 from skillplan.collision.boxes import WorldBox
 from skillplan.collision.solids.polygons import Polygon, covered
 from skillplan.collision.solids.prism import Prism, prism_of
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.shape import Shape

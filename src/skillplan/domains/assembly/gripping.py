@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from skillplan.domains.assembly.handling.holding import Handle
 from skillplan.domains.assembly.handling.schema import GraspConfig
@@ -12,7 +13,6 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.pose import Pose, dot, plus
 from skillplan.task.scene import ToolKind

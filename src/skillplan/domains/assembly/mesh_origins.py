@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from skillplan.domains.assembly.part_schema import MeshConfig, PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.files.schema_errors import shown
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Point
 
 # A shift below this is rounding of the file [m].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from skillplan.collision.boxes import WorldBox
@@ -15,7 +15,6 @@ from skillplan.domains.assembly.mesh_origins import origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
-from skillplan.quick_dataclass import dataclass
 
 # Up to so much of its least width, a part is taken to have been meant beside what it stands on.
 _MOST_SHARE = 0.4

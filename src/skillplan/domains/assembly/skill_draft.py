@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Visit
 
 

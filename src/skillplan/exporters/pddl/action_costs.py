@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from skillplan.exporters.pddl.conditions import Case, Cover, FeasibleRegion, named_bits, simplified
 from skillplan.exporters.pddl.consistent_states import ConsistentStates, Region
 from skillplan.model.fact_analysis import CostBasis
 from skillplan.model.skill_model import SkillModel
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 

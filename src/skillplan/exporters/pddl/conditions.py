@@ -10,7 +10,7 @@ VLSI synthesis", 1984). A partial order comes to one condition, a choice of supp
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import reduce
 from itertools import chain
 from operator import or_
@@ -19,7 +19,6 @@ from skillplan.chart.precedence_query import CheckSteps, run_queries
 from skillplan.exporters.pddl.consistent_states import ConsistentStates, Region
 from skillplan.model.fact_analysis import each_bit
 from skillplan.model.skill_model import SkillModel
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus

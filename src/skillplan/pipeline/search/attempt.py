@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +20,6 @@ from skillplan.judge.untouched import Untouched
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline.search.found import Found
 from skillplan.pipeline.search.solver_call import blamed, plain_answer
-from skillplan.quick_dataclass import dataclass
 from skillplan.records.grading import Draft
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from skillplan.checks.verdict_sample import VerdictSample
 from skillplan.model.skill_model import ModelStats
-from skillplan.quick_dataclass import dataclass
 from skillplan.solvers.solution import Solution
 
 

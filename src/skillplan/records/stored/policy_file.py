@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result

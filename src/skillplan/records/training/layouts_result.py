@@ -12,7 +12,8 @@ from typing import Any
 
 from skillplan.records.interval import Estimate, interquartile_mean, share
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.outcome import GreedyRollOut, deviation
+from skillplan.records.training.outcome import GreedyRollOut
+from skillplan.solvers.gap import deviation
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,13 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
 from skillplan.records.interval import Estimate, share
+from skillplan.solvers.gap import deviation
 
 if TYPE_CHECKING:  # a table of results needs no environment
     from skillplan.solvers.learning.learner import Episode
 
 RECENT_STEPS = 2_000
 """A run's success at its end is that of the episodes that ended in so many last steps."""
-# A result may be called optimal with so large a gap.
-_PROOF_GAP = 1e-6
 
 
 class RunStatus(StrEnum):
@@ -273,18 +272,6 @@ class RunOutcome:
             "steps": None if training is None else training.steps,
             "wall_s": None if training is None else training.wall_s,
         }
-
-
-def deviation(cost: float | None, optimum: float | None) -> float | None:
-    """Return the excess over the optimum, as a fraction of it; None where either is missing.
-
-    What a proof of optimality leaves open, 1e-6 of the optimum, is no deviation.
-    """
-    if cost is None or optimum is None:
-        return None
-    if abs(cost - optimum) <= _PROOF_GAP * max(1e-3, optimum):
-        return 0.0
-    return cost / optimum - 1 if optimum > 0 else None
 
 
 def _roll_out_document(one: GreedyRollOut, optimum: float | None) -> dict[str, Any]:

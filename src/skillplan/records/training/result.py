@@ -10,10 +10,11 @@ from skillplan.records import schemas
 from skillplan.records.interval import Estimate, interquartile_mean, share
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
-from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, deviation
+from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally
 from skillplan.records.training.published_runs import PublishedRun, published_runs
 from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
+from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import MODEL_BASED
 from skillplan.task.task import Task
 

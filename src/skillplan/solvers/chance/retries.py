@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.cost import Cost, DerivedCost
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State

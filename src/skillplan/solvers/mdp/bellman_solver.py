@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,7 +16,6 @@ from skillplan.model.policy_value import Convergence
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
-from skillplan.solvers.mdp.finite_horizon import plan_within
 from skillplan.solvers.mdp.tabular_solver import (
     TabularOptions,
     TabularSolver,
@@ -23,6 +23,74 @@ from skillplan.solvers.mdp.tabular_solver import (
     policy_of,
 )
 from skillplan.solvers.solution import Plan, Solution
+
+# Largest number of stored choices: states times steps.
+MOST_CELLS = 50_000_000
+
+
+def plan_within(
+    mdp: TabularMDP, steps: int, stop: Callable[[], bool]
+) -> tuple[list[int] | None, bool]:
+    """Return the cheapest plan from state 0; of equals, the fastest.
+
+    Parameters
+    ----------
+    mdp
+        A model whose rows have one outcome each.
+    steps
+        The most that the plan may have, >= 0.
+    stop
+        Called before every step; returns whether to stop.
+
+    Returns
+    -------
+    list of int or None
+        Rows in order; None where there is no such plan, or the search did not end.
+    bool
+        Whether the search ended: false if stopped, or if states times steps exceed `MOST_CELLS`.
+    """
+    n = len(mdp.states)
+    if n * steps > MOST_CELLS:
+        return None, False
+    cost = np.where(mdp.goal, 0.0, np.inf)
+    time_s = np.where(mdp.goal, 0.0, np.inf)
+    choices = np.diff(mdp.rows)
+    states = np.flatnonzero(choices)
+    layers = []
+    for _ in range(steps):
+        if stop():
+            return None, False
+        if not len(states):
+            break
+        # Of each state's rows the first in the order of cost, then time, then number.
+        costs = mdp.costs + cost[mdp.successors]
+        times_s = mdp.durations_s + time_s[mdp.successors]
+        starts = mdp.rows[states]
+        least = np.repeat(np.minimum.reduceat(costs, starts), choices[states])
+        # Sums in another order may differ in their last bits.
+        times_s[costs > least + 1e-12 * np.maximum(1.0, np.abs(least))] = np.inf
+        fastest = np.repeat(np.minimum.reduceat(times_s, starts), choices[states])
+        rows = np.flatnonzero((times_s <= fastest) & np.isfinite(costs))
+        chosen = np.full(n, -1, dtype=np.int32)
+        owners = np.repeat(states, choices[states])
+        chosen[owners[rows][::-1]] = rows[::-1]  # of several the first is written last
+        there = chosen >= 0
+        cost = np.where(mdp.goal, 0.0, np.inf)
+        time_s = cost.copy()
+        cost[there], time_s[there] = costs[chosen[there]], times_s[chosen[there]]
+        layers.append(chosen)
+    if not np.isfinite(cost[0]):
+        return None, True
+    plan: list[int] = []
+    state = 0
+    for chosen in reversed(layers):
+        if mdp.goal[state]:
+            break
+        row = int(chosen[state])
+        plan.append(row)
+        state = int(mdp.successors[row])
+    return plan, True
+
 
 # Values that differ by less, as a fraction of the largest, are taken as equal.
 _TIE = 1e-12

@@ -10,24 +10,48 @@ moves.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from skillplan.solvers.ordering.effort import Effort
-from skillplan.solvers.ordering.helper_processes import Helper, Helpers
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
-from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
-from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
-from skillplan.solvers.ordering.relaxation.pair_program import open_pairs
-from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing, cheapest_first
+from skillplan.solvers.ordering.parallel_search import Helper, Helpers, SharedTree
+from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut, tighten
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
+from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation, open_pairs
 from skillplan.solvers.ordering.search_worker import Improve
-from skillplan.solvers.ordering.shared_tree import SharedTree
-from skillplan.solvers.ordering.subsets.subset_search import beam
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, beam
+
+
+@dataclass
+class Effort:
+    """What the methods did, for the trace.
+
+    Parameters
+    ----------
+    nodes
+        Labels, subproblems and orders looked at.
+    bound_method
+        In words, what proved the bound.
+    states
+        Labels of the dynamic program and the beam.
+    parts
+        Subproblems of branch and cut.
+    programs
+        Linear programs solved.
+    rounds
+        Rounds of the portfolio.
+    """
+
+    nodes: int = 0
+    bound_method: str = ""
+    states: int = 0
+    parts: int = 0
+    programs: int = 0
+    rounds: int = 0
+
 
 Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
 METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")

@@ -17,9 +17,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from skillplan.solvers.ordering.instance import Integers, OrderingInstance
-    from skillplan.solvers.ordering.local_search.annealing import Annealing
-    from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut, Subproblem
-    from skillplan.solvers.ordering.relaxation.seedling import Seedling
+    from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing
+    from skillplan.solvers.ordering.relaxation.branch_and_cut import (
+        BranchAndCut,
+        Seedling,
+        Subproblem,
+    )
 
 # Linux: option of prctl that sets the signal for when the parent process ends.
 _SET_PARENT_DEATH_SIGNAL = 1
@@ -95,10 +98,10 @@ def prepare(ground: Ground) -> Callable[[Improve | Explore], Finding | Failure]:
     """Return the function that does tasks, all on one instance."""
     _end_with_parent()
     # Imported before the first task is requested, so that it begins at once.
-    from skillplan.solvers.ordering.local_search.annealing import Annealing
-    from skillplan.solvers.ordering.relaxation import seedling
+    from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing
+    from skillplan.solvers.ordering.relaxation import branch_and_cut
 
-    assert seedling is not None
+    assert branch_and_cut is not None
     return Hand(ground, Annealing(ground.instance, ground.seed))
 
 

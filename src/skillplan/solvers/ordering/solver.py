@@ -134,7 +134,7 @@ class SequencingSolver(JobOrderSolver):
             start = None if jobs is None else orders.nodes(jobs)
         helpers = None
         if self.jobs > 1:
-            from skillplan.solvers.ordering.helper_processes import Helpers
+            from skillplan.solvers.ordering.parallel_search import Helpers
 
             executor = None if self.make_executor is None else self.make_executor(self.jobs - 1)
             helpers = Helpers(

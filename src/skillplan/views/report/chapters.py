@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from skillplan.domains.domain import Listing
+from skillplan.domains.domain import Account, Listing
+from skillplan.domains.load import Problem
+from skillplan.errors import PluginError, SkillplanError
 from skillplan.physics.performance import Performance, PerformedSkill
+from skillplan.plugins.blame import ends_program
+from skillplan.plugins.installed import chapters
 from skillplan.records.certificate import Certificate
 from skillplan.task.task import Task
 from skillplan.views.pictures.exploded_picture import exploded_picture
@@ -159,6 +163,55 @@ class ChainInput:
     playback: Mapping[str, Any] | None = None
     missing: str = ""
     certificate: Certificate | None = None
+
+
+def chain_input(
+    problem: Problem, document: Mapping[str, Any], name: str, playing: bool
+) -> ChainInput:
+    """Return the input of the chapter on a chain: prepared by a plugin, or else tables only.
+
+    A plugin registers a function with these parameters in the entry point group
+    ``skillplan.chapter``, under the kind of task.
+
+    Parameters
+    ----------
+    problem
+        The loaded file.
+    document
+        ``skillplan.result/1`` of the chain.
+    name
+        Name of the chapter, unique on the page.
+    playing
+        Whether the chapter may bring a playback; a page has one at most.
+
+    Raises
+    ------
+    PluginError
+        If the plugin fails.
+    """
+    for point in chapters().select(name=problem.kind):
+        try:
+            prepared: ChainInput = point.load()(problem, document, name, playing)
+        except BaseException as error:
+            if isinstance(error, SkillplanError) or ends_program(error):
+                raise
+            raise PluginError(
+                f"The report's chapter on tasks of kind {problem.kind!r} ({point.value}) failed: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        return prepared
+    missing = f"no plugin shows tasks of kind {problem.kind!r} in motion"
+    return ChainInput(document, listings=chain_account(problem, document).listings, missing=missing)
+
+
+def chain_account(problem: Problem, document: Mapping[str, Any]) -> Account:
+    """Return the domain's account of a chain, from the plans in its result."""
+    plans = {
+        part["name"]: tuple(part["skills"])
+        for part in [*document.get("stages", ()), *(document.get("sequences") or ())]
+    }
+    account: Account = problem.account(plans, document.get("replans", 0))
+    return account
 
 
 def chain_chapter(given: ChainInput, name: str) -> Chapter:

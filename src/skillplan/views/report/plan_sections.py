@@ -23,7 +23,7 @@ from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.summary import planned_by
 from skillplan.views.report.tables import note, number, numbers, seconds, table
-from skillplan.views.tables.simulation import difference_words
+from skillplan.views.tables.trials import difference_words
 
 
 def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> Markup:

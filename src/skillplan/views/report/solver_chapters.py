@@ -13,7 +13,7 @@ from skillplan.views.report.page import Chapter, Section
 from skillplan.views.report.plan_sections import figure
 from skillplan.views.report.summary import chip
 from skillplan.views.report.tables import facts, number, share, table
-from skillplan.views.tables.learning.shortfall import cause_words
+from skillplan.views.tables.learning.training import cause_words
 
 
 def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import chain
+from typing import TYPE_CHECKING
 
 from skillplan.model.replay import Step
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, SimulationOutcome, Status
+from skillplan.records.stored.result_folder import PLAN
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
-from skillplan.views.text.table import Column, Table
+from skillplan.views.text.table import Column, Table, as_csv
 from skillplan.views.text.wording import number, percent
+
+if TYPE_CHECKING:
+    from skillplan.records.chain_result import ChainResult
+
 
 PROOF = {
     Status.OPTIMAL: "optimal, proved",
@@ -258,3 +264,66 @@ def one_line(reason: str) -> str:
 
 def _point(point: Point | None) -> str:
     return "-" if point is None else " ".join(f"{value:.3f}" for value in point)
+
+
+def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
+    """Return the plan, or what the domain has to show of a chain and a row for every task.
+
+    Parameters
+    ----------
+    result
+        Of a task or a chain.
+    task
+        The single task; of a chain any.
+    """
+    if isinstance(result, Result):
+        return [plan_table(result, task)]
+    from skillplan.views.tables.chain import chain_tables
+
+    return chain_tables(result)
+
+
+def saved_tables(result: Result | ChainResult) -> dict[str, Table]:
+    """Return the tables that are saved beside and not shown, by the name of the file."""
+    if isinstance(result, Result):
+        return {}
+    from skillplan.views.tables.chain import appendix_tables
+
+    return appendix_tables(result)
+
+
+def comparison_tables(
+    results: Sequence[Result] | Sequence[ChainResult], title: str, decimals: int
+) -> list[Table]:
+    """Return several solvers side by side.
+
+    Parameters
+    ----------
+    results
+        All of tasks, or all of chains.
+    title
+        What stands above.
+    decimals
+        Of the costs of a single task.
+    """
+    single = [result for result in results if isinstance(result, Result)]
+    chains = [result for result in results if not isinstance(result, Result)]
+    if not chains:
+        return [comparison_table(single, title, decimals)]
+    from skillplan.views.tables.chain import chain_comparison_tables
+
+    return chain_comparison_tables(chains, title)
+
+
+def csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
+    """Return what is saved beside a result as CSV: its plan, and what the domain has to show.
+
+    Parameters
+    ----------
+    result
+        Of a task or a chain.
+    task
+        The single task; of a chain any.
+    """
+    tables = {PLAN: solved_tables(result, task)[-1], **saved_tables(result)}
+    return {name: as_csv(table) for name, table in tables.items()}

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import IO
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.views.text.table import Table
 from skillplan.views.text.text_wrapping import longest_piece, text_width
 

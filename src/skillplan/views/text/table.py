@@ -6,9 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import field
-
-from skillplan.quick_dataclass import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)

@@ -3,33 +3,213 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import load, save
 
 from skillplan.errors import OptionError
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.cache_folder import cache_folder
 from skillplan.files.regular_file import is_folder, read_bytes
+from skillplan_cad import __version__
 from skillplan_cad.blocking.confirmation import Confirmation, Doubt
 from skillplan_cad.build_relation import Blocked, Joints, blocked_of, joints_of, relation_of
-from skillplan_cad.importing.kept_findings import (
-    blocked_bytes,
-    blocked_from,
-    doubts_bytes,
-    doubts_from,
-    joints_bytes,
-    joints_from,
-)
-from skillplan_cad.importing.kept_product import product_bytes, product_of
-from skillplan_cad.importing.kept_stages import KeptStages
+from skillplan_cad.contacts import Contact
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.product import Product
+from skillplan_cad.product import Face, Part, Product
 from skillplan_cad.reading.mesh_folder import MOST_BYTES as MESH_BYTES
 from skillplan_cad.reading.mesh_folder import mesh_files
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import MOST_BYTES as STEP_BYTES
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import Blocking, Fastener, Relation, Sensitive
+
+
+def joints_bytes(joints: Joints) -> bytes:
+    """Return joints as a document."""
+    return json.dumps(asdict(joints)).encode()
+
+
+def joints_from(content: bytes) -> Joints:
+    """Return the joints that `joints_bytes` wrote."""
+    document = json.loads(content)
+    return Joints(
+        tuple(Contact(**_tuples(one)) for one in document["contacts"]),
+        tuple(Fastener(**_tuples(one)) for one in document["fasteners"]),
+        tuple(_tuple(one) for one in document["directions"]),
+    )
+
+
+def blocked_bytes(blocked: Blocked) -> bytes:
+    """Return blockings as a document."""
+    return json.dumps(asdict(blocked)).encode()
+
+
+def blocked_from(content: bytes) -> Blocked:
+    """Return the blockings that `blocked_bytes` wrote."""
+    document = json.loads(content)
+    return Blocked(
+        tuple(Blocking(**_tuples(one)) for one in document["entries"]),
+        tuple(Sensitive(**_tuples(one)) for one in document["sensitive"]),
+    )
+
+
+def doubts_bytes(doubts: Sequence[Doubt]) -> bytes:
+    """Return doubts as a document."""
+    return json.dumps([asdict(one) for one in doubts]).encode()
+
+
+def doubts_from(content: bytes) -> tuple[Doubt, ...]:
+    """Return the doubts that `doubts_bytes` wrote."""
+    return tuple(Doubt(**one) for one in json.loads(content))
+
+
+def _tuples(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: _tuple(value) for name, value in values.items()}
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(_tuple(one) for one in value) if isinstance(value, list) else value
+
+
+def product_bytes(product: Product) -> bytes:
+    """Return a product as arrays and one document, without any object."""
+    tensors: dict[str, NDArray[Any]] = {}
+    parts = []
+    for number, part in enumerate(product.parts):
+        tensors[f"{number}.vertices"] = np.ascontiguousarray(part.vertices_m)
+        tensors[f"{number}.triangles"] = np.ascontiguousarray(part.triangles)
+        of_face = [face.triangles for face in part.faces]
+        joined = np.concatenate(of_face) if of_face else np.zeros(0, dtype=np.int64)
+        tensors[f"{number}.faces"] = np.ascontiguousarray(joined, dtype=np.int64)
+        faces = []
+        for face in part.faces:
+            about = {name: value for name, value in asdict(face).items() if name != "triangles"}
+            faces.append({**about, "count": len(face.triangles)})
+        parts.append(
+            {
+                "name": part.name,
+                "path": part.path,
+                "volume_m3": part.volume_m3,
+                "density_kg_m3": part.density_kg_m3,
+                "centre_m": part.centre_m,
+                "shape": part.shape,
+                "mirrors": part.mirrors,
+                "bodies": part.bodies,
+                "design": part.design,
+                "faces": faces,
+            }
+        )
+    about = {
+        "name": product.name,
+        "unit": product.unit,
+        "chord_m": product.chord_m,
+        "notes": product.notes,
+        "parts": parts,
+    }
+    tensors["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    return bytes(save(tensors))
+
+
+def product_of(content: bytes) -> Product:
+    """Return the product that `product_bytes` wrote.
+
+    Raises
+    ------
+    ValueError
+        If it is no such content.
+    """
+    tensors = load(content)
+    about = json.loads(tensors["about"].tobytes())
+    parts = []
+    for number, one in enumerate(about["parts"]):
+        joined, start, faces = tensors[f"{number}.faces"], 0, []
+        for face in one.pop("faces"):
+            count = face.pop("count")
+            for name in ("origin_m", "axis", "extent_m"):
+                face[name] = tuple(face[name])
+            faces.append(Face(triangles=joined[start : start + count], **face))
+            start += count
+        one["path"], one["centre_m"] = tuple(one["path"]), tuple(one["centre_m"])
+        parts.append(
+            Part(
+                vertices_m=tensors[f"{number}.vertices"],
+                triangles=tensors[f"{number}.triangles"],
+                faces=tuple(faces),
+                **one,
+            )
+        )
+    return Product(
+        about["name"], tuple(parts), about["unit"], about["chord_m"], tuple(about["notes"])
+    )
+
+
+_MOST_BYTES = 1 << 30
+_HASH_BYTES = 32
+
+
+class KeptStages:
+    """Stages of an import.
+
+    Parameters
+    ----------
+    keep
+        Whether anything is read from disk or kept there.
+    tell
+        Told what is done, a line each.
+    """
+
+    def __init__(self, keep: bool, tell: Callable[[str], None]) -> None:
+        self._folder: Path | None = cache_folder() / "import-cad" if keep else None
+        self._tell = tell
+
+    def run(
+        self, name: str, made_from: Mapping[str, Any], make: Callable[[], bytes]
+    ) -> tuple[bytes, str]:
+        """Return what a stage makes, and a hash of it.
+
+        Parameters
+        ----------
+        name
+            Of the stage.
+        made_from
+            All that it depends on; hashes of the stages before it among it.
+        make
+            Makes it.
+        """
+        key = hashlib.sha256(
+            json.dumps([name, __version__, dict(made_from)], sort_keys=True).encode()
+        ).hexdigest()
+        path = None if self._folder is None else self._folder / f"{name}-{key}"
+        content = None if path is None else _kept(path)
+        if content is None:
+            self._tell(f"{name} ...")
+            content = make()
+            if path is not None:
+                # What cannot be kept is made again.
+                with suppress(OSError):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    write_whole(path, hashlib.sha256(content).digest() + content)
+        else:
+            self._tell(f"{name}: kept from an earlier run")
+        return content, hashlib.sha256(content).hexdigest()
+
+
+def _kept(path: Path) -> bytes | None:
+    """Return what is kept, or None if it is not there or not as it was written."""
+    try:
+        content = read_bytes(path, _MOST_BYTES)
+    except OSError:
+        return None
+    whole = content[_HASH_BYTES:]
+    return whole if hashlib.sha256(whole).digest() == content[:_HASH_BYTES] else None
+
 
 # Extent of a product, in tolerances: single precision resolves a sixteenth of one there.
 MOST_TOLERANCES = 1_000_000

@@ -8,18 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from skillplan_cad.importing.attitude import attitude, attitude_document, attitude_warnings
+from pydantic import TypeAdapter
+
 from skillplan_cad.importing.exploded import Draw, added_bodies
 from skillplan_cad.importing.findings import Findings
-from skillplan_cad.importing.kept_plan import plan_bytes, plan_from, replay_bytes, replay_from
-from skillplan_cad.importing.plan_document import (
-    pieces_document,
-    placement_document,
-    plan_document,
-)
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, with_groups
-from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
+from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
+from skillplan_cad.planning.precedence import members
 from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
@@ -27,7 +23,209 @@ from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import Relation
 from skillplan_cad.relation_file import relation_text
+from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import task_of
+from skillplan_cad.writing.upright import Upright
+
+
+def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
+    """Return a plan as JSON; lengths are millimetres, vectors in the file's frame."""
+    return {
+        "base": plan.base,
+        "why_base": plan.why_base,
+        "complete": plan.complete,
+        "cheapest": plan.cheapest,
+        "cost": plan.cost,
+        "steps": [_step(step) for step in plan.steps],
+        "subassemblies": [list(one) for one in plan.subassemblies],
+        "stuck": [_stuck(one, relation) for one in plan.stuck],
+        "locks": [
+            {
+                "parts": [relation.names[part] for part in members(lock.parts)],
+                "rounds": [[relation.names[part] for part in one] for one in lock.rounds],
+            }
+            for lock in plan.locks
+        ],
+        "precedence": {
+            name: [
+                {
+                    "directions": [
+                        list(relation.directions[direction])
+                        for direction in one.directions
+                        if direction < len(relation.directions)
+                    ],
+                    "absent": [relation.names[part] for part in members(one.blockers)],
+                }
+                for one in plan.precedence.minimal(number)
+            ]
+            for number, name in enumerate(relation.names)
+        },
+        "replay": {
+            "agrees": again.agrees,
+            "samples": again.samples,
+            "not_solid": list(again.not_solid),
+            "faults": [
+                {
+                    "step": fault.step,
+                    "part": fault.part,
+                    "by": fault.by,
+                    "offset_mm": _mm3(fault.offset_m),
+                    "thickness_mm": _mm(fault.thickness_m),
+                    "point_mm": _mm3(fault.point_m),
+                }
+                for fault in again.faults
+            ],
+        },
+    }
+
+
+def _step(step: Step) -> dict[str, Any]:
+    return {
+        "parts": list(step.parts),
+        "onto": step.onto,
+        "along": list(step.along),
+        "up": list(step.up),
+        "tool": step.tool,
+        "turn": step.turn,
+        "held": list(step.held),
+        "tips": step.tips,
+        "connected": step.connected,
+        "path": [
+            {
+                "offset_mm": _mm3(move.offset_m),
+                "angle_rad": round(move.angle_rad, 9),
+                "axis": None if move.axis is None else list(move.axis.direction),
+                "axis_point_mm": None if move.axis is None else _mm3(move.axis.point_m),
+            }
+            for move in step.path
+        ],
+    }
+
+
+def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
+    among = set(stuck.among)
+    return {
+        "part": stuck.part,
+        "among": list(stuck.among),
+        "outcome": stuck.search.outcome,
+        "iterations": stuck.search.iterations,
+        "turned": stuck.search.turned,
+        "in_the_way": [
+            {"part": met.part, "point_mm": _mm3(met.point_m)} for met in stuck.search.in_the_way
+        ],
+        "blocked": [
+            {
+                "direction": list(relation.directions[number]),
+                "by": [name for name in relation.blockers(stuck.part, number) if name in among],
+            }
+            for number in range(len(relation.directions))
+        ],
+    }
+
+
+def placement_document(upright: Upright) -> dict[str, Any]:
+    """Return as JSON how the product of the file stands in the world of the task."""
+    return {
+        "turn": [[round(float(one), 9) + 0.0 for one in row] for row in upright.matrix],
+        "offset_mm": [round(float(one) * 1000, 6) + 0.0 for one in upright.offset_m],
+    }
+
+
+def pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
+    """Return as JSON of how many convex pieces parts are, and which pairs these block wrongly."""
+    return {
+        "counts": {name: sum(map(len, made)) for name, made in proved.pieces.items()},
+        "cut_back": list(proved.cut_back),
+        "differences": [
+            {
+                "part": one.part,
+                "by": one.by,
+                "direction": list(relation.directions[one.direction]),
+            }
+            for one in proved.differences
+        ],
+    }
+
+
+def _mm3(point_m: Vector) -> list[float]:
+    return [_mm(one) for one in point_m]
+
+
+def _mm(value_m: float) -> float:
+    return round(value_m * 1000, 4) + 0.0
+
+
+AUTO = "auto"
+
+
+def attitude(product: Product, relation: Relation, up: str) -> Bearing:
+    """Return what bears the parts with an axis of the file up, or with that which bears most."""
+    if up == AUTO:
+        return best_bearing(product, relation)
+    return bearing_of(product, relation, ATTITUDES[up])
+
+
+def attitude_document(bearing: Bearing) -> dict[str, Any]:
+    """Return as JSON what is up and what stands on what."""
+    return {
+        "up": axis_of(bearing),
+        "stands": [{"part": name, "on": list(bearing.on[name])} for name in bearing.order],
+    }
+
+
+def attitude_warnings(
+    product: Product, relation: Relation, bearing: Bearing, asked: str
+) -> list[str]:
+    """Return what a user should know of the side that is up, a sentence each."""
+    count = len(bearing.order) + len(bearing.why_not)
+    up, stand = axis_of(bearing), len(bearing.order)
+    found = []
+    if asked == AUTO and up != next(iter(ATTITUDES)):
+        found.append(
+            f"{up} points up, as then {stand} of {count} parts stand by themselves, more than with "
+            "any other axis; --up asks for another."
+        )
+    best = bearing if asked == AUTO else best_bearing(product, relation)
+    if len(best.order) > stand:
+        found.append(
+            f"with {up} up {stand} of {count} parts stand by themselves; with --up "
+            f"{axis_of(best)} it would be {len(best.order)}."
+        )
+    if not stand:
+        found.append(
+            f"with {up} up no part stands on a level face. All are in product.yaml, and no order "
+            "of them is feasible until a nest holds the first."
+        )
+    return found
+
+
+def axis_of(bearing: Bearing) -> str:
+    """Return the axis of the file that points up, as ``--up`` names it."""
+    return next(name for name, up in ATTITUDES.items() if up == bearing.up)
+
+
+_PLAN, _REPLAY = TypeAdapter(AssemblyPlan), TypeAdapter(Replay)
+
+
+def plan_bytes(plan: AssemblyPlan) -> bytes:
+    """Return a plan as a document."""
+    return _PLAN.dump_json(plan)
+
+
+def plan_from(content: bytes) -> AssemblyPlan:
+    """Return the plan that `plan_bytes` wrote."""
+    return _PLAN.validate_json(content)
+
+
+def replay_bytes(again: Replay) -> bytes:
+    """Return a replay as a document."""
+    return _REPLAY.dump_json(again)
+
+
+def replay_from(content: bytes) -> Replay:
+    """Return the replay that `replay_bytes` wrote."""
+    return _REPLAY.validate_json(content)
+
 
 # Of the chord and the tolerance of the plan, what its replay takes.
 _FINER = 0.4

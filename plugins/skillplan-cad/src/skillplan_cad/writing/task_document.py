@@ -4,33 +4,292 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import yaml
 
+from skillplan.robots.catalogue import ARMS
+from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, best_bearing
-from skillplan_cad.product import Part, Product
+from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, Relation
 from skillplan_cad.writing.accepted import refused
-from skillplan_cad.writing.arm_entries import DRIVER, robot_entry, tool_entries
 from skillplan_cad.writing.held_part import CUP, GRIPPER, held_part
-from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
-from skillplan_cad.writing.places import Places, places_of
-from skillplan_cad.writing.plan_limits import from_below, not_straight, plan_limits
-from skillplan_cad.writing.screw_entry import screw_entry
 from skillplan_cad.writing.top_grasp import Meshes
-from skillplan_cad.writing.upright import Upright
+from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
+from skillplan_cad.writing.upright import Upright, standing
+
+DRIVER = "screwdriver"
+
+# Between jaws and parts, as engines have it. The margin is for parts held off their middle.
+_FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
+_GRAVITY_M_PER_S2 = 9.81
+_LEAST_SAFE_M = 0.15
+_ABOVE_PRODUCT_M = 0.05
+
+
+def robot_entry(
+    robot: str, parts: Sequence[Part], gripped: Sequence[Part], upright: Upright
+) -> dict[str, Any]:
+    """Return the entry of an arm, which travels above the product and what it carries.
+
+    Parameters
+    ----------
+    robot
+        Its name.
+    parts, gripped
+        All parts of the task, and those that it carries.
+    upright
+        How they stand.
+    """
+    height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
+    tallest = max(float(upright.size(part)[2]) for part in gripped)
+    safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
+    named = {"name": robot, "model": robot, "home_m": list(HOME)}
+    return {**named, "safe_height_m": round(safe, 3)}
+
+
+def tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the tools that parts and screws name; jaws press as the heaviest part needs it.
+
+    Parameters
+    ----------
+    robot
+        Name of the arm.
+    entries
+        Of parts and screws.
+    """
+    used = {entry["tool"] for entry in entries}
+    kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
+    found: dict[str, Any] = {}
+    for (name, kind), holder in zip(kinds.items(), HOLDERS, strict=True):
+        if name in used:
+            found[name] = {"type": kind, "holder_m": list(holder)}
+    if GRIPPER in found:
+        hand = ARMS[robot][1]
+        found[GRIPPER]["opening_m"] = hand.opening_m
+        heaviest_kg = max(entry["mass_kg"] for entry in entries if entry["tool"] == GRIPPER)
+        found[GRIPPER]["force_n"] = _grip_n(heaviest_kg, hand.force_n)
+    return found
+
+
+def _grip_n(mass_kg: float, most_n: float) -> float:
+    """Return the force of jaws that lift a mass by friction, to a newton, well within its limit."""
+    needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
+    return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
+
+
+_DECIMALS = 7
+
+
+def obj_text(vertices_m: Points, triangles: Triangles) -> str:
+    """Return an OBJ file of a closed mesh.
+
+    Parameters
+    ----------
+    vertices_m
+        Corners, merged; rounded to a tenth of a micrometre.
+    triangles
+        Indices of corners, anticlockwise from outside.
+    """
+    corners = np.round(vertices_m, _DECIMALS) + 0.0
+    lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in corners.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def pieces_text(pieces: Iterable[tuple[Points, Triangles]]) -> str:
+    """Return an OBJ file of several bodies, each an object with corners of its own.
+
+    Parameters
+    ----------
+    pieces
+        Corners, to a tenth of a micrometre already, and triangles of each.
+    """
+    lines, before = [], 1
+    for number, (vertices_m, triangles) in enumerate(pieces, 1):
+        lines.append(f"o piece_{number}")
+        lines += [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in (vertices_m + 0.0).tolist()]
+        lines += [f"f {a + before} {b + before} {c + before}" for a, b, c in triangles.tolist()]
+        before += len(vertices_m)
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """A layout of the table for the parts of a task.
+
+    Parameters
+    ----------
+    upright
+        Where the product stands.
+    tray
+        Where parts and feeders are, by their names in the task.
+    feeders
+        Of parts that have identical ones, by their names in the product, the name of their feeder.
+    without
+        Names, in the product, of parts for which there is no room in reach.
+    """
+
+    upright: Upright
+    tray: Tray
+    feeders: Mapping[str, str]
+    without: tuple[str, ...]
+
+
+def places_of(
+    parts: Sequence[Part],
+    gripped: Sequence[Part],
+    names: Mapping[str, str],
+    taken: Collection[str],
+    up: Vector,
+    robot: str,
+) -> Places:
+    """Return where everything goes.
+
+    Parameters
+    ----------
+    parts, gripped
+        All parts of the task, and those that stand, which a hand brings.
+    names
+        Of the parts in the task, by those in the product.
+    taken
+        Names that no feeder may have.
+    up
+        What points up, in the product's frame.
+    robot
+        Name of the arm.
+    """
+    upright = standing(gripped, up, (0.0, 0.0))
+    feeders = _feeders(parts, names, taken)
+    items: dict[str, Item] = {}
+    for part in parts:
+        name = feeders.get(part.name, names[part.name])
+        if part in gripped or part.name in feeders:
+            x, y, z = (float(one) for one in upright.size(part))
+            items.setdefault(name, Item(name, (x, y, z)))
+    points = np.concatenate([upright.vertices(part) for part in parts])
+    x, y, z = (float(one) for one in np.ptp(points, axis=0))
+    layout = tray((x, y, z), list(items.values()), ARMS[robot][0].works_within_m)
+    without = tuple(
+        part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
+    )
+    return Places(standing(gripped, up, layout.product_m), layout, feeders, without)
+
+
+def _feeders(
+    parts: Sequence[Part], names: Mapping[str, str], taken: Collection[str]
+) -> Mapping[str, str]:
+    """Return for each part that has identical ones the name of their feeder."""
+    found: dict[str, str] = {}
+    by_shape: dict[int, list[Part]] = {}
+    for part in parts:
+        by_shape.setdefault(part.shape, []).append(part)
+    known = set(taken)
+    for alike in by_shape.values():
+        if len(alike) > 1:
+            wanted = f"{names[alike[0].name]}_feeder"
+            name = task_names([wanted], known)[wanted]
+            known.add(name)
+            found |= {part.name: name for part in alike}
+    return found
+
+
+# Cosine of what still counts as level.
+_LEVEL = 1e-6
+
+
+def not_straight(plan: AssemblyPlan) -> dict[str, str]:
+    """Return the parts that no straight move of a single part brings, with why, after the name."""
+    found: dict[str, str] = {}
+    for step in plan.steps:
+        for part in step.parts:
+            if len(step.parts) > 1:
+                others = ", ".join(name for name in step.parts if name != part)
+                found[part] = f"comes as one with {others}, put together apart before"
+            elif step.path:
+                found[part] = f"comes by {len(step.path)} moves, not by a straight one"
+    return found
+
+
+def from_below(relation: Relation, up: Vector) -> dict[str, str]:
+    """Return the screws and nuts that are driven from below, with why, after the name."""
+    words = "is driven from below: the product has to be turned over, or held up by a fixture"
+    return {
+        one.part: words
+        for one in relation.fasteners
+        if one.part in relation.driven and float(np.dot(one.axis, up)) < -_LEVEL
+    }
+
+
+def plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
+    """Yield names of parts, each with what stands against it; `up` is what the task points up."""
+    for step in plan.steps:
+        for part in step.parts:
+            if step.up != up:
+                yield part, "comes after the product was turned over"
+    for name in (one.name for one in product):
+        numbers = [number for number, step in enumerate(plan.steps) if name in step.held]
+        if numbers:
+            first, after = plan.steps[numbers[0]], plan.steps[numbers[-1] + 1 :]
+            since = "it" if name in first.parts else " with ".join(first.parts)
+            until = f"until {' with '.join(after[0].parts)} is" if after else "to the end"
+            yield name, f"must be held once {since} is placed, {until}"
+    for stuck in plan.stuck:
+        yield stuck.part, f"cannot be taken out: {stuck.search.outcome}"
+
+
+_FLAT = 0.999
+
+
+def screw_entry(
+    part: Part, fastener: Fastener, relation: Relation, upright: Upright
+) -> dict[str, Any]:
+    """Return where a screw belongs, along which axis unless straight down, its head and mass."""
+    axis = np.asarray(fastener.axis)
+    along = part.vertices_m @ axis
+    seat = _seat(part, fastener, relation)
+    point = np.asarray(fastener.point_m)
+    mouth = point + (seat - float(point @ axis)) * axis
+    apart = part.vertices_m - point
+    radius = float(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1).max())
+    into = upright.vector((-float(axis[0]), -float(axis[1]), -float(axis[2])))
+    entry: dict[str, Any] = {
+        "hole_m": list(upright.point((float(mouth[0]), float(mouth[1]), float(mouth[2])))),
+        "head_diameter_m": round(2 * radius, 6),
+        "head_height_m": round(float(along.max()) - seat, 6),
+        "mass_kg": float(f"{max(part.mass_kg, 1e-6):.4g}"),
+    }
+    if into != DOWN:
+        entry["axis"] = list(into)
+    return entry
+
+
+def _seat(part: Part, fastener: Fastener, relation: Relation) -> float:
+    """Return where along a fastener's axis its head rests: where it touches what it joins.
+
+    A nut is all head.
+    """
+    axis = np.asarray(fastener.axis)
+    if fastener.kind == "nut":
+        return float((part.vertices_m @ axis).min())
+    for contact in relation.contacts:
+        if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
+            continue
+        if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
+            return float(np.median(np.asarray(contact.points_m) @ axis))
+    return float((part.vertices_m @ axis).min()) + fastener.length_m
+
 
 _MOST_WAYS = 3
 _BELOW_SHANK_M = 0.01
 # A direction that points up by less is level.
-_LEVEL = 1e-6
 _COMMENT_WIDTH = 98
 
 _HEADER = """\

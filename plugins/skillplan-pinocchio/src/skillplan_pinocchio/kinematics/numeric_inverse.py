@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription, Transform
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 

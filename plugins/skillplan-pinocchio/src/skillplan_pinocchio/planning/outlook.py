@@ -9,11 +9,11 @@ touched between. What is left are stretches for which distances have to be compu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers
 from skillplan_pinocchio.planning.moving_solids import Vector

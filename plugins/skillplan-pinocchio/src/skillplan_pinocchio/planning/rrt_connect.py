@@ -11,12 +11,12 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.planning.moving_solids import Vector
 

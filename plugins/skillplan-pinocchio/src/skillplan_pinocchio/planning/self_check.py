@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
@@ -10,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.kinematics.joint_path import JointPath

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

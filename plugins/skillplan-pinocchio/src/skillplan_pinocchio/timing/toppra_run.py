@@ -14,13 +14,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 
 # Intervals that lose more than this share of a run's time are split into so many.

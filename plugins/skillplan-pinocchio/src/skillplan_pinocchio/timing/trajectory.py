@@ -8,11 +8,11 @@ slowed down. The limits hold everywhere, not at samples only.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from skillplan.quick_dataclass import dataclass
 from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 from skillplan_pinocchio.timing.toppra_run import GridRun

@@ -16,10 +16,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.ordering.instance import Booleans, Floats, Integers
-from skillplan.solvers.ordering.relaxation.arc_propagation import propagate
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.instance import Booleans, Floats, Integers, OrderingInstance
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
+from skillplan.solvers.ordering.relaxation.precedence_cuts import propagate
 
 _CANDIDATES = 10
 _RELIABLE = 4
@@ -333,3 +332,89 @@ def _child_arcs(arcs: Booleans, i: int, j: int, branch: int) -> Booleans:
         child[:, j] = False
         child[i, j] = True
     return child
+
+
+@dataclass(frozen=True)
+class Seedling:
+    """What another process needs to explore subtrees: what this one knows of the root.
+
+    Parameters
+    ----------
+    arcs
+        The arcs that a better order may take, shape (n, n).
+    leave, reach
+        The cuts, shape (cuts, n) each.
+    start
+        An order whose arcs are among the first columns, or None.
+    gains, trials
+        Pseudocosts so far, shape (2, n, n) each.
+    """
+
+    arcs: Booleans
+    leave: Booleans
+    reach: Booleans
+    start: Integers | None
+    gains: Floats
+    trials: Floats
+
+    @classmethod
+    def of(cls, tree: BranchAndCut, start: Integers | None) -> Seedling:
+        """Return what is known of a tree; `start` is the best order, or None."""
+        relaxation = tree.relaxation
+        cuts = relaxation.leave, relaxation.reach
+        return cls(relaxation.arcs, *cuts, start, *tree.pseudocosts)
+
+    def grown(
+        self, instance: OrderingInstance, cost: float, on_order: Callable[[Integers], None]
+    ) -> BranchAndCut:
+        """Return a tree without any subproblem; `cost` is that of the best order known."""
+        relaxation = CutRelaxation(instance, self.arcs, self.start)
+        relaxation.add_cuts(self.leave, self.reach)
+        tree = BranchAndCut(relaxation, cost, lambda: False, on_order, lambda bound, parts: None)
+        tree.give_all()
+        tree.learn(self.gains, self.trials)
+        return tree
+
+
+def tighten(
+    relaxation: CutRelaxation,
+    cutoff: float,
+    stop: Callable[[], bool],
+    on_bound: Callable[[Duals], None],
+    *,
+    enough: float = 1e-4,
+) -> Duals:
+    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` returns true.
+
+    Parameters
+    ----------
+    relaxation
+        Cuts are added to it, and arcs fixed, in place.
+    cutoff
+        Orders that cost as much are not of interest.
+    stop
+        Whether to stop now.
+    on_bound
+        Called with every better bound.
+    enough
+        Least gain of a round, as a fraction of the gap, > 0.
+    """
+    best: Duals | None = None
+    stalled = 0
+    while True:
+        if not relaxation.settle(relaxation.arcs, stop):
+            return Duals(np.inf, np.full_like(relaxation.instance.costs, np.inf))
+        duals = relaxation.duals()
+        if best is None or duals.bound > best.bound:
+            gained = np.inf if best is None else duals.bound - best.bound
+            stalled = 0 if gained > enough * max(1.0, abs(cutoff - duals.bound)) else stalled + 1
+            best = duals
+            on_bound(duals)
+        else:
+            stalled += 1
+        if duals.bound >= cutoff or stop() or stalled >= 8:
+            return best
+        relaxation.fix(duals, cutoff)
+        relaxation.drop()
+        if not relaxation.cut(100):
+            return best

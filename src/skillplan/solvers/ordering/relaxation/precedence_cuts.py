@@ -8,15 +8,18 @@ both sides. Separated as by Ascheuer, Juenger and Reinelt (2000).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
 from skillplan.solvers.compiled import compiled
-
-Integers = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-
+from skillplan.solvers.ordering.instance import (
+    NO_FAMILY,
+    Booleans,
+    Floats,
+    Integers,
+    OrderingInstance,
+)
 
 # Cuts that are nearly tight are considered, too: once lifted they may be violated.
 _TIGHT = 1.3
@@ -293,3 +296,198 @@ def separate_between(
         depart[p] = side[n:]
         violated[p] = earlier[i, j] - flow
     return arrive, depart, violated
+
+
+# Sets looked at for one count; where there are more, the count so far is the bound.
+_MOST_SETS = 4_000
+
+
+class SetUpCut(NamedTuple):
+    """Every order takes at least so many of some arcs.
+
+    Parameters
+    ----------
+    arcs
+        Shape (n, n).
+    least
+        At least 1.
+    """
+
+    arcs: Booleans
+    least: int
+
+
+def set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
+    """Return the cuts of all families, and of each against all others together.
+
+    An instance without families has none.
+    """
+    families = instance.families
+    found: list[SetUpCut] = []
+    if families is None:
+        return found
+    named = np.unique(families[families != NO_FAMILY])
+    splits = [families]
+    if len(named) > 2:
+        splits += [np.where(families == NO_FAMILY, NO_FAMILY, families == one) for one in named]
+    for split in splits:
+        least = least_changes(split, instance.before)
+        if least:
+            of_some = split != NO_FAMILY
+            apart = split[:, None] != split
+            found.append(SetUpCut(apart & of_some[:, None] & of_some, least))
+    return found
+
+
+def least_changes(families: Integers, before: Booleans) -> int:
+    """Return a lower bound on how often an order goes from one family to another.
+
+    It is the least number itself, unless very many sets of nodes would have to be looked at.
+
+    Parameters
+    ----------
+    families
+        Of every node, shape (n,); the last may have `NO_FAMILY`, and follows any.
+    before
+        Whether node i must come before node j, shape (n, n).
+    """
+    nodes = range(len(families))
+    needs = [sum(1 << int(i) for i in np.nonzero(before[:, j])[0]) for j in nodes]
+    named = sorted({int(one) for one in families} - {NO_FAMILY})
+    able = {one: [j for j in nodes if families[j] in (one, NO_FAMILY)] for one in named}
+    full = (1 << len(families)) - 1
+    first = int(families[0])
+    layer = {first: [_all_done(0, able[first], needs)]}
+    changes = looked = 0
+    while not any(done == full for sets in layer.values() for done in sets):
+        following: dict[int, list[int]] = {}
+        for one, sets in layer.items():
+            for other in named:
+                if other != one:
+                    grown = [_all_done(done, able[other], needs) for done in sets]
+                    looked += len(grown)
+                    following.setdefault(other, []).extend(grown)
+        changes += 1
+        if looked > _MOST_SETS:
+            break
+        layer = {one: _largest(sets) for one, sets in following.items()}
+    return changes
+
+
+def _all_done(done: int, able: list[int], needs: list[int]) -> int:
+    """Return a set of nodes with all that can be done after it without another change."""
+    while True:
+        more = done
+        for node in able:
+            if needs[node] & ~more == 0:
+                more |= 1 << node
+        if more == done:
+            return done
+        done = more
+
+
+def _largest(sets: list[int]) -> list[int]:
+    """Return the sets that lie in no other."""
+    kept: list[int] = []
+    for one in sorted(set(sets), key=int.bit_count, reverse=True):
+        if not any(one & ~other == 0 for other in kept):
+            kept.append(one)
+    return kept
+
+
+@compiled
+def _add(before: Booleans, one: int, other: int) -> bool:
+    """Add a pair to a closed relation and close it again; return whether it has no cycle."""
+    n = len(before)
+    for i in range(n):
+        if i != one and not before[i, one]:
+            continue
+        for j in range(n):
+            if j == other or before[other, j]:
+                if i == j or before[j, i]:
+                    return False
+                before[i, j] = True
+    return True
+
+
+@compiled
+def _join(before: Booleans, i: int, j: int) -> int:
+    """Let j come right after i; return 1 where pairs were added, 0 where not, -1 for a cycle."""
+    n = len(before)
+    added = 0
+    if not before[i, j]:
+        if not _add(before, i, j):
+            return -1
+        added = 1
+    for k in range(n):
+        if k != i and before[k, j] and not before[k, i]:
+            if not _add(before, k, i):
+                return -1
+            added = 1
+        if k != j and before[i, k] and not before[j, k]:
+            if not _add(before, j, k):
+                return -1
+            added = 1
+    return added
+
+
+@compiled
+def propagate(arcs: Booleans, before: Booleans) -> bool:
+    """Remove arcs that no order of the remaining arcs takes, in place.
+
+    Parameters
+    ----------
+    arcs
+        The arcs, shape (n, n); changed in place.
+    before
+        The closed relation, shape (n, n); changed in place.
+
+    Returns
+    -------
+    bool
+        False where no order is left.
+    """
+    n = len(arcs)
+    changed = True
+    while changed:
+        changed = False
+        for i in range(n - 1):
+            choices, only = 0, -1
+            for j in range(n):
+                if arcs[i, j]:
+                    choices += 1
+                    only = j
+            if choices == 0:
+                return False
+            if choices == 1:
+                joined = _join(before, i, only)
+                if joined < 0:
+                    return False
+                changed = changed or joined > 0
+        for j in range(1, n):
+            choices, only = 0, -1
+            for i in range(n):
+                if arcs[i, j]:
+                    choices += 1
+                    only = i
+            if choices == 0:
+                return False
+            if choices == 1:
+                joined = _join(before, only, j)
+                if joined < 0:
+                    return False
+                changed = changed or joined > 0
+        for i in range(n - 1):
+            for j in range(1, n):
+                if not arcs[i, j]:
+                    continue
+                gone = before[j, i]
+                if not gone and before[i, j]:
+                    for k in range(n):
+                        if before[i, k] and before[k, j]:
+                            gone = True
+                            break
+                if gone:
+                    arcs[i, j] = False
+                    changed = True
+    return True

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.solvers.compiled import compiled
-from skillplan.solvers.ordering.relaxation.reduced_costs import Charges
+from skillplan.solvers.ordering.instance import Floats, Integers
+from skillplan.solvers.ordering.relaxation.cut_relaxation import Charges
 
-Integers = NDArray[np.int64]
-Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 S = TypeVar("S", bound=np.generic)
 
@@ -401,3 +400,15 @@ def meet(
             if found >= 0 and cost + behind.costs[found] < least:
                 least, one, other = cost + behind.costs[found], s, found
     return least, one, other
+
+
+@compiled
+def words_of(relation: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Return the columns of a relation as bit sets, shape (n, words)."""
+    n = len(relation)
+    words = np.zeros((n, (n + 63) // 64), dtype=np.uint64)
+    for j in range(n):
+        for i in range(n):
+            if relation[i, j]:
+                words[j, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+    return words

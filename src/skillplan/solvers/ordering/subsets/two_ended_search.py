@@ -9,17 +9,17 @@ budget of reduced cost is split so that both ends have about equally many labels
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
-from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, charges_of
-from skillplan.solvers.ordering.subsets.bit_sets import words_of
-from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
+from skillplan.solvers.compiled import compiled
+from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers, OrderingInstance
+from skillplan.solvers.ordering.relaxation.cut_relaxation import Duals, charges_of
 from skillplan.solvers.ordering.subsets.held_karp import (
     Ahead,
     Arcs,
@@ -28,10 +28,238 @@ from skillplan.solvers.ordering.subsets.held_karp import (
     expand,
     first_layer,
     meet,
+    words_of,
 )
-from skillplan.solvers.ordering.subsets.side_by_side import Stop, side_by_side
+
+
+@compiled
+def memory_tables(
+    tails: Integers, heads: Integers, near: Integers, before: Booleans
+) -> tuple[Integers, Integers]:
+    """Return what the memory at the head of an arc becomes at its tail, and what bars the arc.
+
+    Parameters
+    ----------
+    tails, heads
+        The arcs, shape (m,).
+    near
+        The neighbours that a node remembers, -1 where there are fewer, shape (n, bits).
+    before
+        The closed relation, shape (n, n).
+
+    Returns
+    -------
+    tuple
+        Memory at the tail by arc and memory at the head, shape (m, 2 ** bits), and the bits at
+        the head of which none may be set, shape (m,).
+    """
+    bits = near.shape[1]
+    moved = np.zeros((len(tails), 1 << bits), dtype=np.int64)
+    bars = np.zeros(len(tails), dtype=np.int64)
+    single = np.zeros(bits, dtype=np.int64)
+    for a in range(len(tails)):
+        i, j = tails[a], heads[a]
+        base = 0
+        for b in range(bits):
+            if near[i, b] == j:
+                base = 1 << b
+        for b in range(bits):
+            single[b] = 0
+            node = near[j, b]
+            if node < 0:
+                continue
+            if node == i or before[node, i]:
+                bars[a] |= 1 << b
+            for c in range(bits):
+                if near[i, c] == node:
+                    single[b] = 1 << c
+        moved[a, 0] = base
+        for memory in range(1, 1 << bits):
+            low = memory & -memory
+            b = 0
+            while low >> b != 1:
+                b += 1
+            moved[a, memory] = moved[a, memory ^ low] | single[b]
+    return moved, bars
+
+
+@compiled
+def backward(
+    tails: Integers,
+    costs: Floats,
+    first: Integers,
+    moved: Integers,
+    bars: Integers,
+    slot: Integers,
+    memories: int,
+) -> Floats:
+    """Return the least costs to the end by position, node and memory.
+
+    Parameters
+    ----------
+    tails, costs
+        The arcs ordered by their heads, shape (m,).
+    first
+        Where the arcs into a node begin, shape (n + 1,).
+    moved, bars
+        From `memory_tables`.
+    slot
+        Row of a position and a node, -1 where the node cannot be there, shape (n, n).
+    memories
+        2 ** bits.
+
+    Returns
+    -------
+    ndarray
+        Shape (rows, memories); inf where there is no walk.
+    """
+    n = len(slot)
+    value = np.full((slot.max() + 1, memories), np.inf)
+    value[slot[n - 1, n - 1], 0] = 0.0
+    for position in range(n - 1, 0, -1):
+        for j in range(n):
+            here = slot[position, j]
+            if here < 0:
+                continue
+            for a in range(first[j], first[j + 1]):
+                there = slot[position - 1, tails[a]]
+                if there < 0:
+                    continue
+                cost, bar = costs[a], bars[a]
+                for memory in range(memories):
+                    if memory & bar:
+                        continue
+                    total = value[here, memory] + cost
+                    kept = moved[a, memory]
+                    if total < value[there, kept]:
+                        value[there, kept] = total
+    return value
+
+
+@compiled
+def spread(value: Floats, bits: int) -> None:
+    """Let every entry be the least over the memories that are part of its own, in place."""
+    for row in range(len(value)):
+        for b in range(bits):
+            bit = 1 << b
+            for memory in range(1 << bits):
+                if memory & bit and value[row, memory ^ bit] < value[row, memory]:
+                    value[row, memory] = value[row, memory ^ bit]
+
+
+# Of computing the tables: some tenths of a second, and as many bytes at the very most.
+_MOST_STEPS = 200_000_000
+
+
+class CompletionBounds:
+    """The cheapest walks to the end by position, node and the neighbours that are left to visit.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    duals
+        Reduced costs; inf for arcs that are fixed to zero.
+    bits
+        How many neighbours a node remembers at most, >= 0; fewer where there are many arcs, to
+        save time and memory.
+
+    Attributes
+    ----------
+    near
+        The neighbours of a node, -1 where there are fewer, shape (n, bits).
+    slot
+        Row of a position and a node, -1 where the node cannot stand there, shape (n, n).
+    ahead
+        Least reduced cost to the end by row and set of neighbours left, shape (rows, 2 ** bits).
+    """
+
+    def __init__(self, instance: OrderingInstance, duals: Duals, bits: int) -> None:
+        n = instance.n
+        arcs = int(np.isfinite(duals.reduced).sum())
+        while bits and (arcs * n) << bits > _MOST_STEPS:
+            bits -= 1
+        self.near = _neighbours(duals.reduced, min(bits, n - 1))
+        before = instance.before
+        positions = np.arange(n)[:, None]
+        possible = (positions >= before.sum(axis=0)) & (positions < n - before.sum(axis=1))
+        self.slot: Integers = np.where(
+            possible, np.cumsum(possible).reshape(possible.shape) - 1, -1
+        )
+        heads, tails = np.nonzero(np.isfinite(duals.reduced.T))
+        moved, bars = memory_tables(tails, heads, self.near, before)
+        first = np.searchsorted(heads, np.arange(n + 1))
+        costs = duals.reduced[tails, heads]
+        self.ahead: Floats = backward(tails, costs, first, moved, bars, self.slot, moved.shape[1])
+        spread(self.ahead, self.near.shape[1])
+
+
+def _neighbours(reduced: Floats, bits: int) -> Integers:
+    """Return the nodes to and from which it is cheapest to go, of every node."""
+    apart = reduced + reduced.T
+    np.fill_diagonal(apart, np.inf)
+    ranked = np.argsort(apart, axis=1, kind="stable")[:, :bits]
+    near = np.where(np.isfinite(np.take_along_axis(apart, ranked, axis=1)), ranked, -1)
+    return np.ascontiguousarray(near, dtype=np.int64)
+
 
 R = TypeVar("R")
+
+_EVERY_S = 0.01
+
+Stop = Callable[[], bool]
+
+
+class _Strand(Generic[R]):
+    """A task in a thread of its own, which does not outlive the program."""
+
+    def __init__(self, task: Callable[[Stop], R], stop: Stop) -> None:
+        self._task, self._stop = task, stop
+        self.results: list[R] = []
+        self.error: BaseException | None = None
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.results.append(self._task(self._stop))
+        except BaseException as error:
+            self.error = error
+
+
+def side_by_side(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
+    """Do tasks at once, each in a thread; return their results in the order of the tasks.
+
+    Parameters
+    ----------
+    tasks
+        Each is called with what says whether to stop now.
+    stop
+        Polled in this thread alone, so that it may do anything.
+
+    Raises
+    ------
+    BaseException
+        What the first task that failed has raised.
+    """
+    if len(tasks) == 1:
+        return [tasks[0](stop)]
+    stopped = threading.Event()
+    strands = [_Strand(task, stopped.is_set) for task in tasks]
+    try:
+        for strand in strands:
+            while strand.thread.is_alive():
+                strand.thread.join(_EVERY_S)
+                if strand.thread.is_alive() and not stopped.is_set() and stop():
+                    stopped.set()
+    finally:
+        # Whatever `stop` raises: no thread goes on with work that nobody waits for.
+        stopped.set()
+    for strand in strands:
+        if strand.error is not None:
+            raise strand.error
+    return [strand.results[0] for strand in strands]
+
 
 _BITS = 6
 # Exponent of the growth where it is not known yet.
@@ -282,4 +510,97 @@ def _mirror(instance: OrderingInstance) -> OrderingInstance:
     return OrderingInstance(
         np.ascontiguousarray(costs[::-1, ::-1].T),
         np.ascontiguousarray(instance.before[::-1, ::-1].T),
+    )
+
+
+_BEAM_BITS = 8
+
+
+@dataclass
+class Beam:
+    """The result of one pass.
+
+    Parameters
+    ----------
+    order
+        The cheapest order found, or None.
+    bound
+        No order costs less than this or the cutoff, whichever is less.
+    whole
+        Whether no label was left out for the width.
+    made
+        Labels generated.
+    """
+
+    order: Integers | None
+    bound: float
+    whole: bool
+    made: int
+
+
+def beam(
+    instance: OrderingInstance,
+    duals: Duals,
+    cutoff: float,
+    width: int,
+    stop: Callable[[], bool],
+    on_layer: Callable[[int, int], None] = lambda layer, states: None,
+) -> Beam | None:
+    """Run a beam search; return None where it was stopped.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    duals
+        A bound and reduced costs; inf where no order below the cutoff takes an arc.
+    cutoff
+        Only orders that cost less are searched for.
+    width
+        At most so many labels are kept in a layer, >= 1.
+    stop
+        Whether to stop; polled once a layer.
+    on_layer
+        Called with the number of a layer and how many labels it has.
+    """
+    n = instance.n
+    bounds = CompletionBounds(instance, duals, _BEAM_BITS)
+    room = cutoff - duals.bound
+    tails, heads = np.nonzero(np.isfinite(duals.reduced))
+    arcs = Arcs(
+        np.searchsorted(tails, np.arange(n + 1)),
+        heads,
+        instance.costs[tails, heads],
+        duals.reduced[tails, heads],
+        words_of(instance.before),
+    )
+    charges = charges_of(duals)
+    limits = Limits(room, False, room, width, False)
+    labels = first_layer(arcs.preds.shape[1])
+    history = []
+    least, made = np.inf, 0
+    for layer in range(1, n):
+        ahead = Ahead(bounds.near, bounds.slot[layer], bounds.ahead)
+        labels, dropped, tried = expand(labels, arcs, ahead, charges, limits)
+        least = min(least, dropped)
+        made += tried
+        on_layer(layer, len(labels.lasts))
+        if stop():
+            return None
+        if not len(labels.lasts):
+            return Beam(None, min(cutoff, least + duals.bound), np.isinf(least), made)
+        history.append((labels.lasts, labels.parents))
+    at = int(np.argmin(labels.costs))
+    order = [n - 1]
+    for lasts, parents in reversed(history):
+        at_last = int(lasts[at])
+        if at_last != n - 1:
+            order.append(at_last)
+        at = int(parents[at])
+    order.append(0)
+    return Beam(
+        np.array(order[::-1], dtype=np.int64),
+        min(cutoff, least + duals.bound, float(labels.costs.min())),
+        np.isinf(least),
+        made,
     )

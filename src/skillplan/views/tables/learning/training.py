@@ -2,21 +2,188 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import statistics
+from collections.abc import Callable, Sequence
 
 from skillplan.records.interval import Estimate
-from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, deviation
+from skillplan.records.training.layouts_result import LayoutsResult
+from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally
 from skillplan.records.training.published_runs import SUCCESS_RATE
+from skillplan.records.training.relational_file import RelationalContent
 from skillplan.records.training.result import TrainingResult
-from skillplan.views.tables.learning.layouts import layouts_table
-from skillplan.views.tables.learning.shortfall import shortfall_notes
+from skillplan.records.training.shortfall import Shortfall
+from skillplan.solvers.gap import deviation
+from skillplan.task.task import Task
 from skillplan.views.tables.results import not_checked_notes
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import count, number, percent
 
+
+def layouts_table(result: LayoutsResult, task: Task) -> Table:
+    """Return a row for every layout.
+
+    Parameters
+    ----------
+    result
+        What became of all layouts.
+    task
+        The task of the file, whose costs are in the same metric.
+    """
+    unit, decimals = task.metric.unit, task.metric.decimals
+    columns = [
+        Column("layout"),
+        Column(f"optimum [{unit}]" if unit else "optimum", right=True),
+        Column("proof [s]", right=True),
+        Column("complete", right=True),
+        Column("least dev.", right=True),
+        Column("mean dev.", right=True),
+        Column("most dev.", right=True),
+        Column("answer [s]", right=True),
+    ]
+    rows = [
+        [
+            row.name,
+            number(row.optimum.cost, decimals),
+            number(row.optimum.wall_s, 4),
+            f"{row.completed} of {len(row.answers)}",
+            *_spread(row.deviations),
+            number(statistics.median(row.answer_s) if row.answer_s else None, 4),
+        ]
+        for row in result.rows
+    ]
+    learned = f"{result.learned_on} others" if result.learned_on else "the file's own"
+    count = f"{len(result.rows)} layout" if len(result.rows) == 1 else f"{len(result.rows)} layouts"
+    title = f"{task.name}: {count} that no run has seen, learned on {learned}"
+    return Table(title, columns, rows, _notes(result))
+
+
+def _notes(result: LayoutsResult) -> list[str]:
+    notes = []
+    complete, off = result.complete_share, result.deviation_iqm
+    if complete is not None and complete.low is not None and complete.high is not None:
+        answers = sum(len(row.answers) for row in result.rows)
+        notes.append(
+            f"complete   {100 * complete.value:.1f} % (95 %: {100 * complete.low:.1f} to "
+            f"{100 * complete.high:.1f} %) of {answers:,} answers; {result.at_most(0.01):,} "
+            "within 1 % of the optimum"
+        )
+    if off is not None:
+        note = f"deviation  interquartile mean over the layouts {percent(off.value)}"
+        if off.low is not None:
+            note += f" (95 %: {percent(off.low)} to {percent(off.high)})"
+        notes.append(f"{note}, of the answers that complete")
+    answer_s, proof_s = result.answer_s, result.proof_s
+    if answer_s is not None and proof_s is not None:
+        solver = result.rows[0].optimum.solver
+        notes.append(
+            f"time       a policy answers in {answer_s:.4f} s, {solver} proves its optimum in "
+            f"{proof_s:.4f} s (medians, with cold caches)"
+        )
+        if result.training_s is not None:
+            useful = complete is not None and complete.value > 0
+            saved_s = proof_s - answer_s if useful else 0.0
+            notes.append(_pays_off(result.training_s, saved_s, useful))
+    return notes
+
+
+def _pays_off(training_s: float, saved_s: float, useful: bool) -> str:
+    """Return after how many layouts the time of training is saved."""
+    note = f"training   took {training_s:.1f} s for all runs, which"
+    if not useful:
+        return f"{note} does not pay off: no answer completes the task"
+    if saved_s <= 0:
+        return f"{note} never pays off here: a proof is no slower than a policy"
+    return f"{note} pays off after {training_s / saved_s:,.0f} layouts"
+
+
+def _spread(values: Sequence[float]) -> list[str]:
+    if not values:
+        return ["N/A"] * 3
+    return [percent(min(values)), percent(statistics.fmean(values)), percent(max(values))]
+
+
+_MOST_NAMED = 5
+
+
+def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str:
+    """Return what ended runs that do not complete a task, in words.
+
+    Parameters
+    ----------
+    cause
+        That of a `Shortfall`.
+    progress_step
+        After how many steps of its run the most goals were reached first; None for none.
+    steps
+        How many steps a run was to do; None where that is not known.
+    """
+    if cause == "policy":
+        return "policy: the task was completed, but what was learned does not do so"
+    if cause == "steps":
+        return "steps: the runs were still getting further when they ended"
+    if progress_step is None:
+        return "exploration: no goal was reached at all"
+    of = "" if steps is None else f" of {steps:,}"
+    return f"exploration: nothing further was reached after step {progress_step:,}{of}"
+
+
+def shortfall_notes(result: TrainingResult) -> list[str]:
+    """Return how far the runs got, what they ran into, and what to try; nothing where all is well.
+
+    Parameters
+    ----------
+    result
+        The runs.
+    """
+    short = result.shortfall
+    if short is None:
+        return []
+    whom = count(len(short.runs), "run")
+    goals = count(short.goals, "goal")
+    note = f"short      {whom} had at most {short.most_goals} of {goals} at the same time"
+    if short.last_progress_step is not None:
+        note += f", first at step {short.last_progress_step:,} of {result.steps:,}"
+    notes = [note]
+    if short.missing:
+        notes.append(f"never      reached: {_listed(short.missing)}")
+    if short.never:
+        notes.append(f"skills     never executed: {_listed(short.never)}")
+    notes += _ends(short)
+    if short.hidden is not None:
+        notes.append(
+            f"mask       {result.options['mask']}: preconditions hid {short.hidden:.1f} of "
+            f"{count(short.skills, 'skill')} on average, and left {short.skills - short.hidden:.1f}"
+        )
+    cause = cause_words(short.cause, short.last_progress_step, result.steps)
+    return [*notes, f"cause      {cause}", f"try        {short.advice}"]
+
+
+def _ends(short: Shortfall) -> list[str]:
+    notes = []
+    episodes = count(short.episodes, "episode")
+    if short.dead_states:
+        states = count(short.dead_states, "state")
+        notes.append(
+            f"dead ends  {short.dead_ends:,} of {episodes} entered one: {states} in which every "
+            "applicable skill failed, or led to such a state"
+        )
+    if short.failed:
+        worst = _listed([f"{name} {times:,} times" for name, times in short.failed])
+        notes.append(f"failed     {worst}")
+    if short.out_of_time:
+        notes.append(f"time       {short.out_of_time:,} of {episodes} reached the step limit")
+    return notes
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMED
+    shown = ", ".join(names[:_MOST_NAMED])
+    return shown if more <= 0 else f"{shown} and {more} more"
+
+
 NONE = "N/A"
 """Stands for the sequence of a run that does not complete the task, as in the paper."""
-_MOST_NAMED = 10
+_MOST_RUNS = 10
 
 
 def training_tables(result: TrainingResult) -> list[Table]:
@@ -41,7 +208,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
         if key in result.options:
             title += f", {key} {result.options[key]}"
     title += f"; physics {result.physics}, collision {result.collision or 'none'}"
-    table = Table(title, columns, rows, _notes(result))
+    table = Table(title, columns, rows, _training_notes(result))
     # The most particular table comes last: it is what CSV holds.
     return (
         [table] if result.layouts is None else [layouts_table(result.layouts, result.task), table]
@@ -71,7 +238,7 @@ def _row(result: TrainingResult, index: int, one: RunOutcome) -> list[str]:
     return cells
 
 
-def _notes(result: TrainingResult) -> list[str]:
+def _training_notes(result: TrainingResult) -> list[str]:
     task = result.task
     notes = [_optimum_note(result), *not_checked_notes(result.optimum.not_checked)]
     notes.append(_runs_note(result))
@@ -89,10 +256,10 @@ def _notes(result: TrainingResult) -> list[str]:
         notes.append(note if seen_off is None else f"{note}, deviation {percent(seen_off)}")
     notes += _baseline_notes(result) + _paper_notes(result)
     faults = [one for one in result.outcomes if one.reason]
-    for one in faults[:_MOST_NAMED]:
+    for one in faults[:_MOST_RUNS]:
         notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
-    if len(faults) > _MOST_NAMED:
-        notes.append(f"runs       {len(faults) - _MOST_NAMED} more do not complete")
+    if len(faults) > _MOST_RUNS:
+        notes.append(f"runs       {len(faults) - _MOST_RUNS} more do not complete")
     if result.warm_start is not None:
         notes.append(f"begun      {result.warm_start.text}")
     notes += shortfall_notes(result)
@@ -184,3 +351,120 @@ def _one_decimal(fraction: float) -> str:
 
 def _rate(tally: Tally) -> str:
     return "-" if tally.rate is None else _one_decimal(tally.rate)
+
+
+def family_table(learned: RelationalContent, folder: str) -> Table:
+    """Return what was learned on, and what came of it on boards that were not.
+
+    Parameters
+    ----------
+    learned
+        The policy's document.
+    folder
+        Where it lies.
+    """
+    columns = [
+        Column("boards", right=True),
+        Column("states", right=True),
+        Column("updates", right=True),
+        Column("tried", right=True),
+        Column("completed", right=True),
+        Column("median deviation", right=True),
+        Column("greatest", right=True),
+        Column("time [s]", right=True),
+    ]
+    trace, trial = learned.trace, learned.trial
+    row = [str(learned.boards), *(str(trace.get(key, "")) for key in ("states", "updates"))]
+    if trial is None:
+        row += ["-", "-", "-", "-"]
+    else:
+        deviations = (trial.median_deviation, trial.greatest_deviation)
+        row += [str(trial.boards), str(trial.completed), *map(percent, deviations)]
+    notes = [f"written to {folder}; on any task: skillplan evaluate {folder} --task FILE"]
+    if trial is None:
+        notes.insert(0, "interrupted: it has learned as far as the figures say, and was not tried")
+    else:
+        notes.insert(
+            0,
+            f"tried      on {trial.boards} boards of the family that it has not learned on; "
+            f"deviations from the proved optimum of {trial.proved}",
+        )
+    row.append(f"{learned.wall_s:.1f}")
+    return Table(f"{learned.family}: {learned.solver}", columns, [row], notes)
+
+
+_ABSENT = "-"
+
+
+def trainings_table(results: Sequence[TrainingResult]) -> Table:
+    """Return a row for every training.
+
+    Parameters
+    ----------
+    results
+        At least one; what each is of stands in its row.
+    """
+    columns = [
+        Column("runs in"),
+        Column("task"),
+        Column("solver"),
+        Column("seeds"),
+        Column("runs", right=True),
+        Column("steps", right=True),
+        Column("complete", right=True),
+        Column("of all, 95 %", right=True),
+        Column("optimal", right=True),
+        Column("deviation", right=True),
+        Column("cost", right=True),
+        Column("success", right=True),
+        Column("best seen", right=True),
+    ]
+    title = f"{len(results)} trainings side by side"
+    notes = [
+        "deviation, cost and success are interquartile means of the runs, with 95 % intervals of "
+        "the bootstrap where there are several; the share that completes has Wilson's"
+    ]
+    notes += [f"{one.run_dir}: interrupted" for one in results if one.interrupted]
+    return Table(title, columns, [_trainings_row(one) for one in results], notes)
+
+
+def _trainings_row(result: TrainingResult) -> list[str]:
+    optimal, decimals = result.at_most(0.0), result.task.metric.decimals
+    return [
+        result.run_dir,
+        result.task.name,
+        result.learner,
+        _seeds([one.seed for one in result.outcomes]),
+        str(len(result.outcomes)),
+        f"{result.steps:,}",
+        str(result.completed),
+        _figure(result.completion, _whole),
+        _ABSENT if optimal is None else str(optimal),
+        _figure(result.deviation_iqm, percent),
+        _figure(result.cost_iqm, lambda cost: number(cost, decimals)),
+        _figure(result.success_iqm, percent),
+        number(result.best_seen, decimals),
+    ]
+
+
+def _figure(one: Estimate | None, text: Callable[[float], str]) -> str:
+    if one is None:
+        return _ABSENT
+    if one.low is None or one.high is None:
+        return text(one.value)
+    return f"{text(one.value)} [{text(one.low)}, {text(one.high)}]"
+
+
+def _whole(fraction: float) -> str:
+    return f"{100 * fraction:.0f} %"
+
+
+def _seeds(seeds: Sequence[int]) -> str:
+    """Return the seeds, neighbours as a range."""
+    ranges: list[list[int]] = []
+    for seed in sorted(seeds):
+        if ranges and seed == ranges[-1][1] + 1:
+            ranges[-1][1] = seed
+        else:
+            ranges.append([seed, seed])
+    return ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in ranges) or _ABSENT

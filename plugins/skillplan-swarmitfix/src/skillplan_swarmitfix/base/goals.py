@@ -1,0 +1,436 @@
+"""Where the base may stand to hold the head from one support to the next.
+
+Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4, Eqs 1 to 4: the positions whose centroid
+lies in a quadrilateral over two consecutive supports, not too near to either. Often there are
+none; then the rules are relaxed to what the arm reaches, or the path between the supports is split,
+and every set says which.
+
+If the machine must reach every support, `MachineReach` excludes all other positions before these
+rules are applied, and relaxing drops Eq. 3, then the side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+
+from skillplan_swarmitfix.base.reach import (
+    EQ3,
+    EQ4_NEXT,
+    SIDE,
+    ReachRules,
+    broken_rules,
+    candidates,
+    distances_m,
+    in_reach,
+    inward_side,
+    on_the_other_side,
+    quadrilateral,
+    within_reach,
+)
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.pkm.reach import ReachableCentres
+from skillplan_swarmitfix.trajectory.plane_point import Point2, shown
+
+__all__ = [
+    "MOST_SPLITS",
+    "GoalSet",
+    "How",
+    "MachineReach",
+    "PathBetween",
+    "ReachRules",
+    "UnreachableSupport",
+    "candidates",
+    "goal_sets",
+    "inward_side",
+    "last_goal_set",
+    "preferring",
+    "quadrilateral",
+    "unreachable",
+    "within_reach",
+]
+
+MOST_SPLITS = 6
+"""The path between two supports is halved at most so often in a row."""
+
+PathBetween = Callable[[int, float], Point2]
+
+# Rules that may be broken within the machine's reach, one list after the other until a position is
+# left.
+_DROPPED: tuple[tuple[str, ...], ...] = ((), (EQ3,), (EQ3, SIDE))
+_ALL_DROPPED = (EQ3, SIDE, EQ4_NEXT)
+
+
+class How(StrEnum):
+    """By which rule the positions of a goal set were found."""
+
+    EQ34 = "eq34"
+    """Eqs 3 and 4 of the paper."""
+    RELAXED = "relaxed"
+    """Eqs 3 and 4 leave none; these are within the arm's true reach of both supports. If the
+    machine must reach every support: these are within its reach and break a rule."""
+    SPLIT = "split"
+    """Neither gives any for the whole path; it was halved, and this is a part of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSet:
+    """The positions from which a base serves the path between two supports.
+
+    Parameters
+    ----------
+    index
+        The pair of supports, from 0: support `index` and the next. Parts of a split pair have
+        the same.
+    e1, e2
+        Where the path, or the part of it, begins and ends [m].
+    positions
+        At least one, rising.
+    how
+        By which rule they were found.
+    note
+        What was relaxed or split, for people; empty for Eqs 3 and 4.
+    centre
+        Centre of the quadrilateral e1, e2, e3, e4 [m].
+    broken
+        Rules that a position breaks, by its number; of sets that are limited to the machine's
+        reach only.
+
+    Raises
+    ------
+    ValueError
+        If there is no position.
+    """
+
+    index: int
+    e1: Point2
+    e2: Point2
+    positions: tuple[int, ...]
+    how: How
+    note: str
+    centre: Point2
+    broken: Mapping[int, tuple[str, ...]] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        if not self.positions:
+            raise ValueError(f"GoalSet {self.index} needs at least one position.")
+
+    def how_of(self, position: int) -> How:
+        """Return the rule by which one of the positions belongs to the set."""
+        return How.RELAXED if self.how is How.EQ34 and self.broken.get(position) else self.how
+
+    def note_of(self, position: int) -> str:
+        """Return the note, and the rules that one of the positions breaks."""
+        broken = self.broken.get(position, ())
+        words = f"{', '.join(broken)} dropped" if broken else ""
+        return "; ".join(filter(None, (self.note, words)))
+
+
+@dataclass(frozen=True, slots=True)
+class MachineReach:
+    """The machine must reach every support from the position that serves it.
+
+    Parameters
+    ----------
+    centres
+        Positions by what they reach.
+    relax_always
+        Whether every support may drop Eq. 3, the side, and Eq. 4 of the next support. Otherwise
+        only supports may for which no position is left.
+    """
+
+    centres: ReachableCentres
+    relax_always: bool = False
+
+
+class UnreachableSupport(ValueError):
+    """No position of the bench serves the path between two supports.
+
+    Attributes
+    ----------
+    index
+        The pair, from 0.
+    """
+
+    def __init__(self, index: int, message: str) -> None:
+        super().__init__(message)
+        self.index = index
+
+    def __reduce__(self) -> tuple[type[UnreachableSupport], tuple[int, str]]:
+        return UnreachableSupport, (self.index, str(self))
+
+
+def goal_sets(
+    bench: Bench,
+    supports: Sequence[Point2],
+    rules: ReachRules,
+    closed: bool,
+    path: PathBetween | None = None,
+    machine: MachineReach | None = None,
+) -> tuple[GoalSet, ...]:
+    """Return the positions for every two consecutive supports, in order along the trajectory.
+
+    Where Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
+    are taken. Where there are none of those, the path is halved with a support in its middle, and
+    each half is served like any other, as often as `MOST_SPLITS`.
+
+    Parameters
+    ----------
+    bench
+        The lattice.
+    supports
+        Centres of the heads in order along the trajectory [m].
+    rules
+        Where a base may stand.
+    closed
+        Whether the last support is paired with the first.
+    path
+        Gives the point that is a share in [0, 1] of the path from a support, by its number from
+        0, to the next; by default on the straight line.
+    machine
+        Reach that every position must have; None to leave it unchecked.
+
+    Returns
+    -------
+    tuple
+        One set for each pair, several for one that was split.
+
+    Raises
+    ------
+    UnreachableSupport
+        If a pair cannot be served.
+    """
+    return tuple(
+        part
+        for index, e1, e2 in _pairs(supports, closed)
+        for part in _Pair(
+            bench, rules, index, _path(path, index, e1, e2), len(supports), machine
+        ).sets()
+    )
+
+
+def last_goal_set(
+    bench: Bench, rules: ReachRules, before: GoalSet, index: int, machine: MachineReach | None
+) -> GoalSet:
+    """Return the positions that hold the last support of an open trajectory.
+
+    It has no next support: the positions of the set before hold it as well, unless the machine
+    must reach it.
+
+    Parameters
+    ----------
+    bench, rules, machine
+        As in `goal_sets`.
+    before
+        The set of the path that leads to it.
+    index
+        Number of the last support, from 0.
+
+    Raises
+    ------
+    UnreachableSupport
+        If the machine reaches it from no position.
+    """
+    if machine is None:
+        return replace(before, index=index, e1=before.e2, e2=before.e2)
+    pair = _Pair(bench, rules, index, _path(None, index, before.e1, before.e2), index + 1, machine)
+    return pair.last()
+
+
+def preferring(one: GoalSet, centres: ReachableCentres) -> GoalSet:
+    """Return a goal set without the positions from which its support is out of reach.
+
+    If that would leave none, the set stays as it is.
+
+    Parameters
+    ----------
+    one
+        The set; its support is `e1`.
+    centres
+        Positions by what they reach.
+    """
+    reached = set(centres.positions(one.e1).tolist())
+    kept = tuple(p for p in one.positions if p in reached)
+    return replace(one, positions=kept) if kept else one
+
+
+def unreachable(
+    bench: Bench,
+    supports: Sequence[Point2],
+    rules: ReachRules,
+    closed: bool,
+    path: PathBetween | None = None,
+) -> tuple[UnreachableSupport, ...]:
+    """Return what is wrong with every pair that `goal_sets` cannot serve.
+
+    Parameters
+    ----------
+    bench, supports, rules, closed
+        As in `goal_sets`.
+    path
+        As its `path`.
+    """
+    found = []
+    for index, e1, e2 in _pairs(supports, closed):
+        try:
+            _Pair(bench, rules, index, _path(path, index, e1, e2), len(supports)).sets()
+        except UnreachableSupport as error:
+            found.append(error)
+    return tuple(found)
+
+
+def _pairs(supports: Sequence[Point2], closed: bool) -> Iterator[tuple[int, Point2, Point2]]:
+    for index in range(len(supports) - (not closed)):
+        yield index, supports[index], supports[(index + 1) % len(supports)]
+
+
+def _path(
+    path: PathBetween | None, index: int, e1: Point2, e2: Point2
+) -> Callable[[float], Point2]:
+    """Return the point at a share of the path between two supports."""
+
+    def point(share: float) -> Point2:
+        if share in (0.0, 1.0) or path is None:
+            return ((1 - share) * e1[0] + share * e2[0], (1 - share) * e1[1] + share * e2[1])
+        return path(index, share)
+
+    return point
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two consecutive supports and the path between them."""
+
+    bench: Bench
+    rules: ReachRules
+    index: int
+    path: Callable[[float], Point2]
+    n_supports: int
+    machine: MachineReach | None = None
+
+    @property
+    def label(self) -> str:
+        return f"supports {self.index + 1} and {(self.index + 1) % self.n_supports + 1}"
+
+    def sets(self) -> list[GoalSet]:
+        found = self._served(0.0, 1.0)
+        if found is not None:
+            return [found]
+        try:
+            return self._halves(0.0, 1.0, 1)
+        except UnreachableSupport:
+            # The position that holds this support need not keep clear of the next one, which
+            # has a position of its own.
+            found = self._reached(0.0, 1.0, _ALL_DROPPED)
+            if found is None:
+                raise
+            return [found]
+
+    def last(self) -> GoalSet:
+        """Return the set of the support at the end of the path."""
+        found = self._first_reached(0.0, 1.0, last=True)
+        if found is None:
+            raise UnreachableSupport(self.index, self._fault(1.0, 1.0))
+        return found
+
+    def _first_reached(self, begin: float, end: float, *, last: bool = False) -> GoalSet | None:
+        """Return the set that breaks the fewest rules; None if there is none."""
+        always = self.machine is not None and self.machine.relax_always
+        for dropped in (_ALL_DROPPED,) if always else _DROPPED:
+            found = self._reached(begin, end, dropped, last=last)
+            if found is not None:
+                return found
+        return None
+
+    def _reached(
+        self, begin: float, end: float, dropped: tuple[str, ...], *, last: bool = False
+    ) -> GoalSet | None:
+        """Return the positions within the machine's reach that break no more than some rules."""
+        if self.machine is None:
+            return None
+        e1, e2 = self.path(begin), self.path(end)
+        support = e2 if last else e1
+        masks = broken_rules(self.bench, e1, e2, self.rules, last=last)
+        broken = {
+            p: tuple(name for name, mask in masks.items() if mask[p])
+            for p in self.machine.centres.positions(support).tolist()
+        }
+        kept = {p: names for p, names in broken.items() if set(names) <= set(dropped)}
+        if not kept:
+            return None
+        whole = end - begin == 1
+        how = How.RELAXED if all(kept.values()) else How.EQ34
+        how = how if whole else How.SPLIT
+        note = "" if whole else f"{begin:.4g} to {end:.4g} of the way between {self.label}"
+        ends = (e2, e2) if last else (e1, e2)
+        centre = self._centre(e1, e2)
+        return GoalSet(self.index, *ends, tuple(kept), how, note, centre, kept)
+
+    def _centre(self, e1: Point2, e2: Point2) -> Point2:
+        """Return the centre of the quadrilateral [m]."""
+        rules = self.rules
+        corners = (
+            np.array([e1]) if e1 == e2 else quadrilateral(e1, e2, rules.arm_length_m, rules.side)
+        )
+        x_m, y_m = corners.mean(axis=0).tolist()
+        return x_m, y_m
+
+    def _served(self, begin: float, end: float) -> GoalSet | None:
+        """Return the set of a part of the path without splitting it; None if it is empty."""
+        if self.machine is not None:
+            return self._first_reached(begin, end)
+        e1, e2, rules = self.path(begin), self.path(end), self.rules
+        positions = () if e1 == e2 else candidates(self.bench, e1, e2, rules)
+        whole = end - begin == 1
+        how, notes = How.EQ34, []
+        if not whole:
+            how = How.SPLIT
+            notes.append(f"{begin:.4g} to {end:.4g} of the way between {self.label}")
+        if not positions:
+            positions = within_reach(self.bench, e1, e2, rules)
+            how = How.RELAXED if whole else How.SPLIT
+            least_m, most_m = rules.reach_m
+            notes.append(
+                f"Eqs 3 and 4 leave no position; taken are those {least_m:g} to {most_m:g} m "
+                f"from both ends"
+            )
+            if positions and on_the_other_side(self.bench, e1, e2, rules, positions):
+                notes.append("on the other side of the trajectory")
+        if not positions:
+            return None
+        centre = self._centre(e1, e2)
+        return GoalSet(self.index, e1, e2, positions, how, "; ".join(notes), centre)
+
+    def _halves(self, begin: float, end: float, depth: int) -> list[GoalSet]:
+        if depth > MOST_SPLITS:
+            raise UnreachableSupport(self.index, self._fault(begin, end))
+        middle = (begin + end) / 2
+        found = []
+        for low, high in ((begin, middle), (middle, end)):
+            served = self._served(low, high)
+            found += self._halves(low, high, depth + 1) if served is None else [served]
+        return found
+
+    def _fault(self, begin: float, end: float) -> str:
+        """Return what stands against serving a part of the path that is not split any more."""
+        least_m, most_m = self.rules.reach_m
+        need = f"the arm needs {least_m:g} to {most_m:g} m"
+        # A support itself says more than a point of a path that was split on its account.
+        for share in (0.0, 1.0, begin, end):
+            point = self.path(share)
+            away_m = distances_m(self.bench, point)
+            if not in_reach(away_m, self.rules).any():
+                nearest = int(np.maximum(least_m - away_m, away_m - most_m).argmin())
+                return (
+                    f"Between {self.label} no position of the bench reaches {shown(point)}: "
+                    f"{self.bench.name(nearest)} comes nearest, {away_m[nearest]:.3f} m "
+                    f"away, and {need}. Move the trajectory, or enlarge the bench."
+                )
+        return (
+            f"Between {self.label} no position of the bench reaches both "
+            f"{shown(self.path(begin))} and {shown(self.path(end))}; {need}. Move the "
+            "trajectory, or enlarge the bench."
+        )

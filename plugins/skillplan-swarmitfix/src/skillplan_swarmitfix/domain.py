@@ -1,0 +1,126 @@
+"""The SwarmItFIX bench: a walking fixture along a tool's trajectory (Veeramani, Muthuswamy)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar
+
+from skillplan.domains.domain import Account, Domain, Listing, Overview, Recheck
+from skillplan.errors import ChainBroken, Issue, OptionError
+from skillplan.task.task import Task
+from skillplan_swarmitfix.account import account, recheck_reach
+from skillplan_swarmitfix.base.goals import UnreachableSupport
+from skillplan_swarmitfix.bench.table_errata import table_errata
+from skillplan_swarmitfix.faults import issues
+from skillplan_swarmitfix.job import Job
+from skillplan_swarmitfix.machine_settings import bench_of
+from skillplan_swarmitfix.multiagent.multi_agent import (
+    MultiAgentProblem,
+    NotMultiAgent,
+    cost_of_agents_alone,
+)
+from skillplan_swarmitfix.overview import overview
+from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix.trajectory.unit_doubt import unit_doubt
+
+
+class SwarmitfixDomain(Domain):
+    """Heads, goals and paths of walking bases that support sheet metal from below."""
+
+    kind = "swarmitfix"
+    Config = SwarmitfixConfig
+    stages = ("heads", "goals", "base")
+    former_defaults: ClassVar[Mapping[str, str]] = {"base.reachable": "preferred"}
+
+    def issues(self, config: Any) -> Iterable[Issue]:
+        """Return faults of positions, trajectory, reach and robots."""
+        return issues(config)
+
+    def warnings(self, config: Any) -> Iterable[Issue]:
+        """Yield a doubt about the unit of a trajectory's file, and names of keys that changed."""
+        doubt = None if config.trajectory is None else unit_doubt(config.trajectory)
+        if doubt is not None:
+            yield doubt.under("trajectory")
+        if "prefer_reachable" in config.base.model_fields_set:
+            message = (
+                f"is read as reachable: {config.base.reach_rule}. Write that, or leave it out: "
+                "then the machine must reach every support."
+            )
+            yield Issue(message, ("base", "prefer_reachable"), at_key=True)
+
+    def hints(self, config: Any) -> Iterable[Issue]:
+        """Yield why no plan exists, if a support is out of reach."""
+        infeasible = Job(config).infeasible
+        if infeasible:
+            yield Issue(f"no plan exists: {infeasible}.", ("trajectory",), at_key=True)
+
+    def overview(self, config: Any) -> Overview:
+        """Return the extent and the length of the trajectory, where there is one."""
+        return overview(config)
+
+    def ground(self, config: Any, sha256: str) -> list[Task]:
+        """Return the chain of tasks; what follows a level stands on that level's optimum."""
+        return Job(config).tasks(sha256)
+
+    def follow(
+        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> list[Task]:
+        """Return the chain as it stands on the plans made so far.
+
+        Refined, the heads stand closer together.
+        """
+        job = Job(config, plans, refinement)
+        if refinement and not job.supportable:
+            return []
+        try:
+            return job.tasks(sha256)
+        except UnreachableSupport as error:
+            raise ChainBroken(f"with the heads so placed: {error}") from None
+
+    def account(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Account:
+        """Return supports, goals and the five steps."""
+        return account(Job(config, plans, refinement))
+
+    def recheck(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Iterable[Recheck]:
+        """Yield whether the machine reaches every support of a trajectory."""
+        if config.trajectory is not None:
+            yield recheck_reach(Job(config, plans, refinement))
+
+    def second_bound(self, task: Task) -> tuple[float, str] | None:
+        """Return the sum of the robots' least costs if none blocked another."""
+        if not any(skill.agents for skill in task.skills):
+            return None
+        try:
+            bound = cost_of_agents_alone(MultiAgentProblem.from_task(task))
+        except NotMultiAgent:
+            return None
+        return bound, "least cost of every agent alone"
+
+    def default_solver(self, config: Any) -> str:
+        """Return ``fleet`` for several bases, else ``exact``."""
+        return "exact" if config.robots is None else "fleet"
+
+    def errata(self, config: Any) -> Listing:
+        """Return where Table 1 of the paper and the rotated triangle disagree."""
+        try:
+            found = table_errata(bench=bench_of(config))
+        except ValueError as error:
+            raise OptionError(f"Table 1 cannot be held against this bench: {error}") from None
+        return Listing(
+            "Table 1 of Veeramani and Muthuswamy (2022) against rotated triangles",
+            ("action", "position", "column", "printed", "by geometry", "note"),
+            tuple((e.action, e.parity, e.column, e.printed, e.geometric, e.note) for e in found),
+            (
+                f"{len(found)} cells are printed wrongly; skillplan goes by geometry",
+                "Fig. 2 draws C54 to C41 as a swing about P17 (leg 3, CW 60 deg); Table 1's B1, "
+                "which skillplan takes, swings about P16 (leg 1, CCW 60 deg). Both end on C41.",
+            ),
+        )
+
+    def locate(self, fact: str) -> tuple[str | int, ...]:
+        """Return the section that a goal comes from."""
+        return ("base",)

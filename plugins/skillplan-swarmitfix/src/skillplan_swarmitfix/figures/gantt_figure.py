@@ -1,0 +1,268 @@
+"""When head, parallel kinematic machine and base are busy with the five steps.
+
+Veeramani and Muthuswamy 2022, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from skillplan.views.figures.colours import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
+from skillplan.views.figures.figure_style import (
+    LEAST_PT,
+    SMALL_PT,
+    Heading,
+    axes_in,
+    in_house_style,
+    legend_columns,
+    sheet,
+)
+from skillplan.views.figures.text_width import text_width_in
+from skillplan_swarmitfix.figures.requested_bench import requested_bench
+
+SOLVER = "exact"
+STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}
+"""Colour of each of the five steps, in their order."""
+ROWS = ("head", "pkm", "base")
+
+_LEFT_IN, _RIGHT_IN, _LINE_IN, _BAR_IN, _GAP_IN = 0.75, 0.3, 10.5, 0.3, 0.85
+_SCALE_IN_PER_S = 0.2
+_MOST_LINES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """One of the five steps on paper.
+
+    Parameters
+    ----------
+    sequence
+        Number of the sequence, from 1.
+    step
+        Which of the five, such as ``swing``.
+    agents
+        Who is busy: of ``head``, ``pkm`` and ``base``.
+    start_s, end_s
+        When [s], from 0.
+    labels
+        What is done, by the agent that does it, such as ``B2: C66 to C54``.
+
+    Raises
+    ------
+    ValueError
+        If the step or an agent is unknown, or it ends before it starts.
+    """
+
+    sequence: int
+    step: str
+    agents: tuple[str, ...]
+    start_s: float
+    end_s: float
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.step not in STEPS:
+            raise ValueError(f"{self.step!r} is none of the steps {', '.join(STEPS)}.")
+        unknown = [agent for agent in (*self.agents, *self.labels) if agent not in ROWS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is none of the agents {', '.join(ROWS)}.")
+        if not 0 <= self.start_s <= self.end_s:
+            raise ValueError(f"A step cannot run from {self.start_s} s to {self.end_s} s.")
+
+
+@in_house_style
+def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
+    """Draw a Gantt chart; what is too long for one line goes on in the next.
+
+    Parameters
+    ----------
+    bars
+        The steps in order of time, at least one.
+    heading
+        What stands above.
+
+    Raises
+    ------
+    ValueError
+        If there is no step.
+    """
+    if not bars:
+        raise ValueError("A Gantt chart needs at least one step.")
+    lines, per_line_s = _lines(bars)
+    width_in = _LEFT_IN + _LINE_IN + _RIGHT_IN
+    used = [step for step in STEPS if any(bar.step == step for bar in bars)]
+    columns, legend_in = legend_columns(used, width_in - 0.4)
+    tall_in = _BAR_IN * len(ROWS)
+    each_in = tall_in + _GAP_IN
+    head_in = heading.height_in(width_in - 0.4)
+    height_in = head_in + each_in * len(lines) + legend_in + 0.05
+    figure = sheet(width_in, height_in, heading)
+    for number, line in enumerate(lines):
+        top_in = height_in - head_in - 0.25 - number * each_in
+        begin_s = line[0].start_s
+        span_s = max(line[-1].end_s - begin_s, 1e-3 * per_line_s)
+        wide_in = _LINE_IN * span_s / per_line_s
+        axes = axes_in(figure, _LEFT_IN, top_in - tall_in, wide_in, tall_in)
+        axes.set_xlim(begin_s, begin_s + span_s)
+        _draw_line(axes, line, wide_in / span_s, last=number == len(lines) - 1)
+    handles = [Patch(facecolor=STEPS[step], edgecolor=INK, linewidth=0.5) for step in used]
+    figure.legend(
+        handles,
+        used,
+        loc="lower left",
+        bbox_to_anchor=(0.15 / width_in, 0.05 / height_in),
+        ncols=columns,
+        borderaxespad=0.0,
+    )
+    return figure
+
+
+def _lines(bars: Sequence[Bar]) -> tuple[list[list[Bar]], float]:
+    """Return the bars of every line, broken between sequences, and the time that a line has [s]."""
+    total_s = bars[-1].end_s - bars[0].start_s
+    per_line_s = max(_LINE_IN / _SCALE_IN_PER_S, total_s / _MOST_LINES * 1.15)
+    if total_s <= per_line_s:
+        return [list(bars)], max(total_s, 1e-9)
+    sequences: dict[int, list[Bar]] = {}
+    for bar in bars:
+        sequences.setdefault(bar.sequence, []).append(bar)
+    lines: list[list[Bar]] = []
+    for group in sequences.values():
+        if lines and group[-1].end_s - lines[-1][0].start_s <= per_line_s:
+            lines[-1] += group
+        else:
+            lines.append(list(group))
+    return lines, max(line[-1].end_s - line[0].start_s for line in lines)
+
+
+def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) -> None:
+    axes.set_ylim(len(ROWS) - 0.5, -0.5)
+    axes.set_yticks(range(len(ROWS)), [row.upper() if row == "pkm" else row for row in ROWS])
+    axes.tick_params(axis="y", length=0, labelsize=SMALL_PT + 0.5, labelcolor=INK)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.grid(axis="x")
+    if last:
+        axes.set_xlabel("time [s]")
+    for bar in bars:
+        for agent in bar.agents:
+            axes.barh(
+                ROWS.index(agent),
+                bar.end_s - bar.start_s,
+                left=bar.start_s,
+                height=0.8,
+                color=STEPS[bar.step],
+                edgecolor=INK if bar.step == "swing" else "none",
+                linewidth=0.5,
+            )
+        for agent, label in bar.labels.items():
+            _write_in(axes, bar, agent, label, in_per_s)
+    _mark_sequences(axes, bars, in_per_s)
+
+
+def _write_in(axes: Axes, bar: Bar, agent: str, label: str, in_per_s: float) -> None:
+    """Write what an agent does into its bar, as large as fits."""
+    room_in = (bar.end_s - bar.start_s) * in_per_s - 0.06
+    size_pt = SMALL_PT * min(1.0, room_in / max(1e-6, text_width_in(label, SMALL_PT)))
+    if size_pt >= LEAST_PT:
+        axes.text(
+            (bar.start_s + bar.end_s) / 2,
+            ROWS.index(agent),
+            label,
+            ha="center",
+            va="center_baseline",
+            size=size_pt,
+        )
+
+
+def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
+    """Draw a line where a sequence begins, and write its number above where there is room."""
+    first: dict[int, float] = {}
+    until: dict[int, float] = {}
+    for bar in bars:
+        first.setdefault(bar.sequence, bar.start_s)
+        until[bar.sequence] = bar.end_s
+    free_from_s = -1.0
+    for sequence, start_s in first.items():
+        axes.axvline(start_s, color=MUTED, linewidth=0.9, linestyle=(0, (4, 2)), ymax=1.22).set(
+            clip_on=False, zorder=4
+        )
+        middle_s = (start_s + until[sequence]) / 2
+        text = f"sequence {sequence}"
+        room_in = (until[sequence] - start_s) * in_per_s
+        if text_width_in(text, SMALL_PT) + 0.08 > room_in:
+            text = str(sequence)
+        half_s = (text_width_in(text, SMALL_PT) / 2 + 0.02) / in_per_s
+        if middle_s - half_s < free_from_s:
+            continue
+        free_from_s = middle_s + half_s
+        axes.text(
+            middle_s,
+            -0.68,
+            text,
+            ha="center",
+            va="center_baseline",
+            size=SMALL_PT,
+            color=MUTED,
+            backgroundcolor=PAPER,
+            bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.4},
+            zorder=5,
+        )
+
+
+def runs(request: FigureRequest) -> Sequence[Run]:
+    """Return what has to be solved first: the whole chain."""
+    requested_bench(request)
+    last = request.problem.tasks[-1]
+    if len(last.places_in(last.initial)) != 1:
+        raise request.unfit("it shows one base that walks, but the file has several")
+    return [request.chain_run()]
+
+
+def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the timeline of a solved chain.
+
+    Raises
+    ------
+    OptionError
+        If the chain has none.
+    """
+    chain = outcomes[0].chain
+    timeline = chain.account.document.get("timeline")
+    if not timeline:
+        raise request.unfit("the solved file has no five steps")
+    bars = []
+    for phase in timeline:
+        bars.append(
+            Bar(
+                phase["sequence"],
+                phase["step"],
+                tuple(phase["agents"]),
+                phase["start_s"],
+                phase["end_s"],
+                _labels(phase.get("swing")),
+            )
+        )
+    swings = sum(bar.step == "swing" for bar in bars)
+    title = (
+        f"The five steps of {chain.name}: {swings} swings, {bars[-1].end_s:.1f} s, "
+        f"{bars[-1].sequence} sequences"
+    )
+    return gantt_figure(bars, Heading(title, request.details(outcomes[0].run)))
+
+
+def _labels(swing: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return what base and PKM do in a swing."""
+    if swing is None:
+        return {}
+    turn = f"{swing['counter_rotation_deg']:+d}\N{DEGREE SIGN}"
+    return {
+        "base": f"{swing['action']}: {swing['start']} \N{RIGHTWARDS ARROW} {swing['end']}",
+        "pkm": "turns " + turn.replace("-", "\N{MINUS SIGN}"),
+    }

@@ -1,0 +1,225 @@
+"""The heads to choose from along a segment, and which of them may follow which.
+
+Only consecutive heads have to lie apart: others are not below the sheet at the same time. The
+heads at the vertices are given, and may overlap where a segment is short.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_swarmitfix.heads.geometry import HeadShapes, SupportedStretch
+from skillplan_swarmitfix.heads.heads import (
+    THIRD_RAD,
+    Head,
+    HeadKind,
+    HeadRules,
+    normal_yaw,
+    same_yaw,
+)
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+from skillplan_swarmitfix.trajectory.workpiece import Segment
+
+MOST_HEADS = 2_000
+"""More heads than this to choose from are too many for one task."""
+
+_TOLERANCE_M = 1e-9
+
+
+@dataclass(frozen=True)
+class HeadGrid:
+    """The heads to choose from, numbered along the segment from 0, the first, to `last`.
+
+    Parameters
+    ----------
+    segment
+        What to support.
+    start, end
+        The given heads at its start and its end.
+    rules
+        How heads may be placed.
+    holdable
+        Returns whether a base can hold a head at a point; None if that is not required. The heads
+        at the ends are given and not checked.
+    """
+
+    segment: Segment
+    start: Head
+    end: Head
+    rules: HeadRules
+    holdable: Callable[[Point2], bool] | None = None
+
+    @cached_property
+    def cells(self) -> int:
+        """Equal parts of the segment, between which heads may lie."""
+        return max(1, math.ceil(self.segment.length_m / self.rules.step_m - 1e-9))
+
+    @cached_property
+    def headings(self) -> tuple[float, ...]:
+        """The yaws tried: evenly from the direction of travel, then those of both ends [rad].
+
+        With the latter, heads need not turn where those at the vertices do not.
+        """
+        rules = self.rules
+        along = self.segment.direction_at(self.segment.length_m / 2)
+        tried = [along + THIRD_RAD * o / rules.orientations for o in range(rules.orientations)]
+        found: list[float] = []
+        for yaw in (*tried, self.start.yaw_rad, self.end.yaw_rad):
+            if not any(same_yaw(yaw, known) for known in found):
+                found.append(normal_yaw(yaw))
+        return tuple(found)
+
+    @cached_property
+    def last(self) -> int:
+        """The number of the head at the end."""
+        return (self.cells - 1) * len(self.headings) + 1
+
+    def key(self, node: int) -> tuple[int, int]:
+        """Return the grid point, from 1, and the number of the heading of a head between."""
+        point, heading = divmod(node - 1, len(self.headings))
+        return point + 1, heading
+
+    def distance_m(self, node: int) -> float:
+        """Return where a head lies along the segment [m]."""
+        if node in (0, self.last):
+            return 0.0 if node == 0 else self.segment.length_m
+        return self.segment.length_m * self.key(node)[0] / self.cells
+
+    def yaw_rad(self, node: int) -> float:
+        """Return the yaw of a head [rad]."""
+        if node in (0, self.last):
+            return (self.start if node == 0 else self.end).yaw_rad
+        return self.headings[self.key(node)[1]]
+
+    def head(self, node: int) -> Head:
+        """Return one of the heads between the vertices."""
+        distance_m = self.distance_m(node)
+        return Head(
+            self.segment.point_at(distance_m),
+            self.yaw_rad(node),
+            HeadKind.INTERMEDIATE,
+            self.segment.index,
+            distance_m,
+        )
+
+    @cached_property
+    def stretches(self) -> NDArray[np.float64]:
+        """Where the stretch that each head supports begins and ends, shape (heads, 2) [m]."""
+        supported = SupportedStretch(self.segment, self.rules)
+        nodes = range(self.last + 1)
+        return np.array([supported.at(self.distance_m(n), self.yaw_rad(n)) for n in nodes])
+
+    @cached_property
+    def shapes(self) -> HeadShapes:
+        """The triangles of all heads."""
+        nodes = range(self.last + 1)
+        positions = [self.segment.point_at(self.distance_m(n)) for n in nodes]
+        return HeadShapes(positions, [self.yaw_rad(n) for n in nodes], self.rules)
+
+    def after(self, node: int) -> NDArray[np.intp]:
+        """Return the heads further along that do not overlap with one."""
+        ahead = 1 if node == 0 else self.key(node)[0] * len(self.headings) + 1
+        others = np.arange(ahead, self.last + 1, dtype=np.intp)
+        apart = self.shapes.apart(node, others)
+        if node == 0:
+            apart[-1] = True  # Both are given.
+        return others[apart]
+
+    def gaps_m(self, node: int, others: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return how much lies bare between a head and each of those after it [m]."""
+        bare: NDArray[np.float64] = self.stretches[others, 0] - self.stretches[node, 1]
+        return np.maximum(bare, 0.0)
+
+    @cached_property
+    def arrows(self) -> dict[int, dict[int, float]]:
+        """What lies bare [m] by head and next head, of those on a path from first to last."""
+        limit_m = self.rules.max_gap_m + _TOLERANCE_M
+        found: dict[int, dict[int, float]] = {}
+        reached = {0}
+        for node in range(self.last):
+            if node not in reached:
+                continue
+            others = self.after(node)
+            bare_m = self.gaps_m(node, others)
+            near = (bare_m <= limit_m) & self._allowed[others]
+            found[node] = dict(zip(others[near].tolist(), bare_m[near].tolist(), strict=True))
+            reached |= found[node].keys()
+        useful = {self.last}
+        for node in sorted(found, reverse=True):
+            found[node] = {n: bare for n, bare in found[node].items() if n in useful}
+            if found[node]:
+                useful.add(node)
+        return {node: ahead for node, ahead in found.items() if ahead}
+
+    @cached_property
+    def _allowed(self) -> NDArray[np.bool_]:
+        """The heads that a base can hold, and those at the ends, shape (heads,)."""
+        allowed = np.ones(self.last + 1, dtype=np.bool_)
+        if self.holdable is not None:
+            for node in range(1, self.last, len(self.headings)):
+                held = self.holdable(self.segment.point_at(self.distance_m(node)))
+                allowed[node : node + len(self.headings)] = held
+            allowed[self.last] = True
+        return allowed
+
+    @cached_property
+    def fault(self) -> str | None:
+        """Why the segment cannot be supported."""
+        label = f"segment {self.segment.index + 1}, {self.segment.length_m:.3f} m long,"
+        if self.last - 1 > MOST_HEADS:
+            return (
+                f"{label} would have {self.last - 1:,} heads to choose from, more than "
+                f"{MOST_HEADS:,}; make step_m longer than {self.rules.step_m:g} m."
+            )
+        if self.arrows:
+            return None
+        least_m = math.ceil(self._least_gap_m() * 1e4) / 1e4
+        return (
+            f"{label} cannot be supported: heads on a grid of {self.rules.step_m:g} m leave "
+            f"{least_m:.4f} m bare at best, and max_gap_m allows {self.rules.max_gap_m:g}. Raise "
+            "max_gap_m, or make step_m finer."
+        )
+
+    def _least_gap_m(self) -> float:
+        """Return the longest bare stretch of the heads that keep it shortest [m]."""
+        least_m = np.full(self.last + 1, np.inf)
+        least_m[0] = 0.0
+        for node in range(self.last):
+            others = self.after(node)
+            widest_m = np.maximum(least_m[node], self.gaps_m(node, others))
+            least_m[others] = np.minimum(least_m[others], widest_m)
+        return float(least_m[self.last])
+
+    def cost(self, node: int, other: int) -> float:
+        """Return what placing a head after another costs: 1 unless it is the last, and a turn."""
+        same = same_yaw(self.yaw_rad(node), self.yaw_rad(other))
+        return (other != self.last) + (0.0 if same else self.rules.reorientation_cost)
+
+    def cheapest(self) -> tuple[int, ...]:
+        """Return the heads of least cost from the first, without it, to the last.
+
+        Dynamic programming. Of equals it takes the fewest heads, then the least sum of squares
+        of the stretches that lie bare.
+        """
+        to_go = {self.last: (0.0, 0, 0.0)}
+        following: dict[int, int] = {}
+        for node in sorted(self.arrows, reverse=True):
+            paths = []
+            for other, bare_m in self.arrows[node].items():
+                cost, count, uneven = to_go[other]
+                # Rounded, so that equal sums are equal whatever their order.
+                cost = round(cost + self.cost(node, other), 9)
+                uneven = round(uneven + bare_m**2, 9)
+                paths.append(((cost, count + 1, uneven), other))
+            to_go[node], following[node] = min(paths)
+        found, node = [], 0
+        while node != self.last:
+            node = following[node]
+            found.append(node)
+        return tuple(found)

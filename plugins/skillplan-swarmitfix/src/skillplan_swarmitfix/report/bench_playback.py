@@ -1,0 +1,291 @@
+"""A base that walks along a sheet, with its parallel kinematic machine and its head.
+
+Where base and head are follows from the plan; where the legs of the machine are, from its inverse
+kinematics. Heights between are drawn as the five steps say, from retract to support.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from skillplan.task.pose import Pose
+from skillplan.views.playback.document import Playback, box, cylinder
+from skillplan.views.playback.meshes import hull_mesh
+from skillplan.views.playback.tracks import FRAMES_PER_S
+from skillplan.views.playback.turns import Numbers, rows_of
+from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix.pkm.kinematics import OutsideWorkspace, PkmGeometry, inverse
+from skillplan_swarmitfix.pkm.pose6 import zyz_matrix
+from skillplan_swarmitfix.pkm.reach import Mount
+from skillplan_swarmitfix.report.bases import (
+    BASE_TOP_M,
+    Turning,
+    add_base,
+    add_bench,
+    base_rows,
+    turning,
+    upright_rows,
+)
+
+# Poses are worked out so often and interpolated between [frames].
+_EVERY = 6
+# Where the head is while it is parked: so far from the base, and so far below the sheet [m].
+_PARKED_M, _DOWN_M = 0.39, 0.05
+_HEAD_M = 0.02
+_LEG_COLOUR, _ROD_COLOUR = "#8b929b", "#d5d9de"
+
+
+def bench_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
+    """Return the motion of a job on the bench.
+
+    Parameters
+    ----------
+    name
+        Of the task.
+    bench
+        The lattice.
+    known
+        What the domain says of the solved file, with a timeline.
+    """
+    return _BenchPlayback(name, bench, known).made()
+
+
+class _BenchPlayback:
+    def __init__(self, name: str, bench: Bench, known: Mapping[str, Any]) -> None:
+        self.bench, self.known = bench, known
+        self.timeline: Sequence[Mapping[str, Any]] = known["timeline"]
+        end_s = float(self.timeline[-1]["end_s"])
+        frames = 1 + round(end_s * FRAMES_PER_S)
+        self.frames = np.arange(frames)
+        self.coarse = np.unique(np.append(np.arange(0, frames, _EVERY), frames - 1))
+        self.times_s = self.coarse / FRAMES_PER_S
+        words = "kinematic, by the times of the plan; not simulated"
+        self.playback = Playback(name, frames, words)
+        self.geometry, self.mount = PkmGeometry(), Mount()
+
+    def made(self) -> Playback:
+        """Return all of it."""
+        add_bench(self.playback, self.bench)
+        self._sheet()
+        xs, ys, yaws = base_rows(self.bench, self._start(), self._turnings(), self.times_s)
+        add_base(self.playback, self.bench, "base", self._dense(upright_rows(xs, ys, yaws)))
+        self._machine(xs, ys)
+        self._skills()
+        return self.playback
+
+    def _start(self) -> int:
+        swings = [phase["swing"]["start"] for phase in self.timeline if phase.get("swing")]
+        return self.bench.position(swings[0] if swings else self.timeline[0]["base"])
+
+    def _turnings(self) -> list[Turning]:
+        found = []
+        for phase in self.timeline:
+            swing = phase.get("swing")
+            if swing:
+                start = self.bench.position(swing["start"])
+                times = float(phase["start_s"]), float(phase["end_s"])
+                made = turning(self.bench, start, int(swing["action"][1:]), *times)
+                found += [made] if made is not None else []
+        return found
+
+    def _sheet(self) -> None:
+        piece = self.known.get("workpiece")
+        if not piece:
+            return
+        points = [(x, y, self.mount.sheet_m + 0.004) for x, y in piece["points_m"]]
+        if piece["closed"]:
+            points.append(points[0])
+        path = {"name": "trajectory", "points_m": points, "kind": "trajectory"}
+        self.playback.paths.append(path)
+        xs, ys = [p[0] for p in points], [p[1] for p in points]
+        size = (max(xs) - min(xs) + 0.16, max(ys) - min(ys) + 0.16, 0.003)
+        middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2, self.mount.sheet_m + 0.0015)
+        self.playback.add_body("sheet", "sheet", [box(size)], Pose(middle))
+
+    def _reaches(self) -> list[tuple[float, float, float, float]]:
+        """Return keys of the head: time [s], its place in the plane [m], and how far it is down."""
+        keys: list[tuple[float, float, float, float]] = []
+        spots = [phase.get("support_m") for phase in self.timeline]
+        at = next((spot for spot in spots if spot), [0.0, 0.0])
+        for phase in self.timeline:
+            begin, end = float(phase["start_s"]), float(phase["end_s"])
+            spot = phase.get("support_m")
+            if phase["step"] == "support" and spot:
+                at = spot
+                keys += [(begin, *_plane(at), _DOWN_M), (end, *_plane(at), 0.0)]
+            elif phase["step"] == "retract":
+                keys += [(begin, *_plane(at), 0.0), (end, *_plane(at), _DOWN_M)]
+        return keys
+
+    def _machine(self, xs: Numbers, ys: Numbers) -> None:
+        """Add column, legs, platform and head, which turn with the machine on the base."""
+        spots, downs = self._head_spots(xs, ys)
+        azimuth = np.arctan2(spots[:, 1] - ys, spots[:, 0] - xs)
+        far = np.hypot(spots[:, 0] - xs, spots[:, 1] - ys)
+        count = len(self.times_s)
+        head, platform, pillar = (np.tile(np.eye(4), (count, 1, 1)) for _ in range(3))
+        joints = np.zeros((count, 3, 2, 3))
+        known: tuple[Numbers, Numbers, Numbers] | None = None
+        for k in range(count):
+            frame = self._mounted(xs[k], ys[k], azimuth[k])
+            pose = self._pose(float(far[k]), float(downs[k]))
+            known = pose or known
+            if known is None:
+                continue
+            plate, feet, tops = known
+            platform[k] = frame @ plate
+            head[k] = self._head_frame(xs[k], ys[k], azimuth[k], far[k], downs[k])
+            joints[k, :, 0] = feet @ frame[:3, :3].T + frame[:3, 3]
+            joints[k, :, 1] = tops @ frame[:3, :3].T + frame[:3, 3]
+            pillar[k] = frame
+        self._add_machine(pillar, platform, head, joints)
+
+    def _head_spots(self, xs: Numbers, ys: Numbers) -> tuple[Numbers, Numbers]:
+        """Return where the head is in the plane, shape (n, 2), and how far below the sheet."""
+        keys = np.array(self._reaches() or [(0.0, xs[0] + _PARKED_M, ys[0], _DOWN_M)])
+        spots = np.stack(
+            [np.interp(self.times_s, keys[:, 0], keys[:, axis]) for axis in (1, 2)], axis=1
+        )
+        downs = np.interp(self.times_s, keys[:, 0], keys[:, 3])
+        # No farther than the machine reaches while the base walks under it.
+        away = spots - np.stack([xs, ys], axis=1)
+        far = np.maximum(np.hypot(*away.T), 1e-6)
+        held = np.where(downs > _DOWN_M - 1e-9, np.clip(far, 0.34, 0.43), far)
+        spots = np.stack([xs, ys], axis=1) + away * (held / far)[:, None]
+        return spots, downs
+
+    def _mounted(self, x: float, y: float, azimuth: float) -> Numbers:
+        """Return the frame of the machine on the base, in the world."""
+        made = np.eye(4)
+        turned = zyz_matrix(azimuth, self.mount.tilt_rad, 0.0)
+        out = (math.cos(azimuth), math.sin(azimuth))
+        made[:3, :3] = turned
+        made[:3, 3] = (
+            x + self.mount.offset_m * out[0],
+            y + self.mount.offset_m * out[1],
+            self.mount.height_m,
+        )
+        return made
+
+    def _pose(self, far_m: float, down_m: float) -> tuple[Numbers, Numbers, Numbers] | None:
+        """Return platform, feet and tops of the legs in the machine's frame; None out of reach."""
+        mount = Mount(sheet_m=self.mount.sheet_m - down_m)
+        try:
+            joints = inverse(self.geometry, mount.head_pose(far_m))
+        except OutsideWorkspace:
+            return None
+        sin_a, cos_a = math.sin(joints.a_rad), math.cos(joints.a_rad)
+        sin_b, cos_b = math.sin(joints.b_rad), math.cos(joints.b_rad)
+        plate = np.eye(4)
+        plate[:3, :3] = [
+            [sin_a, -sin_b * cos_a, -cos_b * cos_a],
+            [0.0, cos_b, -sin_b],
+            [cos_a, sin_b * sin_a, cos_b * sin_a],
+        ]
+        slide_m = -self.geometry.base_arm_m * sin_b * cos_a
+        plate[:3, 3] = joints.h_m * plate[:3, 2] + slide_m * plate[:3, 1]
+        feet = self.geometry.base_points_m
+        tops = plate[:3, 3] + self.geometry.platform_points_m @ plate[:3, :3].T
+        return plate, feet, tops
+
+    def _head_frame(self, x: float, y: float, azimuth: float, far: float, down: float) -> Numbers:
+        made = np.eye(4)
+        made[:3, :3] = zyz_matrix(azimuth, 0.0, 0.0)
+        made[:3, 3] = (
+            x + far * math.cos(azimuth),
+            y + far * math.sin(azimuth),
+            self.mount.sheet_m - down,
+        )
+        return made
+
+    def _add_machine(
+        self, pillar: Numbers, platform: Numbers, head: Numbers, joints: Numbers
+    ) -> None:
+        playback = self.playback
+        foot = self.mount.height_m - BASE_TOP_M
+        column = pillar.copy()
+        # The column stands upright on the base and turns with the machine.
+        column[:, :3, :3] = head[:, :3, :3]
+        column[:, 2, 3] = BASE_TOP_M
+        shapes = [
+            cylinder(0.06, foot, Pose((-self.mount.offset_m, 0.0, foot / 2))),
+            box((self.mount.offset_m + 0.12, 0.13, 0.04), Pose((-0.05, 0.0, foot - 0.03))),
+        ]
+        playback.add_body("column", "link", shapes, rows=self._dense(rows_of(column)))
+        corners = [
+            (*point[:2], z) for point in self.geometry.platform_points_m for z in (-0.012, 0.012)
+        ]
+        corners += [(-0.03, 0.0, -0.012), (-0.03, 0.0, 0.012)]
+        wrist = cylinder(0.022, self.geometry.wrist_offset_m, Pose((0, 0, 0.045)))
+        shapes = [playback.mesh(*hull_mesh(corners)), wrist]
+        playback.add_body("platform", "link", shapes, rows=self._dense(rows_of(platform)))
+        for number, name in enumerate("ABC"):
+            self._add_leg(name, joints[:, number])
+        side = 0.1
+        points = [
+            (
+                side / math.sqrt(3) * math.cos(2 * math.pi * k / 3),
+                side / math.sqrt(3) * math.sin(2 * math.pi * k / 3),
+                z,
+            )
+            for k in range(3)
+            for z in (-_HEAD_M, 0.0)
+        ]
+        stem = cylinder(0.018, 0.07, Pose((0.0, 0.0, -0.05)))
+        shapes = [playback.mesh(*hull_mesh(points)), stem]
+        rows = self._dense(rows_of(head))
+        track = playback.add_body("head", "head", shapes, rows=rows, label=True)
+        playback.arms.append({"name": "PKM", "tip_track": track})
+
+    def _add_leg(self, name: str, ends: Numbers) -> None:
+        """Add a leg: a tube from below and a rod from above, one within the other."""
+        along = ends[:, 1] - ends[:, 0]
+        lengths = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+        z = along / lengths
+        x = np.cross(np.array([0.0, 1.0, 0.0]), z)
+        x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-9)
+        frames = np.tile(np.eye(4), (len(ends), 1, 1))
+        frames[:, :3, 0], frames[:, :3, 1], frames[:, :3, 2] = x, np.cross(z, x), z
+        for part, start, sign, radius, colour in (
+            ("tube", 0, 1, 0.016, _LEG_COLOUR),
+            ("rod", 1, -1, 0.009, _ROD_COLOUR),
+        ):
+            own = frames.copy()
+            own[:, :3, 3] = ends[:, start]
+            shapes = [cylinder(radius, 0.18, Pose((0.0, 0.0, sign * 0.09)))]
+            rows = self._dense(rows_of(own))
+            self.playback.add_body(f"leg {name}, {part}", "link", shapes, rows=rows, color=colour)
+
+    def _dense(self, rows: Numbers) -> Numbers:
+        """Return poses of every frame from those that were worked out."""
+        made = [np.interp(self.frames, self.coarse, column) for column in rows.T]
+        dense = np.stack(made, axis=1)
+        dense[:, 3:] /= np.linalg.norm(dense[:, 3:], axis=1, keepdims=True)
+        return np.asarray(dense)
+
+    def _skills(self) -> None:
+        for phase in self.timeline:
+            swing = phase.get("swing")
+            words = f"{swing['action']}: {swing['start']} to {swing['end']}" if swing else None
+            self.playback.skills.append(
+                {
+                    "name": f"{phase['step']} ({phase['sequence']})",
+                    "start_s": float(phase["start_s"]),
+                    "end_s": float(phase["end_s"]),
+                    "arm": "base" if swing else "PKM",
+                    "tool": None,
+                    "subject": "base" if swing else "head",
+                    "note": words,
+                }
+            )
+
+
+def _plane(spot: Any) -> tuple[float, float]:
+    """Return the middle of one support, or of several [m]."""
+    points = np.atleast_2d(np.array(spot, dtype=np.float64))
+    x, y = points.mean(axis=0).tolist()
+    return x, y

@@ -1,0 +1,171 @@
+"""Tool trajectories from files: DXF drawings, CSV tables of vertices and G-code programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from pathlib import Path
+
+from skillplan.files.companion_file import CompanionFileError, read_companion
+from skillplan_swarmitfix.trajectory.path import (
+    TrajectoryFileError,
+    TrajectoryPath,
+    one_line,
+)
+from skillplan_swarmitfix.trajectory.path_elements import Element, Line
+from skillplan_swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
+from skillplan_swarmitfix.trajectory.units import UNITS_M, UnitName
+
+__all__ = ["MAX_BYTES", "SUFFIXES", "TrajectoryFileError", "TrajectoryPath", "read_trajectory"]
+
+MAX_BYTES = 8 * 1024 * 1024
+"""Greatest size of a file."""
+
+GCODE_SUFFIXES = (".nc", ".gcode", ".ngc", ".tap")
+SUFFIXES = (".dxf", ".csv", *GCODE_SUFFIXES)
+
+_HEADERS = {"x_m,y_m": 1.0, "x_mm,y_mm": 1e-3}
+_HEADER_WITHOUT_UNIT = "x,y"
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
+    """Return the tool trajectory that a file holds.
+
+    A trajectory that ends within `JOIN_M` of its start is closed. Whether it crosses itself or
+    leaves the bench is for `workpiece.faults` to say.
+
+    Parameters
+    ----------
+    path
+        Read by its suffix: ``.dxf`` as `dxf_trajectory` says; ``.nc``, ``.gcode``, ``.ngc`` and
+        ``.tap`` as `gcode_trajectory` says; ``.csv`` as `csv_trajectory` says.
+    unit
+        What its lengths are in: of a drawing before its own ``$INSUNITS``, of a program until it
+        says G20 or G21, of a table with the header ``x,y``. None for what the file says, and for
+        millimetres where it says nothing.
+
+    Raises
+    ------
+    TrajectoryFileError
+        If the file cannot be read, is larger than `MAX_BYTES`, or holds anything but one
+        trajectory; with the line or the entity.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise TrajectoryFileError(
+            path, f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
+        )
+    content = _content(path)
+    if suffix == ".dxf":
+        # Takes ezdxf, which takes half a second to import.
+        from skillplan_swarmitfix.trajectory.dxf import dxf_trajectory
+
+        return dxf_trajectory(path, content, unit)
+    text = _text(path, content)
+    if suffix == ".csv":
+        return csv_trajectory(path, text, unit)
+    from skillplan_swarmitfix.trajectory.gcode import gcode_trajectory
+
+    return gcode_trajectory(path, text, unit)
+
+
+def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
+    """Return the trajectory whose vertices a table holds.
+
+    Parameters
+    ----------
+    path
+        The table's file, for messages.
+    text
+        The header ``x_m,y_m`` or ``x_mm,y_mm``, or ``x,y`` where `unit` is given, and then rows
+        of two numbers. Empty rows are passed over. A last row equal to the first closes the
+        trajectory.
+    unit
+        What the numbers under the header ``x,y`` are in.
+
+    Raises
+    ------
+    TrajectoryFileError
+        With the line that cannot be read, or if there are fewer than two vertices.
+    """
+    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    unit_m: float | None = None
+    vertices: list[Point2] = []
+    places: list[str] = []
+    try:
+        for row in rows:
+            place = f"line {rows.line_num}"
+            cells = [cell.strip() for cell in row]
+            if not any(cells):
+                continue
+            if unit_m is None:
+                unit_m = _unit_of_header(path, ",".join(cells), place, unit)
+                continue
+            if len(cells) != 2:
+                raise TrajectoryFileError(
+                    path,
+                    f"The row has {len(cells)} cells instead of 2; write x,y with a decimal point "
+                    "and a comma between them.",
+                    place,
+                )
+            x, y = (_number(path, cell, place) * unit_m for cell in cells)
+            vertices.append((x, y))
+            places.append(place)
+    except csv.Error as error:
+        message = f"The table is damaged ({error}); write x,y without quotes."
+        raise TrajectoryFileError(path, message, f"line {rows.line_num}") from None
+    if len(vertices) < 2:
+        raise TrajectoryFileError(
+            path,
+            f"The table has {len(vertices)} vertices; give the header x_m,y_m or x_mm,y_mm and "
+            "two rows or more.",
+        )
+    elements: list[Element] = [Line(vertex) for vertex in vertices[1:]]
+    return TrajectoryPath.ended(vertices[0], elements, places[1:], places[0])
+
+
+def _unit_of_header(path: Path, header: str, place: str, unit: UnitName | None) -> float:
+    """Return the length of a table's unit [m], which its header or the task file says."""
+    shown = one_line(header, 40)
+    if header == _HEADER_WITHOUT_UNIT and unit is not None:
+        return UNITS_M[unit]
+    if header == _HEADER_WITHOUT_UNIT:
+        message = f"The header {shown!r} says no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'."
+        raise TrajectoryFileError(path, message, place)
+    if header not in _HEADERS:
+        message = f"The header is {shown!r}; write x_m,y_m or x_mm,y_mm."
+        raise TrajectoryFileError(path, message, place)
+    if unit is not None:
+        message = f"The header {shown!r} says the unit; leave 'unit' out, or write x,y."
+        raise TrajectoryFileError(path, message, place)
+    return _HEADERS[header]
+
+
+def _number(path: Path, cell: str, place: str) -> float:
+    value = float(cell) if _NUMBER.fullmatch(cell) else math.nan
+    if not abs(value) <= MAX_COORDINATE_M:
+        message = (
+            f"{one_line(cell, 40)!r} is no coordinate; write a number such as 0.34, "
+            f"within {MAX_COORDINATE_M:g}."
+        )
+        raise TrajectoryFileError(path, message, place)
+    return value
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_companion(path, MAX_BYTES, "trajectory")
+    except CompanionFileError as error:
+        raise TrajectoryFileError(path, str(error)) from None
+
+
+def _text(path: Path, content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"The byte 0x{content[error.start]:02x} is no UTF-8 text; save it as UTF-8."
+        raise TrajectoryFileError(path, message, f"line {line}") from None

@@ -1,0 +1,119 @@
+"""A tool trajectory as it is read from a file, and what is said of a file that has none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from skillplan_swarmitfix.trajectory.path_elements import (
+    Element,
+    Spline,
+    ending_at,
+    points_of,
+)
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+
+JOIN_M = 1e-5
+"""Ends of a file's elements as near as this are joined [m]: files hold rounded decimals."""
+
+
+class TrajectoryFileError(ValueError):
+    """A file that no trajectory can be read from: ``file: place: what, and what instead``.
+
+    Parameters
+    ----------
+    path
+        The file as the user named it.
+    message
+        What is wrong and what to do instead, in one line.
+    place
+        The line or the entity at fault; empty for the file as a whole.
+    """
+
+    def __init__(self, path: Path, message: str, place: str = "") -> None:
+        self.path = path
+        self.message = message
+        self.place = place
+        super().__init__(": ".join(filter(None, (str(path), place, message))))
+
+
+@dataclass(frozen=True)
+class TrajectoryPath:
+    """The trajectory of a file.
+
+    Parameters
+    ----------
+    start
+        Where the first element starts [m].
+    elements
+        At least one, in order along the trajectory. If it is closed, they lead back to the start.
+    closed
+        Whether it ends where it starts.
+    places
+        Where in the file each element comes from, for messages: ``line 12``, or
+        ``LWPOLYLINE #2F, vertex 3``.
+    start_place
+        Where in the file the start is given; empty where that is with the first element.
+    unit_assumed
+        Whether nothing says in which unit the file is, so that it was read in millimetres.
+
+    Raises
+    ------
+    ValueError
+        If there is no element, or not a place for each.
+    """
+
+    start: Point2
+    elements: tuple[Element, ...]
+    closed: bool
+    places: tuple[str, ...]
+    start_place: str = ""
+    unit_assumed: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.elements:
+            raise ValueError("A trajectory needs an element.")
+        if len(self.places) != len(self.elements):
+            raise ValueError(f"{len(self.places)} places for {len(self.elements)} elements.")
+
+    @property
+    def extent_m(self) -> Point2:
+        """Sides of the rectangle about its start and the points that its elements name [m]."""
+        points = [self.start, *(p for element in self.elements for p in points_of(element))]
+        (x_low, x_high), (y_low, y_high) = ((min(c), max(c)) for c in zip(*points, strict=True))
+        return x_high - x_low, y_high - y_low
+
+    @classmethod
+    def ended(
+        cls, start: Point2, elements: list[Element], places: list[str], start_place: str = ""
+    ) -> Self:
+        """Return the trajectory, which is closed if it ends within `JOIN_M` of its start.
+
+        A single line or arc that does so is of no length, and stays open.
+        """
+        may_close = len(elements) > 1 or isinstance(elements[0], Spline)
+        closed = may_close and math.dist(elements[-1].end, start) <= JOIN_M
+        if closed:
+            elements = [*elements[:-1], ending_at(elements[-1], start)]
+        return cls(start, tuple(elements), closed, tuple(places), start_place)
+
+    def place_of(self, path: tuple[str | int, ...]) -> str:
+        """Return where in the file a fault is, by its path as `workpiece.faults` gives it.
+
+        Empty where the fault is in the trajectory as a whole.
+        """
+        match path:
+            case (int(i),):
+                return self.places[i]
+            case ("start",):
+                return self.start_place or self.places[0]
+        return ""
+
+
+def one_line(foreign: str, most: int = 100) -> str:
+    """Return foreign text as messages show it: in one line, printable and short."""
+    text = " ".join(foreign.split()).rstrip(".")
+    text = "".join(char if char.isprintable() else "?" for char in text)
+    return text if len(text) <= most else text[: most - 3] + "..."

@@ -1,0 +1,354 @@
+"""The elements a tool trajectory is written in: lines, circular arcs and splines.
+
+An element starts where the one before it ends, so that it holds its end only. Coordinates are in
+the frame of the bench [m]. An arc is given by a point on it, which leaves no doubt about its side
+or its sense.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+from skillplan_swarmitfix.trajectory.catmull_rom import (
+    BezierSpan,
+    bezier_spans,
+    chords_needed,
+    deviation_m,
+    point_of,
+)
+from skillplan_swarmitfix.trajectory.plane_point import (
+    MAX_COORDINATE_M,
+    SAME_POINT_M,
+    Point2,
+    on_any_bench,
+    shown,
+)
+
+MIN_CHORD_TOLERANCE_M = 1e-7
+"""Finest chord tolerance [m]."""
+
+MAX_CHORDS = 100_000
+"""Most chords that one element, or one trajectory, is sampled to."""
+
+FLAT_RAD = 1e-6
+"""An arc is a line where the directions to its two other points differ by less [rad]."""
+
+_WIDEST_CHORD_RAD = math.pi / 4
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A straight element.
+
+    Parameters
+    ----------
+    end
+        Where it ends [m].
+    """
+
+    end: Point2
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """A circular arc of less than a full turn; a full circle is two of them.
+
+    Parameters
+    ----------
+    end
+        Where it ends [m].
+    through
+        A point on the arc between its ends [m].
+    """
+
+    end: Point2
+    through: Point2
+
+
+@dataclass(frozen=True, slots=True)
+class Spline:
+    """A centripetal Catmull-Rom curve; one that ends where it starts is closed smoothly.
+
+    Parameters
+    ----------
+    through
+        The points that it passes through in turn [m], without its start; the last is its end.
+
+    Raises
+    ------
+    ValueError
+        If there is no point.
+    """
+
+    through: tuple[Point2, ...]
+
+    def __post_init__(self) -> None:
+        if not self.through:
+            raise ValueError("A spline needs at least one point, which is its end.")
+
+    @property
+    def end(self) -> Point2:
+        """Where it ends [m]."""
+        return self.through[-1]
+
+
+Element = Line | Arc | Spline
+
+
+@dataclass(frozen=True, slots=True)
+class ArcCircle:
+    """An arc by its circle.
+
+    Parameters
+    ----------
+    centre
+        Its centre [m].
+    radius_m
+        Its radius, > 0 [m].
+    start_rad
+        Direction from the centre to the start of the arc [rad].
+    sweep_rad
+        Angle that the arc turns through: > 0 counter-clockwise, in (-2 pi, 2 pi) [rad].
+    """
+
+    centre: Point2
+    radius_m: float
+    start_rad: float
+    sweep_rad: float
+
+    def at(self, fraction: float) -> Point2:
+        """Return the point at a fraction in [0, 1] of the arc [m]."""
+        angle = self.start_rad + fraction * self.sweep_rad
+        return (
+            self.centre[0] + self.radius_m * math.cos(angle),
+            self.centre[1] + self.radius_m * math.sin(angle),
+        )
+
+
+def circle_of(start: Point2, arc: Arc) -> ArcCircle:
+    """Return the circle of an arc that starts at `start` [m].
+
+    Raises
+    ------
+    ValueError
+        If its three points lie on a line or two of them are one.
+    """
+    points = (start, arc.through, arc.end)
+    for one, other in itertools.combinations(points, 2):
+        if math.dist(one, other) <= SAME_POINT_M:
+            raise ValueError(
+                f"Two of the arc's three points are the same, {shown(one)}; give three that "
+                "differ, and write a full circle as two arcs."
+            )
+    ax, ay = arc.through[0] - start[0], arc.through[1] - start[1]
+    bx, by = arc.end[0] - start[0], arc.end[1] - start[1]
+    a, b = math.hypot(ax, ay), math.hypot(bx, by)
+    cross = ax * by - ay * bx
+    if abs(cross) <= FLAT_RAD * a * b:
+        raise ValueError(
+            f"The arc's points {', '.join(map(shown, points))} lie on a line; "
+            "move the point between the ends off it, or write a line."
+        )
+    x = (by * a * a - ay * b * b) / (2 * cross)
+    y = (ax * b * b - bx * a * a) / (2 * cross)
+    start_rad = math.atan2(-y, -x)
+    sweep_rad = (math.atan2(by - y, bx - x) - start_rad) % math.tau
+    return ArcCircle(
+        centre=(start[0] + x, start[1] + y),
+        radius_m=math.hypot(x, y),
+        start_rad=start_rad,
+        sweep_rad=sweep_rad if cross > 0 else sweep_rad - math.tau,
+    )
+
+
+def points_of(element: Element) -> tuple[Point2, ...]:
+    """Return the points an element is written with, in order, without its start [m]."""
+    match element:
+        case Arc(end, through):
+            return (through, end)
+        case Spline(points):
+            return points
+    return (element.end,)
+
+
+def sample(start: Point2, element: Element, chord_tolerance_m: float) -> list[Point2]:
+    """Return points on an element such that the chords between them stay near it.
+
+    Parameters
+    ----------
+    start
+        Where the element starts [m].
+    element
+        What is sampled.
+    chord_tolerance_m
+        Greatest distance between the element and its chords, >= 1e-7 [m].
+
+    Returns
+    -------
+    list of Point2
+        The points after `start`; the last is the element's end exactly. A line has one, an arc or
+        a spline has two or more.
+
+    Raises
+    ------
+    ValueError
+        If the tolerance or a coordinate is out of range, if two consecutive points are the same
+        or an arc's points lie on a line, or if more than `MAX_CHORDS` chords were needed.
+    """
+    refuse_tolerance(chord_tolerance_m)
+    for point in (start, *points_of(element)):
+        if not on_any_bench(point):
+            raise ValueError(
+                f"The point {shown(point)} is on no bench; "
+                f"give finite coordinates within {MAX_COORDINATE_M:g} m."
+            )
+    match element:
+        case Arc():
+            return _sample_arc(circle_of(start, element), element.end, chord_tolerance_m)
+        case Spline():
+            return _sample_spline(_spans(start, element), chord_tolerance_m)
+    _refuse_equal(start, element.end)
+    return [element.end]
+
+
+def sampling_error_m(start: Point2, element: Element, chord_tolerance_m: float) -> float:
+    """Return an upper bound of the distance of an element from its sampled chords [m].
+
+    It is exact for an arc, and 0 for a line.
+
+    Parameters
+    ----------
+    start, element, chord_tolerance_m
+        As in `sample`, which accepts them.
+    """
+    match element:
+        case Arc():
+            circle = circle_of(start, element)
+            step_rad = abs(circle.sweep_rad) / _arc_chords(circle, chord_tolerance_m)
+            return 2 * circle.radius_m * math.sin(step_rad / 4) ** 2
+        case Spline():
+            spans = _spans(start, element)
+            counts = _spline_chords(spans, chord_tolerance_m)
+            return max(itertools.starmap(deviation_m, zip(spans, counts, strict=True)))
+    return 0.0
+
+
+def refuse_tolerance(chord_tolerance_m: float) -> None:
+    """Raise a ValueError if curves cannot be sampled to a chord tolerance [m]."""
+    if not MIN_CHORD_TOLERANCE_M <= chord_tolerance_m < math.inf:
+        raise ValueError(
+            f"A chord tolerance of {chord_tolerance_m:g} m cannot be used; "
+            f"give {MIN_CHORD_TOLERANCE_M:g} m or more."
+        )
+
+
+def end_directions(start: Point2, element: Element) -> tuple[float, float]:
+    """Return the directions of travel at the start and at the end of an element [rad].
+
+    They are the element's own, not those of its chords.
+
+    Raises
+    ------
+    ValueError
+        As `sample`, but for the coordinates, which have to be in range.
+    """
+    match element:
+        case Arc():
+            circle = circle_of(start, element)
+            first = circle.start_rad + math.copysign(math.pi / 2, circle.sweep_rad)
+            return first, first + circle.sweep_rad
+        case Spline():
+            spans = _spans(start, element)
+            return _direction(spans[0][0], spans[0][1]), _direction(spans[-1][2], spans[-1][3])
+    _refuse_equal(start, element.end)
+    direction = _direction(start, element.end)
+    return direction, direction
+
+
+def arc_or_line(start: Point2, end: Point2, through: Point2) -> Arc | Line:
+    """Return the arc by three points [m], or a line where it is too flat or small for an arc."""
+    arc = Arc(end, through)
+    try:
+        circle_of(start, arc)
+    except ValueError:
+        return Line(end)
+    return arc
+
+
+def ending_at(element: Element, end: Point2) -> Element:
+    """Return the element led to another end, near its own [m]."""
+    match element:
+        case Arc():
+            return Arc(end, element.through)
+        case Spline():
+            return Spline((*element.through[:-1], end))
+    return Line(end)
+
+
+def reversed_element(start: Point2, element: Element) -> Element:
+    """Return the element that leads from the end of `element` back to its start."""
+    match element:
+        case Arc():
+            return Arc(start, element.through)
+        case Spline():
+            return Spline((*reversed(element.through[:-1]), start))
+    return Line(start)
+
+
+def _spans(start: Point2, spline: Spline) -> list[BezierSpan]:
+    points = (start, *spline.through)
+    for one, other in itertools.pairwise(points):
+        _refuse_equal(one, other)
+    closed = len(points) > 3 and math.dist(start, spline.end) <= SAME_POINT_M
+    return bezier_spans(points, closed=closed)
+
+
+def _arc_chords(circle: ArcCircle, tolerance_m: float) -> int:
+    """Return the chords of an arc: one of angle w is off by r (1 - cos w/2) = 2 r sin^2 w/4."""
+    widest = 4 * math.asin(min(1.0, math.sqrt(tolerance_m / (2 * circle.radius_m))))
+    return max(2, math.ceil(abs(circle.sweep_rad) / min(widest, _WIDEST_CHORD_RAD)))
+
+
+def _spline_chords(spans: list[BezierSpan], tolerance_m: float) -> list[int]:
+    """Return the chords of each span of a spline."""
+    least = 2 if len(spans) == 1 else 1
+    return [max(least, chords_needed(span, tolerance_m)) for span in spans]
+
+
+def _sample_arc(circle: ArcCircle, end: Point2, tolerance_m: float) -> list[Point2]:
+    """Sample evenly in the angle."""
+    chords = _arc_chords(circle, tolerance_m)
+    _refuse_too_many(chords, tolerance_m)
+    return [*(circle.at(i / chords) for i in range(1, chords)), end]
+
+
+def _sample_spline(spans: list[BezierSpan], tolerance_m: float) -> list[Point2]:
+    counts = _spline_chords(spans, tolerance_m)
+    _refuse_too_many(sum(counts), tolerance_m)
+    sampled: list[Point2] = []
+    for span, count in zip(spans, counts, strict=True):
+        sampled.extend(point_of(span, i / count) for i in range(1, count))
+        sampled.append(span[3])
+    return sampled
+
+
+def _direction(a: Point2, b: Point2) -> float:
+    return math.atan2(b[1] - a[1], b[0] - a[0])
+
+
+def _refuse_equal(one: Point2, other: Point2) -> None:
+    if math.dist(one, other) <= SAME_POINT_M:
+        raise ValueError(
+            f"Two consecutive points are the same, {shown(one)}, which makes a segment of zero "
+            "length; leave one of them out."
+        )
+
+
+def _refuse_too_many(chords: int, tolerance_m: float) -> None:
+    if chords > MAX_CHORDS:
+        raise ValueError(
+            f"A chord tolerance of {tolerance_m:g} m needs {chords} chords, "
+            f"but {MAX_CHORDS} are the most; give a coarser one."
+        )

@@ -1,0 +1,47 @@
+"""A drawing placed on the bench: turned about its own origin, then moved."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from skillplan_swarmitfix.trajectory.path import TrajectoryPath
+from skillplan_swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+
+# Cosine and sine of quarter turns, which are exact.
+_QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+
+
+def placed(path: TrajectoryPath, offset_m: Point2, rotate_deg: float) -> TrajectoryPath:
+    """Return a trajectory turned anticlockwise about the origin [deg] and then moved [m]."""
+    cosine, sine = _turn(rotate_deg)
+
+    def on_bench(point: Point2) -> Point2:
+        x_m, y_m = point
+        return (
+            cosine * x_m - sine * y_m + offset_m[0],
+            sine * x_m + cosine * y_m + offset_m[1],
+        )
+
+    def element_on_bench(element: Element) -> Element:
+        match element:
+            case Line():
+                return Line(on_bench(element.end))
+            case Arc():
+                return Arc(on_bench(element.end), on_bench(element.through))
+            case Spline():
+                return Spline(tuple(on_bench(point) for point in element.through))
+
+    return replace(
+        path,
+        start=on_bench(path.start),
+        elements=tuple(element_on_bench(element) for element in path.elements),
+    )
+
+
+def _turn(angle_deg: float) -> tuple[float, float]:
+    quarters, rest_deg = divmod(angle_deg, 90.0)
+    if rest_deg == 0.0:
+        return _QUARTERS[int(quarters) % 4]
+    return math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))

@@ -1,0 +1,189 @@
+"""The YAML schema of a trajectory: vertices, or elements, or a file that holds them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+
+from skillplan.domains.domain import Strict
+from skillplan.files.schema_errors import Located, continued, schema_issues
+from skillplan_swarmitfix.trajectory.path import TrajectoryPath, one_line
+from skillplan_swarmitfix.trajectory.units import UnitName
+
+Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
+Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Through = Annotated[list[Planar], Field(min_length=1, max_length=10_000)]
+
+
+class PathElementConfig(Strict):
+    """One element of a trajectory: a line, an arc through a point, or a spline through points."""
+
+    line_to_m: Planar | None = Field(
+        None, description="end of a straight line, x y [m]; or one of arc_to_m and spline_through_m"
+    )
+    arc_to_m: Planar | None = Field(
+        None, description="end of a circular arc, x y [m]; instead of line_to_m"
+    )
+    through_m: Planar | None = Field(
+        None, description="a point that the arc passes, x y [m]; left out: no arc"
+    )
+    spline_through_m: Through | None = Field(
+        None,
+        description="points that a smooth curve passes, the last is its end [[x, y], ...] [m]; "
+        "instead of line_to_m",
+    )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> PathElementConfig:
+        given = [self.line_to_m, self.arc_to_m, self.spline_through_m]
+        if sum(value is not None for value in given) != 1:
+            raise ValueError("give one of line_to_m, arc_to_m and spline_through_m.")
+        if (self.arc_to_m is None) != (self.through_m is None):
+            raise ValueError("an arc needs arc_to_m and through_m, a point on the arc.")
+        return self
+
+
+class DrawingConfig(Strict):
+    """How the drawing of a file is read and placed on the bench.
+
+    It is in the coordinates that are read from the file, and so not in the task's hash again.
+    """
+
+    unit: UnitName | None = Field(
+        None,
+        description="what the file's lengths are in: of a drawing before its own unit, of a "
+        "program until it says G20 or G21, of a table with the header x,y; left out: as the file "
+        "says, or else mm",
+        exclude=True,
+    )
+    rotate_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        0.0,
+        description="how far the file's drawing is turned about its own origin, anticlockwise, "
+        "before it is moved by offset_m [deg]",
+        exclude=True,
+    )
+    offset_m: Planar = Field(
+        [0.0, 0.0],
+        description="where on the bench the origin of the file's drawing is put, x y [m]",
+        exclude=True,
+    )
+
+
+class TrajectoryConfig(DrawingConfig):
+    """The path of the tool: vertices, or a start and elements, or a file."""
+
+    closed: bool = Field(False, description="whether the tool returns to its start")
+    vertices_m: Annotated[list[Planar], Field(min_length=2, max_length=10_000)] | None = Field(
+        None,
+        description="corners of a polygonal trajectory, [[x, y], ...] [m]; or one of path and file",
+    )
+    start_m: Planar | None = Field(
+        None, description="where path begins, x y [m]; left out: there is no path"
+    )
+    path: Annotated[list[PathElementConfig], Field(min_length=1, max_length=10_000)] | None = Field(
+        None, description="lines, arcs and splines from start_m on; instead of vertices_m"
+    )
+    file: Annotated[str, Field(min_length=1, max_length=4096)] | None = Field(
+        None,
+        description="a DXF, CSV or G-code file, relative to the task file; instead of the other "
+        "forms",
+    )
+    chord_tolerance_m: Annotated[float, Field(ge=1e-6, le=1)] = Field(
+        0.001, description="how far a curve may lie from its chords [m]"
+    )
+
+    # What the file holds; it says where in the file an element stands, which no key does.
+    _read: TrajectoryPath | None = PrivateAttr(None)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _read_file(
+        cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
+    ) -> Self:
+        """Put what a file holds in the place of its name."""
+        if not isinstance(data, dict) or not isinstance(data.get("file"), str):
+            return handler(data)
+        placing = {key: data[key] for key in DrawingConfig.model_fields if key in data}
+        try:
+            drawing = DrawingConfig.model_validate(placing)
+        except ValidationError:
+            # The same keys are faulty here, and are reported with their places.
+            return handler(data)
+        others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
+        if others:
+            raise Located(f"a file says all; leave {', '.join(others)} out.", "file")
+        from skillplan_swarmitfix.trajectory.file_content import content_of
+
+        folder = Path((info.context or {}).get("folder", Path()))
+        read = _trajectory_in(folder, data["file"], drawing)
+        content = content_of(read)
+        try:
+            cls.model_validate(content)
+        except ValidationError as error:
+            fault = schema_issues(error, cls)[0]
+            place = read.place_of(fault.path[1:2] if fault.path[:1] == ("path",) else ("start",))
+            raise Located(in_file(data["file"], place, fault.message), "file") from None
+        made = handler({**data, **content})
+        made._read = read
+        return made
+
+    def place_of(self, path: tuple[str | int, ...], message: str) -> str:
+        """Return a message with the file, and the place in it, of a fault of the trajectory.
+
+        Parameters
+        ----------
+        path
+            As `trajectory_faults.faults` gives it.
+        message
+            What is wrong; it stays as it is where the trajectory is not read from a file.
+        """
+        if self.file is None or self._read is None:
+            return continued(message)
+        return in_file(self.file, self._read.place_of(path), message)
+
+    @property
+    def guessed_unit_extent_m(self) -> float | None:
+        """The longer side of a file's drawing [m] if nothing says its unit; None otherwise."""
+        return max(self._read.extent_m) if self._read and self._read.unit_assumed else None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> TrajectoryConfig:
+        if (self.vertices_m is None) == (self.path is None):
+            raise ValueError("give either vertices_m, or start_m and path, or file.")
+        if (self.path is None) != (self.start_m is None):
+            raise ValueError("path and start_m belong together.")
+        placing = sorted(self.model_fields_set & DrawingConfig.model_fields.keys())
+        if self.file is None and placing:
+            message = (
+                "belongs to a file; coordinates given here are metres on the bench. Leave it out."
+            )
+            raise Located(message, placing[0])
+        return self
+
+
+def in_file(name: str, place: str, message: str) -> str:
+    """Return a message that says where in a file the fault is."""
+    return ": ".join(filter(None, (one_line(name, 200), place, continued(message))))
+
+
+def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> TrajectoryPath:
+    from skillplan_swarmitfix.trajectory.files import TrajectoryFileError, read_trajectory
+    from skillplan_swarmitfix.trajectory.placement import placed
+
+    if not name.strip():
+        raise Located(f"must name a DXF, CSV or G-code file, not {name!r}.", "file")
+    try:
+        read = read_trajectory(folder / name, drawing.unit)
+    except TrajectoryFileError as error:
+        raise Located(in_file(name, error.place, error.message), "file") from None
+    x_m, y_m = drawing.offset_m
+    return placed(read, (x_m, y_m), drawing.rotate_deg)

@@ -1,0 +1,321 @@
+"""The workpiece module: a tool trajectory split into segments, with its vertices.
+
+It runs once for each trajectory and finds the segments, the vertices with their angles and types,
+and how many there are of each (Veeramani and Muthuswamy 2022, Sec. 4.1.1). An element of the
+trajectory is a segment, curved or straight; where two of them meet is a vertex.
+"""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Self
+
+from skillplan.errors import Issue
+from skillplan_swarmitfix.trajectory.faults import faults, joined
+from skillplan_swarmitfix.trajectory.path_elements import Element, end_directions, sample
+from skillplan_swarmitfix.trajectory.plane_point import Point2
+
+__all__ = [
+    "ANGLE_TOLERANCE_RAD",
+    "Corner",
+    "Segment",
+    "Vertex",
+    "VertexKind",
+    "Workpiece",
+    "faults",
+]
+
+ANGLE_TOLERANCE_RAD = math.radians(0.1)
+"""Angles as near as this to a straight or a right one count as such [rad]."""
+
+
+class VertexKind(StrEnum):
+    """How a trajectory turns at a vertex."""
+
+    END = "end"
+    """An open trajectory starts or ends here."""
+    SMOOTH = "smooth"
+    """It goes straight on: two lines in a row, or a curve that leaves along its tangent."""
+    CONVEX = "convex"
+    """Of a closed trajectory: the interior angle is less than pi."""
+    REFLEX = "reflex"
+    """Of a closed trajectory: the interior angle is more than pi."""
+    LEFT = "left"
+    """Of an open trajectory: it turns to the left."""
+    RIGHT = "right"
+    """Of an open trajectory: it turns to the right."""
+
+
+class Corner(StrEnum):
+    """How wide the two segments at a vertex are apart, on the side where they are nearer."""
+
+    ACUTE = "acute"
+    RIGHT = "right"
+    OBTUSE = "obtuse"
+    STRAIGHT = "straight"
+
+
+@dataclass(frozen=True, slots=True)
+class Vertex:
+    """Where two segments meet, or where an open trajectory starts or ends.
+
+    Parameters
+    ----------
+    position
+        Where it is [m].
+    angle_rad
+        The vertex angle, in (0, 2 pi): between the tangents, on the inside of a closed trajectory
+        and to the left of an open one. pi is straight on, and is given to an end [rad].
+    kind
+        How the trajectory turns here.
+
+    Raises
+    ------
+    ValueError
+        If the angle is out of range.
+    """
+
+    position: Point2
+    angle_rad: float
+    kind: VertexKind
+
+    def __post_init__(self) -> None:
+        if not 0 < self.angle_rad < math.tau:
+            raise ValueError(f"A vertex angle is within (0, 2 pi), not {self.angle_rad!r}.")
+
+    @property
+    def corner(self) -> Corner:
+        """How wide the corner is on its narrower side."""
+        narrower = min(self.angle_rad, math.tau - self.angle_rad)
+        if math.pi - narrower <= ANGLE_TOLERANCE_RAD:
+            return Corner.STRAIGHT
+        if abs(narrower - math.pi / 2) <= ANGLE_TOLERANCE_RAD:
+            return Corner.RIGHT
+        return Corner.ACUTE if narrower < math.pi / 2 else Corner.OBTUSE
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """What a trajectory does between two vertices.
+
+    Parameters
+    ----------
+    index
+        Its number along the trajectory, from 0: that of its element. A line that closes the
+        trajectory comes last.
+    points
+        Its start and its end; between them, where it is curved, the points it is sampled at [m].
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two points, or two consecutive ones are equal.
+    """
+
+    index: int
+    points: tuple[Point2, ...]
+    _travelled: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if len(self.points) < 2:
+            raise ValueError(f"Segment {self.index} needs two points or more.")
+        steps = list(itertools.starmap(math.dist, itertools.pairwise(self.points)))
+        if not all(step > 0 for step in steps):
+            raise ValueError(f"Segment {self.index} has two consecutive points that are equal.")
+        object.__setattr__(self, "_travelled", (0.0, *itertools.accumulate(steps)))
+
+    @property
+    def start(self) -> Point2:
+        """Where it starts [m]."""
+        return self.points[0]
+
+    @property
+    def end(self) -> Point2:
+        """Where it ends [m]."""
+        return self.points[-1]
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether it stands for an arc or a spline."""
+        return len(self.points) > 2
+
+    @property
+    def length_m(self) -> float:
+        """Its length along its chords [m]."""
+        return self._travelled[-1]
+
+    def point_at(self, distance_m: float) -> Point2:
+        """Return the point a distance in [0, `length_m`] from the start along the chords [m].
+
+        Raises
+        ------
+        ValueError
+            If the segment does not reach that far, by more than rounding.
+        """
+        chord, (ax, ay), (bx, by) = self._chord(distance_m)
+        begin, end = self._travelled[chord], self._travelled[chord + 1]
+        share = min(1.0, max(0.0, (distance_m - begin) / (end - begin)))
+        # Weighing both ends gives either of them back exactly.
+        return ((1 - share) * ax + share * bx, (1 - share) * ay + share * by)
+
+    def direction_at(self, distance_m: float) -> float:
+        """Return the direction of travel on the chord at a distance [m], in (-pi, pi] [rad].
+
+        Where two chords meet it is that of the one ahead. Raises what `point_at` does.
+        """
+        _, (ax, ay), (bx, by) = self._chord(distance_m)
+        return math.atan2(by - ay, bx - ax)
+
+    def _chord(self, distance_m: float) -> tuple[int, Point2, Point2]:
+        slack = 1e-9 * max(1.0, self.length_m)
+        if not -slack <= distance_m <= self.length_m + slack:
+            raise ValueError(
+                f"Segment {self.index} is {self.length_m:g} m long; it has no point "
+                f"{distance_m:g} m from its start."
+            )
+        chord = bisect.bisect_right(self._travelled, distance_m) - 1
+        chord = min(max(chord, 0), len(self.points) - 2)
+        return chord, self.points[chord], self.points[chord + 1]
+
+
+@dataclass(frozen=True)
+class Workpiece:
+    """A tool trajectory as the planner needs it.
+
+    Parameters
+    ----------
+    closed
+        Whether it ends where it starts.
+    vertices
+        In order along the trajectory. Segment i leads from vertex i to the next, of a closed one
+        the last one back to vertex 0.
+    segments
+        In order along the trajectory.
+    clockwise
+        The sense in which a closed trajectory runs round its inside; None of an open one.
+
+    Raises
+    ------
+    ValueError
+        If the parts do not fit together.
+    """
+
+    closed: bool
+    vertices: tuple[Vertex, ...]
+    segments: tuple[Segment, ...]
+    clockwise: bool | None
+
+    def __post_init__(self) -> None:
+        if len(self.vertices) != len(self.segments) + (not self.closed) or not self.segments:
+            raise ValueError(
+                f"{len(self.segments)} segments do not fit {len(self.vertices)} vertices."
+            )
+        if (self.clockwise is None) == self.closed:
+            raise ValueError("A closed trajectory has a sense, an open one has none.")
+        # Beyond the last vertex a closed trajectory goes on with the first.
+        around = itertools.cycle(vertex.position for vertex in self.vertices)
+        for segment, (start, end) in zip(self.segments, itertools.pairwise(around), strict=False):
+            if (segment.start, segment.end) != (start, end):
+                raise ValueError(f"Segment {segment.index} does not join its vertices.")
+
+    @classmethod
+    def from_elements(
+        cls, start: Point2, elements: Sequence[Element], *, closed: bool, chord_tolerance_m: float
+    ) -> Self:
+        """Split a trajectory at the joints of its elements.
+
+        Parameters
+        ----------
+        start
+            Where the first element starts, in the frame of the bench [m].
+        elements
+            Its elements in order along the trajectory.
+        closed
+            Whether a line leads back to the start, unless the last element does already.
+        chord_tolerance_m
+            Greatest distance between a curve and the chords that stand for it, >= 1e-7 [m].
+
+        Raises
+        ------
+        ValueError
+            If there are `faults`, with all of them, a line each.
+        """
+        found = faults(start, elements, closed, chord_tolerance_m, outline=None)
+        if found:
+            issues = (Issue(message, _within_elements(path)) for message, path in found)
+            raise ValueError("\n".join(map(str, issues)))
+        whole = joined(start, elements, closed=closed)
+        starts = [start, *(element.end for element in whole)]
+        segments = tuple(
+            Segment(i, (begin, *sample(begin, element, chord_tolerance_m)))
+            for i, (begin, element) in enumerate(zip(starts, whole, strict=False))
+        )
+        clockwise = _signed_area(segments) < 0 if closed else None
+        tangents = [end_directions(*pair) for pair in zip(starts, whole, strict=False)]
+        vertices = []
+        for i, segment in enumerate(segments):
+            if i == 0 and not closed:
+                vertices.append(Vertex(segment.start, math.pi, VertexKind.END))
+                continue
+            before = segments[i - 1]
+            turn = _turn(tangents[i - 1][1], tangents[i][0])
+            if math.pi - abs(turn) <= 1e-6:
+                # The tip of a cusp: its tangents cannot say on which side the inside is.
+                turn = _turn(before.direction_at(before.length_m), segment.direction_at(0.0))
+            vertices.append(_vertex(segment.start, turn, clockwise))
+        if not closed:
+            vertices.append(Vertex(segments[-1].end, math.pi, VertexKind.END))
+        return cls(closed, tuple(vertices), segments, clockwise)
+
+    @property
+    def length_m(self) -> float:
+        """Length of the whole trajectory along its chords [m]."""
+        return math.fsum(segment.length_m for segment in self.segments)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The smallest rectangle around it: x low, y low, x high, y high [m]."""
+        xs, ys = zip(*(point for segment in self.segments for point in segment.points), strict=True)
+        return (min(xs), min(ys), max(xs), max(ys))
+
+    @property
+    def vertex_counts(self) -> dict[VertexKind, int]:
+        """How many vertices of each kind there are, without the kinds of which there are none."""
+        counts = Counter(vertex.kind for vertex in self.vertices)
+        return {kind: counts[kind] for kind in VertexKind if counts[kind]}
+
+
+def _vertex(position: Point2, turn_rad: float, clockwise: bool | None) -> Vertex:
+    angle = math.pi + turn_rad if clockwise else math.pi - turn_rad
+    if abs(turn_rad) <= ANGLE_TOLERANCE_RAD:
+        kind = VertexKind.SMOOTH
+    elif clockwise is None:
+        kind = VertexKind.LEFT if turn_rad > 0 else VertexKind.RIGHT
+    else:
+        kind = VertexKind.CONVEX if angle < math.pi else VertexKind.REFLEX
+    return Vertex(position, angle, kind)
+
+
+def _within_elements(path: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    return ("elements", *path) if path and isinstance(path[0], int) else path
+
+
+def _turn(before_rad: float, after_rad: float) -> float:
+    """Return by how much the direction changes: > 0 to the left, in [-pi, pi]."""
+    return math.remainder(after_rad - before_rad, math.tau)
+
+
+def _signed_area(segments: Sequence[Segment]) -> float:
+    """Return the enclosed area, > 0 if it lies to the left [m^2]."""
+    x, y = segments[0].start
+    return 0.5 * math.fsum(
+        (ax - x) * (by - y) - (bx - x) * (ay - y)
+        for segment in segments
+        for (ax, ay), (bx, by) in itertools.pairwise(segment.points)
+    )

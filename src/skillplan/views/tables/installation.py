@@ -1,0 +1,245 @@
+"""What a domain has to show in its own words, as a table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from skillplan.domains.domain import Listing
+from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
+from skillplan.records.plugin_info import PluginInfo
+from skillplan.views.text.table import Column, Table
+
+
+def listing_table(listing: Listing) -> Table:
+    """Return a domain's listing as a table; columns of figures are set flush right."""
+    columns = []
+    for index, heading in enumerate(listing.columns):
+        cells = [row[index] for row in listing.rows]
+        columns.append(Column(heading, right=all(_is_figure(cell) for cell in cells)))
+    return Table(listing.title, columns, listing.rows, listing.notes)
+
+
+def _is_figure(cell: str) -> bool:
+    return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
+
+
+_BOUNDS = {
+    "minimum": ">= ",
+    "exclusiveMinimum": "> ",
+    "maximum": "<= ",
+    "exclusiveMaximum": "< ",
+}
+
+
+def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
+    """Return the plugins and, where there is one only, its options."""
+    headings = ("kind", "name", "distribution", "version", "what it does")
+    rows = [
+        (
+            info.kind,
+            info.name,
+            info.distribution,
+            info.version,
+            f"BROKEN: {info.problem}" if info.problem else info.summary,
+        )
+        for info in infos
+    ]
+    tables = [Table("installed plugins", [Column(heading) for heading in headings], rows)]
+    if options is not None:
+        tables.append(_option_table(infos[0].name, options))
+    return tables
+
+
+def _option_table(name: str, options: type[BaseModel]) -> Table:
+    properties = options.model_json_schema().get("properties", {})
+    rows = [
+        (
+            key,
+            _type(field),
+            _default(field),
+            _range(field),
+            str(field.get("description", "")),
+        )
+        for key, field in properties.items()
+    ]
+    headings = ("option", "type", "default", "range", "what it is [unit]")
+    title = f"options of {name}" if rows else f"{name} has no options"
+    return Table(title, [Column(heading) for heading in headings], rows)
+
+
+def _default(field: Mapping[str, Any]) -> str:
+    """Return the default of an option, as a file and ``-O`` have it."""
+    default = field.get("default", "required")
+    return default if isinstance(default, str) else json.dumps(default)
+
+
+def _type(field: Mapping[str, Any]) -> str:
+    """Return the type of an option; of an optional one that of its value."""
+    kinds = [kind.get("type") for kind in field.get("anyOf", ())]
+    return str(field.get("type") or " or ".join(str(k) for k in kinds if k != "null") or "any")
+
+
+def _range(field: Mapping[str, Any]) -> str:
+    """Return the bounds of an option, or its words."""
+    kinds = (field, *field.get("anyOf", ()))
+    for kind in kinds:
+        if "enum" in kind or "const" in kind:
+            return " or ".join(str(word) for word in kind.get("enum", [kind.get("const")]))
+    for kind in kinds:
+        bounds = [f"{sign}{kind[bound]}" for bound, sign in _BOUNDS.items() if bound in kind]
+        if bounds:
+            return ", ".join(bounds)
+    return "-"
+
+
+def survey_table(survey: CacheSurvey) -> Table:
+    """Return a row for every back end and task."""
+    columns = [
+        Column("back end"),
+        Column("task"),
+        *(Column(name, right=True) for name in ("verdicts", "feasible", "infeasible")),
+        *(Column(name, right=True) for name in ("size", "newest", "oldest", "took [s]")),
+    ]
+    rows = [
+        (
+            row["back_end"],
+            row["task"],
+            f"{row['verdicts']:,}",
+            f"{row['feasible']:,}",
+            f"{row['infeasible']:,}",
+            _size(row["size_bytes"]),
+            _age(row["newest_s"]),
+            _age(row["oldest_s"]),
+            f"{row['took_s']:.1f}",
+        )
+        for row in survey.rows()
+    ]
+    notes = [f"folder  {survey.folder}"]
+    if survey.kept:
+        total_s = sum(one.record.took_s for one in survey.kept)
+        notes.append(f"saved   {total_s:.1f} s of checks, whenever all of them are needed")
+    if survey.others:
+        notes.append(
+            f"{survey.others} more files are damaged, unfinished or of an earlier version: "
+            "'skillplan cache clear' removes them."
+        )
+    what = "verdicts kept"
+    if survey.task is not None:
+        what = f"{survey.task.name}: verdicts that it would use"
+    return Table(f"{what}: {len(survey.kept):,}", columns, rows, notes)
+
+
+def cache_test_table(test: CacheTest) -> Table:
+    """Return a row for every verdict tried."""
+    columns = [Column(name) for name in ("back end", "skill", "kept", "fresh")]
+    columns += [Column("differs in"), Column("rests on", below=True)]
+    rows = [
+        (
+            row["back_end"],
+            row["skill"],
+            row["kept"]["status"],
+            "same" if row["same"] else row["fresh"]["status"],
+            ", ".join(row["differs_in"]) or "-",
+            ", ".join([*row["present"], *(f"not {name}" for name in row["absent"])]) or "no fact",
+        )
+        for row in test.document()["rows"]
+    ]
+    notes = [f"tried {len(test.trials)} of {test.kept:,} kept verdicts, seed {test.seed}"]
+    if not test.kept:
+        notes = ["Nothing is kept that this task would use: 'skillplan cache fill' does that."]
+    elif test.different:
+        stuck = len(test.different) - test.dropped
+        notes.append(f"{len(test.different)} are different and have been dropped")
+        if stuck:
+            notes[-1] = f"{len(test.different)} are different; {stuck} could not be removed"
+    elif test.elsewhere:
+        held = "every one of them holds in another state, too"
+        notes.append(held if test.trials else "none of them could be tried in another state")
+    elif test.trials:
+        notes.append("every one of them is the same, bit for bit")
+    if test.nowhere_else:
+        notes.append(f"{test.nowhere_else} apply in no other state that was found")
+    if test.interrupted:
+        notes.append("interrupted")
+    return Table(f"{test.task.name}: kept verdicts checked again", columns, rows, notes)
+
+
+def filling_table(filling: CacheFilling) -> Table:
+    """Return the counts in one row."""
+    counts = filling.counts
+    columns = [
+        Column("states", right=True),
+        Column("questions", right=True, short="queries"),
+        *(Column(name, right=True) for name in ("feasible", "executions", "by state", "s")),
+    ]
+    figures = (
+        counts.states,
+        counts.queries,
+        counts.feasible,
+        counts.executions,
+        counts.executions_by_state,
+    )
+    rows = [(*(f"{figure:,}" for figure in figures), f"{filling.wall_s:.1f}")]
+    notes = [
+        "by state: executions with verdicts kept by state and skill instead of by facts",
+        "nothing is kept on disk" if filling.folder is None else f"kept in {filling.folder}",
+    ]
+    if counts.unknown:
+        notes.append(f"{counts.unknown:,} queries could not be decided")
+    if not counts.complete:
+        notes.append("interrupted: what was decided by then is kept")
+    title = f"{filling.task.name}: complete feasibility by {', '.join(filling.back_ends)}"
+    return Table(title, columns, rows, notes)
+
+
+def clearing_table(folder: Path, task: str | None, removed: int) -> Table:
+    """Return how many files were removed."""
+    columns = [Column("of"), Column("files removed", right=True)]
+    rows = [("all tasks" if task is None else task, f"{removed:,}")]
+    return Table("kept verdicts removed", columns, rows, [f"folder  {folder}"])
+
+
+def _size(size_bytes: int) -> str:
+    return f"{size_bytes / 1000:,.1f} kB"
+
+
+def _age(age_s: float) -> str:
+    for unit, length_s in (("d", 86_400), ("h", 3_600), ("min", 60)):
+        if age_s >= length_s:
+            return f"{age_s / length_s:.0f} {unit}"
+    return f"{age_s:.0f} s"
+
+
+def imported_table(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
+    """Return a row for every part, and below the rows what was found.
+
+    Parameters
+    ----------
+    document
+        `skillplan.import/1`.
+    lines
+        What was found, in words.
+    """
+    columns = [
+        Column("part"),
+        Column("kind"),
+        Column("mass [kg]", right=True),
+        Column("size [mm]", right=True),
+        Column("free directions", right=True),
+    ]
+    rows = [
+        (
+            part["name"],
+            part["kind"],
+            f"{part['mass_kg']:.4g}",
+            " x ".join(f"{one:.4g}" for one in part["size_mm"]),
+            str(len(part["free"])),
+        )
+        for part in document["parts"]
+    ]
+    return Table(f"{document['product']}: imported", columns, rows, list(lines))

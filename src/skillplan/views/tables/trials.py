@@ -1,0 +1,277 @@
+"""Engines side by side: how many answers are the same, what it took, and where they differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from skillplan.physics.performance import PerformedSkill
+from skillplan.records.execution.agreement import Pictures
+from skillplan.records.execution.detectors import counts, decisive, wrong_verdicts
+from skillplan.records.execution.simulation import Simulation, TimeDifference
+from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.trials.detector_trial import Truth
+from skillplan.trials.detector_trials import CHART, DetectorTrials
+from skillplan.trials.engine_agreement import EngineAgreement
+from skillplan.views.text.evidence_text import evidence_text
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import yes_no
+
+
+def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> list[Table]:
+    """Return every contradiction with what each engine says, and below that the summary.
+
+    Parameters
+    ----------
+    agreement
+        What engines said.
+    pictures
+        By the engine's name, what was drawn of every contradiction, and where; none by default.
+    """
+    task = agreement.task
+    rows = [
+        (
+            engine,
+            ", ".join(name for name in names if name != engine) or "-",
+            str(agreement.executions[engine]),
+            f"{agreement.seconds[engine]:.3f}",
+        )
+        for engine, names in agreement.back_ends.items()
+    ]
+    columns = [Column("engine"), Column("collision")]
+    columns += [Column("executions", right=True), Column("seconds", right=True)]
+    share = 100 * agreement.agree / max(1, agreement.questions)
+    notes = [
+        f"agree    on {agreement.agree} of {agreement.questions} questions ({share:.2f} %), of "
+        f"{agreement.states} states that can be reached",
+    ]
+    if not agreement.complete:
+        notes.append("stopped  before all was asked")
+    summary = Table(f"{task.name}: engines on the same questions", columns, rows, notes)
+    if not agreement.contradictions:
+        return [summary]
+    drawn = pictures or [{}] * len(agreement.contradictions)
+    said = [
+        (
+            one.skill.name,
+            str(one.states),
+            name,
+            verdict.status.value,
+            verdict.reason or "-",
+            "; ".join(_measured(stage) for stage in one.stages[name] if stage.evidence) or "-",
+            " ".join(one.state) or "-",
+            files.get(name, "-"),
+        )
+        for one, files in zip(agreement.contradictions, drawn, strict=True)
+        for name, verdict in one.verdicts.items()
+    ]
+    columns = [Column("skill"), Column("states", right=True), Column("engine"), Column("verdict")]
+    columns += [
+        Column(heading, below=True) for heading in ("reason", "evidence", "where", "picture")
+    ]
+    return [Table(f"{task.name}: contradictions", columns, said), summary]
+
+
+def _measured(verdict: Verdict) -> str:
+    """Return what a back end measured, and which."""
+    return f"{verdict.stage}: {evidence_text(verdict.evidence)}"
+
+
+def detectors_tables(trials: DetectorTrials) -> list[Table]:
+    """Return the wrong verdicts of each detector, and below them their numbers and readings."""
+    rows = []
+    for name in trials.detectors:
+        false_alarms, misses, undecided = counts(trials, name)
+        rows.append(
+            (
+                name,
+                f"{false_alarms}/{len(trials.of(Truth.LEGITIMATE))}",
+                f"{misses}/{len(trials.of(Truth.COLLISION))}",
+                f"{undecided}/{len(trials.checked)}",
+                _share_detected(trials, name),
+                _reading_text(decisive(trials, name, Truth.LEGITIMATE)),
+                _reading_text(decisive(trials, name, Truth.COLLISION)),
+            )
+        )
+    columns = [
+        Column("detector"),
+        Column("false alarms", right=True),
+        Column("misses", right=True),
+        Column("undecided", right=True),
+        Column("wrong outcomes seen", right=True),
+        Column("largest reading where right", below=True),
+        Column("smallest reading where wrong", below=True),
+    ]
+    notes = [f"right is      what {_reference(trials.reference)}"]
+    notes += [
+        f"trials        {len(trials.of(Truth.LEGITIMATE))} right, "
+        f"{len(trials.of(Truth.COLLISION))} collisions, "
+        f"{len(trials.of(Truth.OUTCOME))} wrong outcomes without one",
+        f"physics       {trials.engine} sees {_share_detected(trials, trials.engine)} of the wrong "
+        "outcomes, which are not a detector's business",
+    ]
+    if trials.stopped:
+        notes.append("stopped       before all trials were made")
+    summary = Table(f"{trials.task.name}: detectors on trial", columns, rows, notes)
+    wrong = [
+        (
+            name,
+            checked.trial.truth.value,
+            checked.trial.skill.name,
+            checked.trial.fault or "-",
+            checked.verdicts[name].status.value,
+            checked.verdicts[name].reason or "-",
+            evidence_text(checked.verdicts[name].evidence) or "-",
+        )
+        for name in trials.detectors
+        for checked in wrong_verdicts(trials, name)
+    ]
+    if not wrong:
+        return [summary]
+    columns = [Column(heading) for heading in ("detector", "truth", "skill")]
+    columns += [Column("staged", short="injected fault"), Column("verdict")]
+    columns += [Column("reason", below=True), Column("evidence", below=True)]
+    return [Table(f"{trials.task.name}: wrong verdicts", columns, wrong), summary]
+
+
+def _share_detected(trials: DetectorTrials, name: str) -> str:
+    seen = trials.count(Truth.OUTCOME, name, VerdictStatus.INFEASIBLE)
+    return f"{seen}/{len(trials.of(Truth.OUTCOME))}"
+
+
+def _reading_text(found: Mapping[str, Any] | None) -> str:
+    if found is None:
+        return "-"
+    figures = [
+        f"{key} {value:.4g} (limit {found['limits'][key]:.4g})"
+        for key, value in found["readings"].items()
+    ]
+    fault = f", {found['staged']}" if found["staged"] else ""
+    return f"{', '.join(figures)} at {found['skill']}{fault}"
+
+
+def _reference(reference: str) -> str:
+    return (
+        f"{reference} allows, and the same with a block close by"
+        if reference == CHART
+        else reference
+    )
+
+
+# Differences below this are not shown: a tenth of a second is the last digit [s].
+_LEAST_SHOWN_S = 0.05
+
+
+def simulation_tables(simulation: Simulation) -> list[Table]:
+    """Return where all bodies ended, and how each skill went with the whole below."""
+    title = f"{simulation.task.name}: simulated by {simulation.physics}"
+    columns = [
+        Column("body"),
+        Column("off goal [mm]", right=True),
+        Column("turned [deg]", right=True),
+        Column("final x y z [m]", right=True),
+    ]
+    arrivals = [
+        (
+            one.body,
+            f"{1000 * one.offset_m:.3f}",
+            f"{math.degrees(one.tilt_rad):.3f}",
+            " ".join(f"{round(value, 4) + 0.0:.4f}" for value in one.final.position),
+        )
+        for one in simulation.performance.arrivals
+    ]
+    tables = [Table(f"{title}: where bodies ended", columns, arrivals)] if arrivals else []
+    columns = [
+        Column("step", right=True),
+        Column("action", right=True),
+        Column("skill"),
+        Column("verdict"),
+        Column("from [s]", right=True),
+        Column("to [s]", right=True),
+        *([Column("planned [s]", right=True)] if simulation.planned is not None else []),
+        Column("reason"),
+        Column("measured", below=True),
+    ]
+    rows = [_row(simulation, index, one) for index, one in enumerate(simulation.performance.skills)]
+    return [*tables, Table(title, columns, rows, _notes(simulation))]
+
+
+def _row(simulation: Simulation, index: int, one: PerformedSkill) -> tuple[str, ...]:
+    return (
+        str(index + 1),
+        str(simulation.task.action(simulation.skills[index])),
+        one.skill,
+        one.verdict.status.value,
+        f"{one.begin_s:.1f}",
+        f"{one.end_s:.1f}",
+        *([] if simulation.planned is None else [f"{simulation.planned.durations_s[index]:.1f}"]),
+        one.verdict.reason or "-",
+        evidence_text(one.verdict.evidence) or "-",
+    )
+
+
+def _notes(simulation: Simulation) -> list[str]:
+    made = simulation.performance
+    notes = [
+        f"feasible   {yes_no(simulation.feasible)}",
+        f"complete   {yes_no(simulation.complete)}",
+    ]
+    failed = made.failed
+    if failed is not None:
+        step = len(made.skills)
+        notes.append(f"failure    at step {step} ({failed.skill}): {failed.verdict.reason}")
+    elif simulation.obstacle is not None:
+        notes.append(f"failure    {simulation.obstacle}")
+    elif simulation.stopped:
+        notes.append(f"stopped    after {len(made.skills)} of {len(simulation.skills)} skills")
+    elif not simulation.complete:
+        notes.append("failure    at the end: the goal is not reached")
+    largest_mm, largest_deg = simulation.largest_mm, simulation.largest_deg
+    if largest_mm is not None and largest_deg is not None:
+        notes.append(f"arrival    within {largest_mm:.3f} mm and {largest_deg:.3f} degrees")
+    if simulation.times is not None:
+        notes.append(f"times      {difference_words(simulation.times, made.pace)}")
+    rate = simulation.steps_per_s
+    speed = f", {rate:,.0f} steps/s" if rate is not None else ""
+    speed += ", filming included" if "video" in (simulation.files or {}) else ""
+    held = f"{made.held_s:.1f} s of dwells at rest added, " if made.held_s else ""
+    stepped_s = made.simulated_s - made.held_s
+    notes.append(
+        f"effort     {stepped_s:.1f} s simulated in {made.steps:,} steps, {held}"
+        f"{simulation.wall_s:.1f} s{speed}"
+    )
+    if made.figures:
+        notes.append(f"measured   {evidence_text(made.figures)}")
+    notes += [f"{option:<10} {path}" for option, path in (simulation.files or {}).items()]
+    return notes
+
+
+def difference_words(times: TimeDifference, pace: str) -> str:
+    """Return the difference of simulated and planned time in words, with its reasons.
+
+    Parameters
+    ----------
+    times
+        The difference.
+    pace
+        Speeds of the arm in the engine; empty if the engine gives none.
+    """
+    planner = times.timed_by or "the task's travel speed"
+    words = f"{times.simulated_s:.1f} s simulated, {times.planned_s:.1f} s planned by {planner}"
+    how = pace or "at speeds of the engine"
+    if not times.timed_by:
+        how += "; planned without strokes"
+    shares = {
+        "until the world is at rest": times.settling_s,
+        "acting beyond the dwells": times.acting_s,
+        f"travels and strokes ({how})": times.moving_s,
+    }
+    reasons = [
+        f"{share_s:+.1f} s {reason}"
+        for reason, share_s in shares.items()
+        if share_s is not None and abs(share_s) >= _LEAST_SHOWN_S
+    ]
+    if times.acting_s is None:
+        reasons.append("the engine measures no more")
+    return f"{words}: {times.difference_s:+.1f} s" + "".join(f"; {one}" for one in reasons)
