@@ -23,8 +23,7 @@ from record_file import RecordFile
 from scaling_results import Showing, Size
 
 from skillplan.pipeline import registry
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import Column, Table
+from skillplan.views.text.table import Column, Table, render
 
 PARTS = (6, 10, 15, 20, 30, 50, 100)
 DENSITIES = (0.1, 0.3)

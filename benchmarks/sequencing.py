@@ -21,8 +21,7 @@ from record_file import RecordFile
 
 from skillplan.pipeline import registry
 from skillplan.solvers.gap import relative_gap
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import Column, Table
+from skillplan.views.text.table import Column, Table, render
 
 FOLDER = ROOT / "tests" / "instances" / "sop"
 CLOSE = 0.005

@@ -35,7 +35,7 @@ OPENS = {
     "workers/local_processes.py": "the null device, for what libraries print",
     "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",
     "domains/domain.py": "the starter that lies in the package of a domain",
-    "views/report/player_files.py": "the style sheet and the player that lie in its package",
+    "views/report/page.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.views.report.player_files import Player
+from skillplan.views.report.page import Player
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def test_a_board_is_reported(
     cli: Any, board: str, page: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Status, proof, plan, time line, pictures, precedence: all without a script."""
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
     assert (0, f"{page}\n") == (outcome.code, outcome.out)
     text = page.read_text("utf-8")
@@ -38,7 +38,7 @@ def test_without_a_player_a_page_is_written_all_the_same(
     cli: Any, board: str, page: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And stderr says how to get one."""
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
     assert 0 == outcome.code
     assert "make web builds it" in outcome.err
@@ -52,7 +52,7 @@ def test_what_no_engine_performs_is_played_along_its_planned_paths(
     """Without forces, and the page says so outside the player, too."""
     pytest.importorskip("skillplan_pinocchio")
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     words = ["--no-simulation"]
     if hidden == "the engines":
         performing = "skillplan.pipeline.presentation.performing.performing_engine"
@@ -88,7 +88,7 @@ def test_where_nothing_plans_paths_the_page_says_how_to_get_it(
     cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     monkeypatch.setattr("skillplan.pipeline.presentation.planning_motion.SCREEN", "absent")
     words = ["--no-simulation", "--collision", "aabb"]
     assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code
@@ -131,7 +131,7 @@ def test_the_bench_is_played_by_its_times(
     robots = "robots: {left: {home: C1, goal: C3}, right: {home: C66, goal: C68}}"
     path.write_text(f"kind: swarmitfix\nname: meet\n{robots}\n")
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     assert 0 == cli("report", str(path), "--out", str(page)).code
     text = page.read_text("utf-8")
     data = text.partition('id="playback">')[2].partition("</script>")[0]
@@ -147,7 +147,7 @@ def test_several_inputs_are_chapters(
     cli: Any, board: str, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A comparison beside a plan; what the comparison holds is data."""
-    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     rows = [{"solver": "<script>", "status": "optimal", "cost": 1.0, "stats": {"wall_s": 0.1}}]
     other = tmp_path / "compared.json"
     other.write_text(json.dumps({"schema": "skillplan.comparison/1", "warm": False, "rows": rows}))

@@ -24,8 +24,7 @@ from skillplan.views.tables.chain import (
     chain_tables,
 )
 from skillplan.views.tables.installation import listing_table
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import as_csv
+from skillplan.views.text.table import as_csv, render
 from swarm_situations import base_task
 
 TWO, ONE = base_task(66, 42), base_task(42, 29)

@@ -14,7 +14,7 @@ from skillplan.records.training.result import TrainingResult
 from skillplan.records.training.shortfall import Shortfall, shortfall_of
 from skillplan.solvers.learning.learner import End, Episode
 from skillplan.task.task import Task
-from skillplan.views.tables.learning.training import training_tables
+from skillplan.views.tables.training import training_tables
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 1_000

@@ -26,7 +26,7 @@ from skillplan.records.training.result import RandomBaseline, Sampling, Training
 from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task
-from skillplan.views.tables.learning.training import layouts_table, training_tables
+from skillplan.views.tables.training import layouts_table, training_tables
 from skillplan.views.text.table import as_csv, as_markdown
 
 CONFIGS = Path(__file__).parents[2] / "configs"

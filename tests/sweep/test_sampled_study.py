@@ -25,7 +25,7 @@ from skillplan.sweep.sampler import FinishedTrial, SharedTrials
 from skillplan.sweep.study_run import StudyJob
 from skillplan.task.task import Task
 from skillplan.views.figures.sweep_figure import sweep_figure
-from skillplan.views.tables.learning.sweep import setting_table
+from skillplan.views.tables.sweep import setting_table
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 

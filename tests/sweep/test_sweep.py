@@ -35,7 +35,7 @@ from skillplan.sweep.study_folder import StudyFolder
 from skillplan.sweep.study_run import StudyJob, do_run
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.sweep_figure import sweep_figure
-from skillplan.views.tables.learning.sweep import setting_table, start_table
+from skillplan.views.tables.sweep import setting_table, start_table
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]

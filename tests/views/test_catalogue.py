@@ -51,10 +51,9 @@ def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str, kind:
 
 @pytest.mark.parametrize("name", RUN_FIGURES)
 def test_a_figure_of_runs_has_its_module(name: str) -> None:
-    """It holds a function of the module's own name."""
-    module = RUN_FIGURES[name].module
-    drawing = importlib.import_module(module)
-    assert callable(getattr(drawing, module.rpartition(".")[2]))
+    """It holds a function named after the figure."""
+    drawing = importlib.import_module(RUN_FIGURES[name].module)
+    assert callable(getattr(drawing, f"{name}_figure"))
 
 
 def test_listing_the_figures_imports_nothing_heavy() -> None:

@@ -11,15 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skillplan.views.text.column_widths import (
+from skillplan.views.text.table import Column, ItemList, Table, render
+from skillplan.views.text.terminal import (
     DEFAULT_WIDTH,
     LEAST_WIDTH,
     output_width,
     table_layout,
 )
-from skillplan.views.text.escaping import escaped
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import Column, ItemList, Table
+from skillplan.views.text.wording import escaped
 
 
 class Screen(io.StringIO):

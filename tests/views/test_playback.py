@@ -14,11 +14,10 @@ import pytest
 from skillplan.physics.performance import Contact, Sample
 from skillplan.robots.panda import PANDA
 from skillplan.task.pose import Pose
-from skillplan.views.playback.contacts import contact_entries
+from skillplan.views.playback.arm_playback import contact_entries
 from skillplan.views.playback.document import Playback, box, upright_along
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
-from skillplan.views.playback.tracks import Tracks
-from skillplan.views.playback.turns import link_frames, rows_of
+from skillplan.views.playback.tracks import Tracks, link_frames, rows_of
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.report.bases import base_rows, turning
 

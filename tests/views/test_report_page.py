@@ -10,12 +10,17 @@ from html.parser import HTMLParser
 
 import pytest
 
-from skillplan.views.report.markup import Markup, tag, text
-from skillplan.views.report.page import Chapter, Section, json_in_page, page_html
-from skillplan.views.report.player_files import Player, page_style
+from skillplan.views.report.markup import Markup, number, numbers, seconds, share, table, tag, text
+from skillplan.views.report.page import (
+    Chapter,
+    Player,
+    Section,
+    json_in_page,
+    page_html,
+    page_style,
+)
 from skillplan.views.report.solver_chapters import comparison_chapter
 from skillplan.views.report.summary import lead
-from skillplan.views.report.tables import number, numbers, seconds, share, table
 
 HOSTILE = "<script>alert(1)</script> \"quoted\" 'x' </title></style> \x1b[31m \u202e &amp;"
 PLAYER = Player("const a = '</script><!--';", ".player{color:red}", "MIT")

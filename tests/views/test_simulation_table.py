@@ -14,7 +14,7 @@ from skillplan.task.scene import Pose
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan.views.tables.trials import simulation_tables
-from skillplan.views.text.rendering import render
+from skillplan.views.text.table import render
 
 FIGURES = {
     "sensed": {"held": "transformer", "jaw_width_m": 0.0441},

@@ -8,8 +8,7 @@ import re
 
 import pytest
 
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import Column, Table, as_csv, as_markdown
+from skillplan.views.text.table import Column, Table, as_csv, as_markdown, render
 
 AWKWARD = ["a,b", 'say "so"', "two\nlines", "a | b", "[bold]x[/bold]", "`code`", "back\\slash"]
 

@@ -13,9 +13,12 @@ from matplotlib.figure import Figure
 from skillplan.task.task import Metric
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.figure_style import Heading
-from skillplan.views.figures.training.distances_figure import distances_figure
-from skillplan.views.figures.training.run_curve import RunCurve, over_runs
-from skillplan.views.figures.training.success_figure import success_figure
+from skillplan.views.figures.training_figures import (
+    RunCurve,
+    distances_figure,
+    over_runs,
+    success_figure,
+)
 
 HEADING, METRIC = Heading("A title", "task t"), Metric("distance", "m")
 

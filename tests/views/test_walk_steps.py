@@ -7,7 +7,7 @@ import pytest
 from situations import make_skill, make_task
 from skillplan.task.state import Facts
 from skillplan.task.task import Place
-from skillplan.views.figures.walk_steps import WalkSteps
+from skillplan.views.figures.figure_request import WalkSteps
 from skillplan_swarmitfix.base.task import BaseGrounding, at
 from skillplan_swarmitfix.bench.bench import Bench
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from skillplan.cli.interruption import heeding
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 
 
 class Count:

@@ -11,8 +11,7 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_new
 from skillplan.files.output_path import output_path, refusing
 from skillplan.records.result import Result, Status
-from skillplan.views.text.rendering import render
-from skillplan.views.text.table import Table
+from skillplan.views.text.table import Table, render
 
 if TYPE_CHECKING:
     from skillplan.records.chain_result import ChainResult

@@ -12,7 +12,7 @@ from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
 from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.stop import Progress, Stop
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 from skillplan.workers.resident_memory import resident_bytes
 
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from skillplan.errors import OptionError
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 from skillplan.workers.supervised import report_printed
 
 

@@ -65,8 +65,7 @@ def command(
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import OptionError, exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.views.report.page import page_html
-    from skillplan.views.report.player_files import HOW_TO_GET, player
+    from skillplan.views.report.page import HOW_TO_GET, page_html, player
 
     deadline = limits.begin(graceful=True)
     path = output_path("--out", out, SUFFIXES, "pages")

@@ -329,7 +329,7 @@ def _keep(result: SweepResult, kept: Kept) -> None:
     from skillplan.cli.result_output import write_folder
     from skillplan.cli.writing import as_json
     from skillplan.sweep.study_folder import RESULT, STARTS
-    from skillplan.views.tables.learning.sweep import start_table
+    from skillplan.views.tables.sweep import start_table
     from skillplan.views.text.table import as_csv
 
     starts_csv = as_csv(start_table(result))
@@ -339,7 +339,7 @@ def _keep(result: SweepResult, kept: Kept) -> None:
 def _shown(result: SweepResult, kept: Kept, style: str) -> int:
     """Draw and print a study; return the exit code."""
     from skillplan.cli.output import emit
-    from skillplan.views.tables.learning.sweep import setting_table, start_table
+    from skillplan.views.tables.sweep import setting_table, start_table
 
     if kept.plot is not None and len(result.records) > len(result.failed):
         _draw(result, _picture(kept.plot))

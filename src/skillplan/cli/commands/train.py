@@ -205,7 +205,7 @@ def command(
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
-    from skillplan.views.tables.learning.training import training_tables
+    from skillplan.views.tables.training import training_tables
 
     deadline = limits.begin(graceful=True)
     if amount.family is not None and amount.family.startswith(_GENERATED):

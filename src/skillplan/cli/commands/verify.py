@@ -95,8 +95,7 @@ def command(
     from skillplan.pipeline.certification import certify
     from skillplan.pipeline.exchange.second_referee import check_referee, referee_claims
     from skillplan.pipeline.run import warm_cache
-    from skillplan.views.tables.certificate import certificate_summary, certificate_table
-    from skillplan.views.tables.results import csv_files
+    from skillplan.views.tables.results import certificate_summary, certificate_table, csv_files
 
     if warm and no_cache:
         raise OptionError("--warm and --no-cache exclude each other.")

@@ -13,7 +13,7 @@ from skillplan.records.optimum import Optimum
 from skillplan.solvers.gap import deviation
 from skillplan.training.group_job import GroupReport
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 
 
 class TrainingDisplay:

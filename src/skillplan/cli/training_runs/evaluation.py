@@ -143,7 +143,7 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
     from skillplan.errors import exit_code
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.records.training.trainings import trainings_document
-    from skillplan.views.tables.learning.training import training_tables, trainings_table
+    from skillplan.views.tables.training import training_tables, trainings_table
 
     results, interrupted = [], False
     for folder in [RunFolder(path) for path in paths]:

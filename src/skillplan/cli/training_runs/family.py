@@ -62,7 +62,7 @@ def train_on_boards(ordered: Ordered, style: str) -> int:
     from skillplan.training.family_training import FamilyFolder, FamilyPlan, train_family
     from skillplan.training.generated_boards import GeneratedFamily
     from skillplan.training.trainer import next_folder
-    from skillplan.views.tables.learning.training import family_table
+    from skillplan.views.tables.training import family_table
 
     family = GeneratedFamily.parse(ordered.family)
     parsed = parse_options(list(ordered.options), ordered.solver)

@@ -133,7 +133,7 @@ class _Compared:
     def figure(self, name: str) -> Figure:
         """Return a figure by name."""
         from skillplan.views.figures.figure_style import Heading
-        from skillplan.views.figures.training.trainings_figures import (
+        from skillplan.views.figures.training_figures import (
             distances_of_trainings,
             success_of_trainings,
         )
@@ -174,7 +174,7 @@ class _Drawn:
     """The runs of a folder, and what figures of them need beside."""
 
     def __init__(self, folder: RunFolder, drawing: Drawing) -> None:
-        from skillplan.views.figures.training.run_curve import run_curve
+        from skillplan.views.figures.training_figures import run_curve
 
         self.folder = folder
         self._against, self._time_limit_s = drawing.against, drawing.time_limit_s
@@ -201,8 +201,7 @@ class _Drawn:
     def figure(self, name: str) -> Figure:
         """Return a figure by name."""
         from skillplan.records.training.published_runs import SUCCESS_RATE, published_runs
-        from skillplan.views.figures.training.distances_figure import distances_figure
-        from skillplan.views.figures.training.success_figure import success_figure
+        from skillplan.views.figures.training_figures import distances_figure, success_figure
 
         task, optimum = self.task()
         against: Any = self._against

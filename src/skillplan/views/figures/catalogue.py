@@ -75,11 +75,11 @@ RUN_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
     {
         "success": CatalogueEntry(
             "how often the last 100 episodes of training succeed, over all runs",
-            f"{_HERE}.training.success_figure",
+            f"{_HERE}.training_figures",
         ),
         "distances": CatalogueEntry(
             "what every completed sequence of training costs, run by run",
-            f"{_HERE}.training.distances_figure",
+            f"{_HERE}.training_figures",
         ),
     }
 )

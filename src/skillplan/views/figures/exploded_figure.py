@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from matplotlib.figure import Figure
 
 from skillplan.physics.performance import Image
-from skillplan.views.figures.assembly_task import requested_task
-from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, requested_task
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.pictures.assembly_film import FRAMES_PER_S, assembly_film
 from skillplan.views.pictures.exploded_picture import exploded_picture

@@ -14,7 +14,7 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path
 from skillplan.views.figures.figure_style import house_style
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 
 SUFFIXES = (".png", ".svg")
 DOT = ".dot"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -13,8 +14,58 @@ from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
+from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.views.figures.walk_steps import WalkSteps
+
+
+class WalkSteps:
+    """The places of a task with one robot, and what leads from one to another.
+
+    Only preconditions and predictions count; no back end is queried.
+
+    Parameters
+    ----------
+    task
+        A task of walking: its skills change the place and nothing else that matters.
+    goal
+        The fact of the place where it leads.
+    """
+
+    def __init__(self, task: Task, goal: str) -> None:
+        facts = task.facts
+        placeless = task.initial - facts.of(*task.places)
+        self.successors: Mapping[str, Sequence[str]] = {
+            fact: _ends(task, placeless | facts.of(fact)) for fact in task.places
+        }
+        """Where the skills lead from every place, in their order; staying is one of them."""
+        self.fewest: Mapping[str, int] = self._search(goal)
+        """Fewest steps to the goal, by place; places from which it is not reached are missing."""
+
+    def _search(self, goal: str) -> dict[str, int]:
+        """Return the fewest steps to the goal by place; breadth-first from the goal."""
+        before: dict[str, list[str]] = {}
+        for start, ends in self.successors.items():
+            for end in ends:
+                before.setdefault(end, []).append(start)
+        fewest, frontier = {goal: 0}, deque([goal])
+        while frontier:
+            end = frontier.popleft()
+            for start in before.get(end, ()):
+                if start not in fewest:
+                    fewest[start] = fewest[end] + 1
+                    frontier.append(start)
+        return fewest
+
+
+def _ends(task: Task, state: State) -> list[str]:
+    """Return the facts of the places where skills that begin in a state end."""
+    ends = []
+    for skill in task.skills:
+        if skill.applicable(state):
+            after = skill.prediction_in(state).apply(state)
+            ends += [fact for fact in after if fact in task.places]
+    return ends
+
 
 # Options that headings name even where the user left them alone, and those they never name.
 _TOLD = ("gamma", "alpha", "epsilon", "episodes")
@@ -166,7 +217,7 @@ class FigureRequest:
         return [
             task
             for task in self.problem.tasks
-            if None not in (ends := _ends(task)) and len(set(ends)) == 2
+            if None not in (ends := _find_ends(task)) and len(set(ends)) == 2
         ]
 
     def walk(self) -> Task:
@@ -183,14 +234,14 @@ class FigureRequest:
                 raise self.unfit("no task of the file leads from one place to another")
             return walks[0]
         task = self.problem.part(self.part)
-        if None in _ends(task):
+        if None in _find_ends(task):
             names = ", ".join(walk.name for walk in self.walks()[:8]) or "none"
             raise self.unfit(f"{task.name} is no task of walking; such are: {names}")
         return task
 
     def ends(self, task: Task) -> tuple[str, str]:
         """Return the names of the places where a task of walking starts and leads."""
-        start, goal = _ends(task)
+        start, goal = _find_ends(task)
         assert start is not None
         assert goal is not None
         return start, goal
@@ -216,7 +267,7 @@ class FigureRequest:
         return ",  ".join(parts)
 
 
-def _ends(task: Task) -> tuple[str | None, str | None]:
+def _find_ends(task: Task) -> tuple[str | None, str | None]:
     first = [place.name for place in task.places_in(task.initial)]
     last = [place.name for place in task.places_in(task.goal.requires)]
     return (
@@ -253,3 +304,20 @@ class FigureModule(Protocol):
         OptionError
             If what came of them does not show it.
         """
+
+
+def requested_task(request: FigureRequest) -> Task:
+    """Return the task of a request, which must be one of parts and an arm.
+
+    Raises
+    ------
+    OptionError
+        If it has no bodies or no arm.
+    """
+    task = request.problem.part(request.part)
+    if not (task.scene.bodies and task.scene.robots):
+        raise request.unfit(
+            f"it shows parts and an arm, but the file is of kind {request.problem.kind}. Figures "
+            "of any kind are rewards, learning and q-values"
+        )
+    return task

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from skillplan.views.figures.assembly_task import requested_task
-from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, requested_task
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.pictures.figure_canvas import picture_figure
 from skillplan.views.pictures.layout_picture import layout_picture

@@ -12,7 +12,7 @@ from skillplan.views.pictures.depth_buffer import DepthBuffer
 from skillplan.views.pictures.drawing import Disc, Drawing, Item, Label, Look, Point, Shape
 from skillplan.views.pictures.exploded_picture import best_view
 from skillplan.views.pictures.raster_canvas import FINER, raster, rgb
-from skillplan.views.text.direction_name import direction_name
+from skillplan.views.text.wording import direction_name
 
 FRAMES_PER_S = 12.5
 # Of a part: the frames of its way, and those for which it rests; of the end, the rest.

@@ -12,7 +12,7 @@ from skillplan.task.scene import Body
 from skillplan.views.pictures.drawing import Disc, Drawing, Item, Label, Look, Point, Shape
 from skillplan.views.pictures.outlines import corners_of
 from skillplan.views.pictures.solid_view import View, body_items
-from skillplan.views.text.direction_name import direction_name
+from skillplan.views.text.wording import direction_name
 
 _AZIMUTHS_DEG = (-58, -32, -122, -148, 32, 58, 122, 148)
 _PART, _IN_THE_WAY, _OTHER = "blue", "orange", "grey"

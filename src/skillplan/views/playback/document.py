@@ -13,8 +13,7 @@ from skillplan.robots.link_shapes import Capsule, LinkShape, Rod
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan.views.playback.meshes import Triangles, hull_mesh, mesh_document
-from skillplan.views.playback.tracks import FRAMES_PER_S, Tracks
-from skillplan.views.playback.turns import Numbers
+from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, Tracks
 
 _NOWHERE = Pose((0.0, 0.0, 0.0))
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.files.regular_file import read_bytes
-from skillplan.views.playback.tracks import packed
-from skillplan.views.playback.turns import Numbers
+from skillplan.views.playback.tracks import Numbers, packed
 
 _MOST_BYTES = 16 * 2**20
 

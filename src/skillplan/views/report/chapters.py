@@ -18,7 +18,7 @@ from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.plan_bars import PlanBar
 from skillplan.views.pictures.precedence_graph import PrecedenceGraph
 from skillplan.views.pictures.svg_canvas import picture_svg
-from skillplan.views.report.markup import Markup, join
+from skillplan.views.report.markup import Markup, facts, join, note, number, seconds, table
 from skillplan.views.report.page import Chapter, Section
 from skillplan.views.report.plan_sections import (
     bars_of,
@@ -32,7 +32,6 @@ from skillplan.views.report.plan_sections import (
 )
 from skillplan.views.report.playback_section import playback_section
 from skillplan.views.report.summary import chip, lead, summary_section
-from skillplan.views.report.tables import facts, note, number, seconds, table
 
 Plugins = Sequence[tuple[str, str]]
 # Of remarks of a domain, as they are written for a terminal.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
-from skillplan.views.text.escaping import escaped
+from skillplan.views.text.wording import escaped
 
 _VOID = frozenset(("br", "hr", "meta", "link", "img", "input", "col"))
 
@@ -50,3 +51,103 @@ def tag(name: str, attributes: Mapping[str, object] | None = None, *inner: objec
     if name not in _VOID:
         made += [join(inner), f"</{name}>"]
     return Markup("".join(made))
+
+
+def table(
+    caption: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    numbers: str = "",
+    *,
+    captioned: bool = True,
+) -> Markup:
+    """Return a table whose first cell of a row names it.
+
+    Parameters
+    ----------
+    caption
+        What it shows.
+    columns
+        Their headings.
+    rows
+        As many cells each; markup, or what is shown as text.
+    numbers
+        A character a column: ``n`` where it is of numbers, ``p`` where its cells are in one piece.
+    captioned
+        Whether the caption is shown; screen readers hear it in any case.
+    """
+    kinds = numbers.ljust(len(columns))
+
+    def classes(index: int) -> dict[str, str | None]:
+        return {"class": kinds[index].strip() or None}
+
+    heads = [
+        tag("th", {"scope": "col", **classes(index)}, name) for index, name in enumerate(columns)
+    ]
+    lines = []
+    for row in rows:
+        cells = [
+            tag("th", {"scope": "row", **classes(0)}, cell)
+            if index == 0
+            else tag("td", classes(index), cell)
+            for index, cell in enumerate(row)
+        ]
+        lines.append(tag("tr", {}, *cells))
+    made = tag(
+        "table",
+        {},
+        tag("caption", {}, caption) if captioned else Markup(""),
+        tag("thead", {}, tag("tr", {}, *heads)),
+        tag("tbody", {}, *lines),
+    )
+    return tag(
+        "div", {"class": "scroll", "tabindex": "0", "role": "region", "aria-label": caption}, made
+    )
+
+
+def facts(entries: Iterable[tuple[str, object]]) -> Markup:
+    """Return names with what is said of them; those that say nothing are left out."""
+    made = [
+        join([tag("dt", {}, name), tag("dd", {}, value)])
+        for name, value in entries
+        if value not in (None, "")
+    ]
+    return tag("dl", {"class": "facts"}, *made)
+
+
+def note(words: object) -> Markup:
+    """Return a remark."""
+    return tag("p", {"class": "note"}, words)
+
+
+def number(value: object, digits: int = 6) -> str:
+    """Return a number for people; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:,.{digits}g}"
+
+
+def numbers(values: Sequence[object], most: int = 5) -> list[str]:
+    """Return the numbers of a column for people, all with the same decimals."""
+    written = [number(value) for value in values]
+    decimals = min(max((len(text.partition(".")[2]) for text in written), default=0), most)
+    return [
+        f"{value:,.{decimals}f}" if isinstance(value, float) and text != "-" else text
+        for value, text in zip(values, written, strict=True)
+    ]
+
+
+def seconds(value: object) -> str:
+    """Return a time [s] for people; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    return f"{value:.2f}"
+
+
+def share(value: object) -> str:
+    """Return a fraction as per cent; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    return f"{100 * value:.4g} %"

@@ -19,10 +19,9 @@ from skillplan.views.pictures.plan_bars import FAILED, PlanBar, plan_bars
 from skillplan.views.pictures.precedence_graph import PrecedenceGraph
 from skillplan.views.pictures.precedence_picture import precedence_picture
 from skillplan.views.pictures.svg_canvas import picture_svg
-from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.markup import Markup, join, note, number, numbers, seconds, table, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.summary import planned_by
-from skillplan.views.report.tables import note, number, numbers, seconds, table
 from skillplan.views.tables.trials import difference_words
 
 

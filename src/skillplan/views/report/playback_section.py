@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.markup import Markup, join, note, tag
 from skillplan.views.report.page import Section
-from skillplan.views.report.tables import note
 
 
 def playback_section(

@@ -8,12 +8,11 @@ from typing import Any
 
 from skillplan.views.pictures.gantt_picture import gantt_picture
 from skillplan.views.pictures.plan_bars import PlanBar
-from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.markup import Markup, facts, join, number, share, table, tag
 from skillplan.views.report.page import Chapter, Section
 from skillplan.views.report.plan_sections import figure
 from skillplan.views.report.summary import chip
-from skillplan.views.report.tables import facts, number, share, table
-from skillplan.views.tables.learning.training import cause_words
+from skillplan.views.tables.training import cause_words
 
 
 def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:

@@ -9,9 +9,8 @@ from typing import Any
 from skillplan import __version__
 from skillplan.records.certificate import Certificate, Outcome
 from skillplan.records.result import SimulationOutcome
-from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.markup import Markup, facts, join, number, seconds, share, tag
 from skillplan.views.report.page import Section
-from skillplan.views.report.tables import facts, number, seconds, share
 from skillplan.views.tables.results import simulation_words
 
 _TONES = {

@@ -19,10 +19,14 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan.views.tables.installation import listing_table
 from skillplan.views.tables.results import not_checked_notes, step_rows, times_note
-from skillplan.views.text.direction_name import direction_name
-from skillplan.views.text.evidence_text import evidence_items, evidence_text
 from skillplan.views.text.table import Column, ItemList, Table
-from skillplan.views.text.wording import percent, yes_no
+from skillplan.views.text.wording import (
+    direction_name,
+    evidence_items,
+    evidence_text,
+    percent,
+    yes_no,
+)
 
 
 def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:

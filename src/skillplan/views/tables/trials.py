@@ -14,9 +14,8 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, DetectorTrials
 from skillplan.trials.engine_agreement import EngineAgreement
-from skillplan.views.text.evidence_text import evidence_text
 from skillplan.views.text.table import Column, Table
-from skillplan.views.text.wording import yes_no
+from skillplan.views.text.wording import evidence_text, yes_no
 
 
 def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> list[Table]:

@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import IO
 
 
 @dataclass(frozen=True)
@@ -119,3 +120,25 @@ def _cell(text: str) -> str:
 def _plain(text: str) -> str:
     """Return one line in which nothing is taken for markup."""
     return re.sub(r"([\\`*<])", r"\\\1", " ".join(text.split()))
+
+
+def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
+    """Return tables as text.
+
+    Parameters
+    ----------
+    tables
+        At least one; CSV holds the last only, which is the most particular.
+    style
+        ``table``, ``csv`` or ``md``.
+    out
+        Where the text will go: a terminal's width and colours count.
+    """
+    if style == "csv":
+        return as_csv(tables[-1])
+    if style == "md":
+        return "\n".join(as_markdown(table) for table in tables)
+    # Here and not above: CSV and Markdown must not wait for rich.
+    from skillplan.views.text.terminal import as_terminal_text
+
+    return as_terminal_text(tables, out)

@@ -2,19 +2,321 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import IO
 
-from rich.cells import cell_len
+from rich.cells import cell_len, chop_cells
 
-from skillplan.views.text.column_widths import (
-    Block,
-    key_columns,
-    output_width,
-    table_layout,
-)
 from skillplan.views.text.table import Column, ItemList, Table
-from skillplan.views.text.text_wrapping import printable, text_width, wrapped, wrapped_note
+from skillplan.views.text.wording import escaped
+
+# A line may end after these; a sequence of actions, a path and a sum of facts have no blanks.
+_AFTER_LIST = re.compile(r"(?<=[,;/+|])")
+_AFTER_NAME = re.compile(r"(?<=[,;/+|_.:=-])|(?=[(\[])")
+_NOTE_LABEL = re.compile(r"\S{1,24}( \S+)?\s{2,}")
+
+
+def printable(text: str) -> str:
+    """Return a text as `escaped` has it; a tab becomes a space."""
+    return escaped(text.replace("\t", " "))
+
+
+def text_width(text: str) -> int:
+    """Return how many columns of a terminal the widest line of a text takes."""
+    return max(cell_len(line) for line in text.split("\n"))
+
+
+def longest_piece(text: str, *, break_names: bool) -> int:
+    """Return how wide a column must be for a text, if its lines may end only where it reads well.
+
+    Parameters
+    ----------
+    text
+        Of one cell.
+    break_names
+        Whether a line may also end within a name, as after the hyphen of ``monte-carlo``.
+    """
+    return max((cell_len(p) for p in _pieces(text, break_names=break_names)), default=0)
+
+
+def wrapped(text: str, width: int, hang: int = 0) -> list[str]:
+    """Return a text in lines.
+
+    Parameters
+    ----------
+    text
+        With line breaks where there must be some.
+    width
+        The most columns of a line, >= 1.
+    hang
+        How many blanks the second and every further line begins with; fewer where the width is
+        too small for them.
+    """
+    hang = min(hang, width // 2)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        if cell_len(line) <= (width if not lines else width - hang):
+            lines.append(line if not lines else " " * hang + line)
+        else:
+            lines += _broken(line, width, hang, first=not lines)
+    return lines
+
+
+def wrapped_note(note: str, width: int) -> list[str]:
+    """Return a note in lines that hang under its text, which begins behind a label."""
+    label = _NOTE_LABEL.match(note)
+    margin = len(note) - len(note.lstrip(" "))
+    return wrapped(note, width, label.end() if label else margin or 2)
+
+
+def _broken(line: str, width: int, hang: int, *, first: bool) -> list[str]:
+    """Return a line that is too wide as several."""
+    body = line.lstrip(" ")
+    start = line[: len(line) - len(body)][: width // 2] if first else " " * hang
+    lines, current, begun = [], start, False
+    for word in _words(body, width - max(hang, len(start))):
+        room = width - cell_len(current)
+        space = " " if begun and not word.glued else ""
+        if cell_len(word.text) + len(space) <= room:
+            current += space + word.text
+        else:
+            lines.append(current.rstrip(" "))
+            current = " " * hang + word.text
+        begun = True
+    return [*lines, current.rstrip(" ")]
+
+
+class _Word:
+    """A piece of a line, and whether it follows the one before without a space."""
+
+    __slots__ = ("glued", "text")
+
+    def __init__(self, text: str, *, glued: bool) -> None:
+        self.text, self.glued = text, glued
+
+
+def _words(body: str, room: int) -> list[_Word]:
+    """Return the pieces of a line, none wider than the room for it.
+
+    Blanks between words are kept, but for one.
+    """
+    words: list[_Word] = []
+    for gap, word in re.findall(r"( *)([^ ]+)", body):
+        pieces = _fitting(word, room)
+        if words and len(gap) > 1 and len(gap) + cell_len(pieces[0]) <= room:
+            pieces[0] = gap[1:] + pieces[0]
+        words.append(_Word(pieces[0], glued=not gap))
+        words += [_Word(piece, glued=True) for piece in pieces[1:]]
+    return words
+
+
+def _fitting(word: str, room: int) -> list[str]:
+    """Return a word in pieces that fit: whole, else broken in lists, in names, or anywhere."""
+    if cell_len(word) <= room:
+        return [word]
+    for breaks in (_AFTER_LIST, _AFTER_NAME):
+        pieces = [piece for piece in breaks.split(word) if piece]
+        if all(cell_len(piece) <= room for piece in pieces):
+            return pieces
+    return [cut for piece in pieces for cut in chop_cells(piece, max(1, room))]
+
+
+def _pieces(text: str, *, break_names: bool) -> Sequence[str]:
+    breaks = _AFTER_NAME if break_names else _AFTER_LIST
+    return [piece for word in text.split() for piece in breaks.split(word)]
+
+
+DEFAULT_WIDTH = 120
+"""Columns of a line where neither COLUMNS nor a terminal says otherwise."""
+LEAST_WIDTH = 20
+"""A terminal that claims to be narrower is taken to be this wide."""
+
+# Columns stand this far apart; where the terminal is narrow, closer.
+_WIDE_GAP, _NARROW_GAP = 3, 2
+# What a column of prose has at least: to be read well, and at worst.
+_PROSE_WIDTHS = (16, 12)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Columns that stand side by side.
+
+    Parameters
+    ----------
+    columns
+        Their indices, from left to right.
+    widths
+        How wide each of them is.
+    gap
+        How far apart they stand.
+    """
+
+    columns: tuple[int, ...]
+    widths: tuple[int, ...]
+    gap: int
+
+    @property
+    def width(self) -> int:
+        """How wide the block is."""
+        return sum(self.widths) + self.gap * (len(self.widths) - 1)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a table is shown.
+
+    Parameters
+    ----------
+    blocks
+        One, or several below one another.
+    below
+        Indices of columns whose cells stand below the table, row by row.
+    """
+
+    blocks: tuple[Block, ...]
+    below: tuple[int, ...] = ()
+
+
+def output_width(out: IO[str]) -> int:
+    """Return how wide lines in `out` may be: by COLUMNS, else by the terminal, else 120."""
+    try:
+        width = int(os.environ.get("COLUMNS", ""))
+    except ValueError:
+        width = 0
+    if width <= 0 and out.isatty():
+        try:
+            width = os.get_terminal_size(out.fileno()).columns
+        except (OSError, ValueError):
+            width = 0
+    return max(LEAST_WIDTH, width) if width > 0 else DEFAULT_WIDTH
+
+
+def table_layout(table: Table, width: int) -> Layout:
+    """Return how a table is shown in a width.
+
+    Parameters
+    ----------
+    table
+        With at least one row.
+    width
+        The most columns of a line, >= `LEAST_WIDTH`.
+    """
+    shown = [i for i, column in enumerate(table.columns) if not column.listed]
+    whole = _Fit(table, shown, _WIDE_GAP, [_natural(table, i, heading_wraps=False) for i in shown])
+    if whole.fits(width):
+        return Layout((whole.block(),))
+    stay = [i for i in shown if not table.columns[i].below] or shown[:1]
+    below = tuple(i for i in shown if i not in stay)
+    most = [_natural(table, i, heading_wraps=False) for i in stay]
+    uncut = [_natural(table, i, heading_wraps=True) for i in stay]
+    for gap in (_WIDE_GAP, _NARROW_GAP):
+        fit = _Fit(table, stay, gap, uncut)
+        if fit.fits(width):
+            return Layout((fit.widened(most, width),), below)
+    for prose_width in _PROSE_WIDTHS:
+        last = prose_width == _PROSE_WIDTHS[-1]
+        least = [_least(table, i, prose_width, break_names=last) for i in stay]
+        fit = _Fit(table, stay, _NARROW_GAP, least)
+        if fit.fits(width):
+            return Layout((fit.widened(most, width),), below)
+    least = [_least(table, i, _PROSE_WIDTHS[0], break_names=False) for i in stay]
+    return Layout(_blocks(table, stay, least, most, width), below)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Columns with widths that may or may not fit."""
+
+    table: Table
+    columns: Sequence[int]
+    gap: int
+    widths: Sequence[int]
+
+    def fits(self, width: int) -> bool:
+        return self.block().width <= width
+
+    def block(self) -> Block:
+        return Block(tuple(self.columns), tuple(self.widths), self.gap)
+
+    def widened(self, most: Sequence[int], width: int) -> Block:
+        """Return the columns with what is left of a width given to those that wrap most."""
+        widths = list(self.widths)
+        for _ in range(width - self.block().width):
+            wanting = [i for i, now in enumerate(widths) if now < most[i]]
+            if not wanting:
+                break
+            widths[max(wanting, key=lambda i: most[i] / widths[i])] += 1
+        return Block(tuple(self.columns), tuple(widths), self.gap)
+
+
+def key_columns(table: Table) -> tuple[int, ...]:
+    """Return the leading columns that distinguish the rows of a table; else the first alone."""
+    whole = [i for i, one in enumerate(table.columns) if not (one.below or one.listed)]
+    for count in range(1, len(whole)):
+        if len({tuple(row[i] for i in whole[:count]) for row in table.rows}) == len(table.rows):
+            return tuple(whole[:count])
+    return tuple(whole[:1]) or (0,)
+
+
+def _blocks(
+    table: Table, columns: Sequence[int], least: Sequence[int], most: Sequence[int], width: int
+) -> tuple[Block, ...]:
+    """Return blocks begun by the columns that distinguish rows, or by the first if they are wide.
+
+    Figures are cut only where a column of them is too wide for a block of its own.
+    """
+    keys = [at for at, index in enumerate(columns) if index in key_columns(table)]
+    if sum(least[at] + _NARROW_GAP for at in keys) > width // 2:
+        keys = keys[:1]
+    narrow = dict(enumerate(least))
+    if len(keys) == 1:
+        narrow[keys[0]] = min(least[keys[0]], width // 2 - _NARROW_GAP)
+    room = width - sum(narrow[at] + _NARROW_GAP for at in keys)
+    groups: list[list[int]] = [[]]
+    free = room
+    for at in (at for at in range(len(columns)) if at not in keys):
+        narrow[at] = min(least[at], room)
+        if groups[-1] and narrow[at] > free:
+            groups.append([])
+            free = room
+        groups[-1].append(at)
+        free -= narrow[at] + _NARROW_GAP
+    blocks = []
+    for group in groups:
+        members = [*keys, *group]
+        widths = [narrow[at] for at in members]
+        fit = _Fit(table, [columns[at] for at in members], _NARROW_GAP, widths)
+        blocks.append(fit.widened([most[at] for at in members], width))
+    return tuple(blocks)
+
+
+def _natural(table: Table, index: int, *, heading_wraps: bool) -> int:
+    """Return the width in which no cell wraps."""
+    heading = table.columns[index].on_screen
+    least = _widest_word(heading) if heading_wraps else text_width(heading)
+    return max(least, _widest_cell(table, index))
+
+
+def _least(table: Table, index: int, prose_width: int, *, break_names: bool) -> int:
+    """Return the width in which cells wrap only where that reads well."""
+    column = table.columns[index]
+    heading = longest_piece(column.on_screen, break_names=break_names)
+    if column.right:
+        return max(heading, _widest_cell(table, index))
+    cells = max(longest_piece(row[index], break_names=break_names) for row in table.rows)
+    return max(heading, cells, min(prose_width, _widest_cell(table, index)))
+
+
+def _widest_cell(table: Table, index: int) -> int:
+    return max(text_width(row[index]) for row in table.rows)
+
+
+def _widest_word(heading: str) -> int:
+    return max((text_width(word) for word in heading.split()), default=0)
+
 
 # A line, and whether it is printed bold.
 _Line = tuple[str, bool]

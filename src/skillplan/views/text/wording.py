@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
 
 def percent(fraction: float | None) -> str:
     """Return a fraction in per cent with two decimals, or a dash."""
@@ -21,3 +27,73 @@ def yes_no(value: bool) -> str:
 def count(amount: int, noun: str) -> str:
     """Return an amount with its noun, which takes an s in the plural."""
     return f"{amount:,} {noun}" if amount == 1 else f"{amount:,} {noun}s"
+
+
+# Control, format (bidirectional, zero-width), lone surrogates, line and paragraph separators.
+_CATEGORIES = frozenset(("Cc", "Cf", "Cs", "Zl", "Zp"))
+# Letters and marks without ink, and what Unicode reserves for more of them (DerivedCoreProperties,
+# Default_Ignorable_Code_Point); the selectors of emoji and of Han variants among them are kept.
+_INVISIBLE = frozenset((0x34F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x3164, 0xFFA0, 0x2065))
+_UNUSUAL = re.compile(r"[^\n\t\x20-\x7e]")
+
+
+def escaped(text: str) -> str:
+    """Return a text that says what it holds, and moves, colours, reverses and hides nothing.
+
+    Line breaks and tabs stay.
+
+    Parameters
+    ----------
+    text
+        From a document, a file name, an exception, a verdict: from anybody.
+    """
+    return _UNUSUAL.sub(lambda found: _shown(found.group()), text)
+
+
+@cache
+def _shown(character: str) -> str:
+    code = ord(character)
+    tag = 0xE0000 <= code <= 0xE00FF or 0xE01F0 <= code <= 0xE0FFF
+    reserved = 0xFFF0 <= code <= 0xFFF8
+    invisible = tag or reserved or code in _INVISIBLE
+    if not invisible and unicodedata.category(character) not in _CATEGORIES:
+        return character
+    if code < 0x100:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def evidence_text(evidence: Mapping[str, Any]) -> str:
+    """Return evidence as ``key value`` pairs; what belongs to one thing stands in brackets."""
+    return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
+
+
+def evidence_items(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return evidence as names and texts, one for each thing that was measured."""
+    return [
+        (key, (evidence_text(value) or "none") if isinstance(value, Mapping) else _plain(value))
+        for key, value in evidence.items()
+    ]
+
+
+def _plain(value: Any) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        # Minus zero says nothing.
+        return f"{value + 0.0:.4g}"
+    if isinstance(value, Mapping):
+        return f"({evidence_text(value)})" if value else "none"
+    if isinstance(value, list | tuple):
+        return " ".join(_plain(item) for item in value) or "none"
+    return str(value)
+
+
+def direction_name(direction: Sequence[float]) -> str:
+    """Return ``+x`` and the like, or the three numbers of any other direction."""
+    for axis, value in zip("xyz", direction, strict=True):
+        if abs(abs(value) - 1) < 1e-6:
+            return f"{'+' if value > 0 else '-'}{axis}"
+    return " ".join(f"{value:.3g}" for value in direction)

@@ -11,7 +11,7 @@ import numpy as np
 from skillplan.task.pose import Pose
 from skillplan.views.playback.document import Playback, box, cylinder
 from skillplan.views.playback.meshes import hull_mesh
-from skillplan.views.playback.turns import Numbers
+from skillplan.views.playback.tracks import Numbers
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.bench.swings import Direction
 

@@ -15,8 +15,7 @@ import numpy as np
 from skillplan.task.pose import Pose
 from skillplan.views.playback.document import Playback, box, cylinder
 from skillplan.views.playback.meshes import hull_mesh
-from skillplan.views.playback.tracks import FRAMES_PER_S
-from skillplan.views.playback.turns import Numbers, rows_of
+from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, rows_of
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.pkm.kinematics import OutsideWorkspace, PkmGeometry, inverse
 from skillplan_swarmitfix.pkm.pose6 import zyz_matrix

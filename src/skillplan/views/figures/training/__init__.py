@@ -1,1 +1,0 @@
-"""Figures of training runs; never a run's computation."""

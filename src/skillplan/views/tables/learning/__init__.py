@@ -1,1 +1,0 @@
-"""Tables of trainings and of studies of learners. They compute nothing."""
