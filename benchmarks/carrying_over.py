@@ -25,15 +25,14 @@ from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import replay
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
-from skillplan.records.training.relational_file import read_relational
-from skillplan.solvers.relational.element_choice import ElementChoice
-from skillplan.solvers.relational.element_view import ELEMENT_FEATURES, Sight
-from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan.training.family_training import read_policy
 from skillplan.training.generated_boards import GeneratedFamily
+from skillplan_torch.relational.elements import ELEMENT_FEATURES, Sight
+from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 
@@ -58,7 +57,7 @@ class NearestFirst(RelationalNetwork):
 def main() -> None:
     """Print a line for every board, and of each group how many were completed."""
     options = parsed()
-    learned = read_relational(options.run).network
+    learned = read_policy(options.run).policy
     assert ELEMENT_FEATURES[2] == "something must come before it that is not done"
     size = NetworkSize()
     zeros = {name: np.zeros(shape, np.float32) for name, shape in size.shapes().items()}

@@ -12,14 +12,13 @@ import torch
 from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
-from skillplan.records.training.relational_file import read_relational, write_relational
-from skillplan.solvers.relational.family_learner import FamilyLesson
-from skillplan.solvers.relational.relational_network import NetworkSize
-from skillplan.training.family_training import followed
+from skillplan.records.training.relational_file import write_relational
+from skillplan.solvers.learning.family_learner import FamilyLesson
+from skillplan.training.family_training import followed, read_policy
 from skillplan.training.generated_boards import GeneratedFamily
 from skillplan_torch.relational import RelationalSolver
-from skillplan_torch.relational.learning import TorchNetwork
-from skillplan_torch.relational.lessons import Board, Lessons
+from skillplan_torch.relational.learning import Board, Lessons, TorchNetwork
+from skillplan_torch.relational.network import NetworkSize
 from skillplan_torch.relational.solver import RelationalOptions
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -75,9 +74,9 @@ def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards: list[Boar
 
 
 def test_the_same_boards_and_seed_give_the_same_network() -> None:
-    one, again = (learned("generated:3-4", **TINY).network for _ in range(2))
-    for name, array in one.arrays.items():
-        assert np.array_equal(array, again.arrays[name])
+    one, again = (learned("generated:3-4", **TINY).policy for _ in range(2))
+    for name, array in one.weights.items():
+        assert np.array_equal(array, again.weights[name])
 
 
 def test_boards_that_are_too_large_to_be_taught_are_refused() -> None:
@@ -98,7 +97,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
     lesson = learned("generated:4-6", boards=40, rounds=3, updates=50, batch=64, width=32)
     write_relational(
         tmp_path,
-        lesson.network,
+        lesson.policy,
         solver="relational",
         options={},
         family="generated:4-6",
@@ -108,11 +107,11 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
         trial=None,
         wall_s=0.0,
     )
-    network = read_relational(tmp_path).network
+    policy = read_policy(tmp_path).policy
     tasks = list(GeneratedFamily(8, 10).tasks(4, 9))
     tasks.append(load_problem(CONFIGS / "inverter_board.yaml").task)
     for task in tasks:
-        _, walked = followed(network, task)
+        _, walked = followed(policy, task)
         assert walked.complete, task.name
         best = solve(task, "auto").cost
         assert best is not None

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
 from typing import Any
 
-from skillplan.errors import OptionError, PluginError, name_hint
+from skillplan.errors import OptionError
 from skillplan.files.held_folder import HeldFolder
 from skillplan.files.output_path import output_folder, refusing
 from skillplan.model.policy_value import roll_out
@@ -22,11 +23,11 @@ from skillplan.records.result import Status
 from skillplan.records.training.relational_file import (
     FamilyTrial,
     RelationalContent,
+    StoredRelational,
+    read_relational,
     write_relational,
 )
-from skillplan.solvers.relational.element_choice import ElementChoice
-from skillplan.solvers.relational.family_learner import FamilyLearner
-from skillplan.solvers.relational.relational_network import RelationalNetwork
+from skillplan.solvers.learning.family_learner import FamilyLearner, FamilyPolicy
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -68,20 +69,36 @@ class FamilyPlan:
         OptionError
             If an option is wrong, or the solver does not learn on families.
         PluginError
-            If it is unknown or broken.
+            If the solver is unknown, not installed or broken.
         """
-        known = registry.names("solver")
-        if self.solver not in known:
-            raise PluginError(f"Unknown solver {self.solver!r}. {name_hint(self.solver, known)}")
-        plugin = registry.load("solver", self.solver)
-        if not issubclass(plugin, FamilyLearner):
-            raise OptionError(
-                f"The solver {self.solver!r} learns no policy that carries over from board to "
-                "board; 'relational' of skillplan-torch does."
-            )
-        made = make_solver(self.solver, self.options, stop)
-        assert isinstance(made, FamilyLearner)
-        return made
+        family_learner(self.solver)
+        learner = make_solver(self.solver, self.options, stop)
+        assert isinstance(learner, FamilyLearner)
+        return learner
+
+
+def family_learner(name: str) -> type[FamilyLearner]:
+    """Return the class of a solver that learns on families of boards.
+
+    Raises
+    ------
+    OptionError
+        If the solver does not learn on families.
+    PluginError
+        If the solver is unknown, not installed or broken.
+    """
+    plugin = registry.load("solver", name)
+    if not issubclass(plugin, FamilyLearner):
+        raise OptionError(
+            f"The solver {name!r} learns no policy that carries over from board to "
+            "board; 'relational' of skillplan-torch does."
+        )
+    return plugin
+
+
+def read_policy(folder: Path) -> StoredRelational:
+    """Return the policy in a folder; raises what `read_relational` raises."""
+    return read_relational(folder, family_learner)
 
 
 class FamilyFolder(HeldFolder):
@@ -135,11 +152,11 @@ def train_family(
             yield make_model(task)
 
     lesson = learner.learn(models(), plan.seed, on_step)
-    trial = None if stop() else tried(lesson.network, plan.family, TRIED_BOARDS, plan.seed, stop)
+    trial = None if stop() else tried(lesson.policy, plan.family, TRIED_BOARDS, plan.seed, stop)
     with refusing("--out", folder.path):
         return write_relational(
             folder.path,
-            lesson.network,
+            lesson.policy,
             solver=plan.solver,
             options=learner.options.model_dump(mode="json"),
             family=str(plan.family),
@@ -152,7 +169,7 @@ def train_family(
 
 
 def tried(
-    network: RelationalNetwork, family: GeneratedFamily, count: int, seed: int, stop: Stop
+    policy: FamilyPolicy, family: GeneratedFamily, count: int, seed: int, stop: Stop
 ) -> FamilyTrial:
     """Follow a policy greedily on boards that the seed has not drawn to learn on."""
     completed, deviations, boards = 0, [], 0
@@ -160,7 +177,7 @@ def tried(
         if stop():
             break
         boards += 1
-        _, walked = followed(network, task)
+        _, walked = followed(policy, task)
         if not walked.complete:
             continue
         completed += 1
@@ -177,7 +194,7 @@ def tried(
 
 
 def followed(
-    network: RelationalNetwork, task: Task, setup: Setup = Setup()
+    policy: FamilyPolicy, task: Task, setup: Setup = Setup()
 ) -> tuple[Sequence[Skill], Replay]:
     """Return the skills that a policy takes greedily on a task, and what becomes of them.
 
@@ -192,5 +209,5 @@ def followed(
     """
     model = make_model(task, setup)
     with closing(model.feasibility):
-        skills = roll_out(model, ElementChoice(network, model))
+        skills = roll_out(model, policy.choice_on(model))
         return skills, replay(model, skills)

@@ -98,14 +98,14 @@ def carried_skills(folder: str, task: Task, setup: Setup) -> Sequence[Skill]:
     ------
     OptionError
         If the policy cannot be read, or cannot act on the task.
+    PluginError
+        If the solver that learned the policy is not installed.
     BackEndError
         If a back end fails.
     """
     from pathlib import Path
 
-    from skillplan.records.training.relational_file import read_relational
-    from skillplan.training.family_training import followed
+    from skillplan.training.family_training import followed, read_policy
 
-    stored = read_relational(Path(folder))
-    skills, _ = followed(stored.network, task, setup)
+    skills, _ = followed(read_policy(Path(folder)).policy, task, setup)
     return skills

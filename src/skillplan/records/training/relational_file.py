@@ -6,6 +6,7 @@ They lie in a folder of their own, ``relational.json`` last: a folder without it
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,7 @@ from skillplan.files.json_file import json_text, read_checked
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import RELATIONAL
-from skillplan.solvers.relational.element_view import ELEMENT_FEATURES, PAIR_FEATURES
-from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
+from skillplan.solvers.learning.family_learner import FamilyLearner, FamilyPolicy
 
 WEIGHTS = "relational.safetensors"
 
@@ -29,7 +29,7 @@ _MOST_BYTES = 64 * 1024 * 1024
 
 
 class StoredSize(BaseModel):
-    """How large the network is; see `NetworkSize`."""
+    """Dimensions of the network."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -76,27 +76,27 @@ class StoredRelational:
 
     Parameters
     ----------
-    network
-        What acts.
+    policy
+        The policy.
     content
-        What it is for.
+        The JSON document beside it.
     """
 
-    network: RelationalNetwork
+    policy: FamilyPolicy
     content: RelationalContent
 
 
-def write_relational(folder: Path, network: RelationalNetwork, **content: Any) -> RelationalContent:
-    """Write a policy into a folder; the JSON, which vouches for the weights, comes last.
+def write_relational(folder: Path, policy: FamilyPolicy, **content: Any) -> RelationalContent:
+    """Write a policy to a folder; the JSON document, which holds the hash, comes last.
 
     Parameters
     ----------
     folder
-        Where to; it must be there.
-    network
-        What acts.
+        Existing folder.
+    policy
+        The policy.
     content
-        Fields of `RelationalContent`, but for those that follow from the network.
+        Fields of `RelationalContent` that do not follow from the policy.
 
     Raises
     ------
@@ -105,37 +105,48 @@ def write_relational(folder: Path, network: RelationalNetwork, **content: Any) -
     """
     from safetensors.numpy import save
 
-    arrays = {name: np.ascontiguousarray(one) for name, one in sorted(network.arrays.items())}
+    arrays = {name: np.ascontiguousarray(array) for name, array in sorted(policy.weights.items())}
     data = save(arrays)
-    size = network.size
-    said = RelationalContent(
+    document = RelationalContent(
         **content,
-        size=StoredSize(
-            width=size.width, heads=size.heads, layers=size.layers, pair_width=size.pair_width
-        ),
-        element_features=list(ELEMENT_FEATURES),
-        pair_features=list(PAIR_FEATURES),
+        size=StoredSize(**policy.dimensions),
+        element_features=list(policy.element_features),
+        pair_features=list(policy.pair_features),
         sha256=hashlib.sha256(data).hexdigest(),
     )
     write_whole(folder / WEIGHTS, data, within=folder)
-    text = json_text(schemas.RELATIONAL_POLICY, said)
+    text = json_text(schemas.RELATIONAL_POLICY, document)
     write_whole(folder / RELATIONAL, text, within=folder)
-    return said
+    return document
 
 
-def read_relational(folder: Path) -> StoredRelational:
+def read_relational(
+    folder: Path, learner_of: Callable[[str], type[FamilyLearner]]
+) -> StoredRelational:
     """Return the policy in a folder.
+
+    Parameters
+    ----------
+    folder
+        Folder of the policy.
+    learner_of
+        Returns the class of a solver by its name.
 
     Raises
     ------
     OptionError
-        If a file cannot be read, is none that `write_relational` wrote, does not fit the other,
-        or the policy sees other features than this skillplan shows.
+        If a file cannot be read or is damaged, the two files do not belong together, or the
+        policy has other features than the installed solver.
+    PluginError
+        If the solver that learned the policy is missing or broken.
     """
     path, weights = folder / RELATIONAL, folder / WEIGHTS
-    said = read_checked(path, schemas.RELATIONAL_POLICY, RelationalContent, _REMEDY, within=folder)
-    seen = (said.element_features, said.pair_features)
-    if seen != (list(ELEMENT_FEATURES), list(PAIR_FEATURES)):
+    content = read_checked(
+        path, schemas.RELATIONAL_POLICY, RelationalContent, _REMEDY, within=folder
+    )
+    plugin = learner_of(content.solver).Policy
+    features = (list(plugin.element_features), list(plugin.pair_features))
+    if features != (content.element_features, content.pair_features):
         raise OptionError(f"{path}: sees other features than this skillplan shows. {_REMEDY}.")
     try:
         data, _ = read_safetensors(weights, _MOST_BYTES, within=folder)
@@ -143,20 +154,20 @@ def read_relational(folder: Path) -> StoredRelational:
         raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
     except ValueError as error:
         raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
-    if hashlib.sha256(data).hexdigest() != said.sha256:
+    if hashlib.sha256(data).hexdigest() != content.sha256:
         raise OptionError(f"{weights}: is damaged: it is not what {path} vouches for. {_REMEDY}.")
     try:
-        network = _network(data, NetworkSize(**said.size.model_dump()))
+        policy = _load_policy(data, content.size, plugin)
     except ValueError as error:
         raise OptionError(f"{weights}: is damaged: {str(error).rstrip('.')}. {_REMEDY}.") from None
-    return StoredRelational(network, said)
+    return StoredRelational(policy, content)
 
 
-def _network(data: bytes, size: NetworkSize) -> RelationalNetwork:
+def _load_policy(data: bytes, size: StoredSize, plugin: type[FamilyPolicy]) -> FamilyPolicy:
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
     try:
-        return RelationalNetwork(size, load(data))
+        return plugin.build(size.model_dump(), load(data))
     except SafetensorError as error:
         raise ValueError(str(error)) from None

@@ -1,7 +1,4 @@
-"""A network that carries over from board to board, learned from what every choice costs.
-
-It holds what only this algorithm needs; what the network sees and how it answers is the core's.
-"""
+"""A policy for boards of any size, learned from the costs of all choices on small boards."""
 
 from skillplan_torch.relational.solver import RelationalSolver
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import torch
 from pydantic import Field
 
 from skillplan.errors import OptionError
@@ -14,14 +13,11 @@ from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.records.training.relational_file import read_relational
+from skillplan.solvers.learning.family_learner import FamilyLearner, FamilyLesson
 from skillplan.solvers.learning.network_choice import reachable_policy
-from skillplan.solvers.relational.element_choice import ElementChoice
-from skillplan.solvers.relational.family_learner import FamilyLearner, FamilyLesson
-from skillplan.solvers.relational.relational_network import NetworkSize
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task import back_end
-from skillplan_torch.relational.learning import RelationalLearning
-from skillplan_torch.relational.lessons import Board
+from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
 
 
 class RelationalOptions(back_end.Options):
@@ -76,6 +72,7 @@ class RelationalSolver(FamilyLearner):
     """Follow a policy that was learned on other boards, with any number of elements."""
 
     name = "relational"
+    Policy = RelationalNetwork
     Options = RelationalOptions
     options: RelationalOptions
 
@@ -97,8 +94,8 @@ class RelationalSolver(FamilyLearner):
         """Follow the policy greedily; nothing is claimed of the plan but its cost."""
         if not self.options.run:
             raise OptionError(f"relational: {_UNTRAINED}.")
-        stored = read_relational(Path(self.options.run))
-        choose = ElementChoice(stored.network, model)
+        stored = read_relational(Path(self.options.run), lambda _: type(self))
+        choose = stored.policy.choice_on(model)
         trace: dict[str, Any] = {"run": self.options.run, "family": stored.content.family}
         if not model.task.deterministic:
             return Solution(reachable_policy(model, choose), trace=trace)
@@ -114,6 +111,11 @@ class RelationalSolver(FamilyLearner):
         self, boards: Iterable[SkillModel], seed: int, on_step: Callable[[], None]
     ) -> FamilyLesson:
         """Learn in rounds: walk on all boards, then learn from all that was met so far."""
+        # Only learning needs torch; a stored policy is evaluated with numpy.
+        import torch
+
+        from skillplan_torch.relational.learning import Board, RelationalLearning
+
         options = self.options
         torch.set_num_threads(1)
         taught: list[Board] = []

@@ -15,15 +15,22 @@ from skillplan.errors import OptionError
 from skillplan.model.policy_value import roll_out
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
-from skillplan.solvers.relational.element_choice import ElementChoice
-from skillplan.solvers.relational.element_order import ElementOrder
-from skillplan.solvers.relational.element_paths import ElementPaths
-from skillplan.solvers.relational.element_view import ElementView, Sight
-from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
 from skillplan.task.task import Task
+from skillplan_torch.relational.elements import ElementOrder, ElementPaths, ElementView, Sight
+from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SMALL = NetworkSize(width=16, heads=2, layers=2, pair_width=4)
+
+
+@pytest.fixture(scope="module")
+def board_task() -> Task:
+    return load_problem(CONFIGS / "inverter_board.yaml").task
+
+
+@pytest.fixture(scope="module")
+def motor_drive_task() -> Task:
+    return load_problem(CONFIGS / "motor_drive.yaml").task
 
 
 def a_network(seed: int = 0, size: NetworkSize = SMALL) -> RelationalNetwork:
@@ -114,14 +121,14 @@ def test_of_a_choice_it_is_told_what_is_left_of_it() -> None:
     """Three elements: 0 goes before 1 or before 2. With 1 done, it has to go before 2."""
     order = ElementOrder(np.zeros((3, 3), dtype=np.bool_), ((0, ((0, 0b010), (0, 0b100))),))
     assert not order.after(0).any()
-    assert [[0, 2]] == np.argwhere(order.after(0b010)).tolist()
+    assert np.argwhere(order.after(0b010)).tolist() == [[0, 2]]
     assert not order.after(0b001).any()
 
 
 def test_of_a_choice_of_supports_it_waits_for_the_nearest() -> None:
     """Element 0 needs 1 and 2, or 3."""
     order = ElementOrder(np.zeros((4, 4), dtype=np.bool_), ((0, ((0b0110, 0), (0b1000, 0))),))
-    assert [[3, 0]] == np.argwhere(order.after(0)).tolist()
+    assert np.argwhere(order.after(0)).tolist() == [[3, 0]]
     assert not order.after(0b1000).any()
 
 

@@ -11,8 +11,9 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.records.stored.result_folder import is_relational
-from skillplan.records.training.relational_file import read_relational, write_relational
-from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
+from skillplan.records.training.relational_file import write_relational
+from skillplan.training.family_training import read_policy
+from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
 
 SIZE = NetworkSize(width=8, heads=2, layers=1, pair_width=4)
 
@@ -41,12 +42,12 @@ def stored(tmp_path: Path) -> Path:
 
 
 def test_what_is_read_is_what_was_written(stored: Path) -> None:
-    found = read_relational(stored)
+    found = read_policy(stored)
     assert is_relational(str(stored))
-    assert SIZE == found.network.size
-    assert "generated:3-5" == found.content.family
+    assert SIZE.width == found.policy.dimensions["width"]
+    assert found.content.family == "generated:3-5"
     for name, array in a_network().arrays.items():
-        assert np.array_equal(array, found.network.arrays[name])
+        assert np.array_equal(array, found.policy.weights[name])
 
 
 def test_another_folder_is_none(tmp_path: Path) -> None:
@@ -59,7 +60,7 @@ def test_weights_that_were_changed_are_named(stored: Path) -> None:
     data[-1] ^= 1
     path.write_bytes(data)
     with pytest.raises(OptionError, match=r"safetensors: is damaged: it is not what .*vouches"):
-        read_relational(stored)
+        read_policy(stored)
 
 
 @pytest.mark.parametrize(
@@ -77,10 +78,10 @@ def test_a_document_that_was_changed_is_named(
     document = json.loads(path.read_text("utf-8"))
     path.write_text(json.dumps({**document, key: value}), "utf-8")
     with pytest.raises(OptionError, match=message):
-        read_relational(stored)
+        read_policy(stored)
 
 
 def test_missing_weights_are_named(stored: Path) -> None:
     (stored / "relational.safetensors").unlink()
     with pytest.raises(OptionError, match="cannot be read"):
-        read_relational(stored)
+        read_policy(stored)

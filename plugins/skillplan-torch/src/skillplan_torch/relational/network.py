@@ -8,12 +8,24 @@ scores of n elements, independent of their order and defined for every n.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.relational.element_view import ELEMENT_FEATURES, PAIR_FEATURES, Sight
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.learning.family_learner import FamilyPolicy
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan_torch.relational.elements import (
+    ELEMENT_FEATURES,
+    PAIR_FEATURES,
+    ElementOrder,
+    ElementPaths,
+    ElementView,
+    Sight,
+)
 
 Figures = NDArray[np.float32]
 
@@ -68,7 +80,7 @@ class NetworkSize:
 
 
 @dataclass(frozen=True)
-class RelationalNetwork:
+class RelationalNetwork(FamilyPolicy):
     """Scores elements; the greedy policy goes to the best of those that can be begun.
 
     Parameters
@@ -84,6 +96,8 @@ class RelationalNetwork:
         If arrays are missing, of other shapes, or not finite.
     """
 
+    element_features = ELEMENT_FEATURES
+    pair_features = PAIR_FEATURES
     size: NetworkSize
     arrays: Mapping[str, Figures]
 
@@ -97,6 +111,25 @@ class RelationalNetwork:
                 raise ValueError(f"{name} is {array.dtype} {array.shape}, not float32 {shape}.")
             if not np.isfinite(array).all():
                 raise ValueError(f"{name} has figures that are not finite.")
+
+    @property
+    def weights(self) -> Mapping[str, Figures]:
+        """Weights by name."""
+        return self.arrays
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Dimensions of the network by name."""
+        return asdict(self.size)
+
+    @classmethod
+    def build(cls, dimensions: Mapping[str, int], arrays: Mapping[str, Figures]) -> Self:
+        """Return a stored policy; raises ValueError if the arrays do not fit."""
+        return cls(NetworkSize(**dimensions), arrays)
+
+    def choice_on(self, model: SkillModel) -> ElementChoice:
+        """Return the greedy choice on a task; raises what `ElementChoice` raises."""
+        return ElementChoice(self, model)
 
     def scores(self, sight: Sight) -> Figures:
         """Return a score for every element that is seen, shape (n,)."""
@@ -141,3 +174,52 @@ def _normal(values: Figures) -> Figures:
     squares = (values * values).mean(axis=-1, keepdims=True)
     found: Figures = values / np.sqrt(squares + np.float32(_EPSILON))
     return found
+
+
+class ElementChoice:
+    """Goes to the element of the best score, by the first skill of the way there.
+
+    A skill's score is the best score of the elements that it leads to. Only applicable skills
+    count; of equals the first. Back ends are queried for the precedence only, here and never
+    again.
+
+    Parameters
+    ----------
+    network
+        What scores.
+    model
+        Of the task.
+
+    Raises
+    ------
+    OptionError
+        If the task has no elements that could be scored.
+    BackEndError
+        If a back end fails.
+    """
+
+    def __init__(self, network: RelationalNetwork, model: SkillModel) -> None:
+        self._network, self._model = network, model
+        paths = ElementPaths(model.task)
+        self.view = ElementView(paths, ElementOrder.of(model))
+
+    def scores(self, state: State) -> dict[str, float]:
+        """Return the score of every applicable skill; minus infinity of one that leads nowhere."""
+        found = {skill.name: -np.inf for skill in self._model.applicable(state)}
+        sight = self.view(state)
+        if not len(sight.elements):
+            return found
+        for way, score in zip(sight.ways, self._network.scores(sight).tolist(), strict=True):
+            if way is not None and way.first in found:
+                found[way.first] = max(found[way.first], score)
+        return found
+
+    def __call__(self, state: State) -> Skill:
+        """Return the skill that is taken in a state; the task's first where none is applicable."""
+        applicable = self._model.applicable(state)
+        if len(applicable) == 1:
+            return applicable[0]
+        scores = self.scores(state)
+        if not scores:
+            return self._model.task.skills[0]
+        return self._model.task.skill(max(scores, key=scores.__getitem__))
