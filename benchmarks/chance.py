@@ -26,8 +26,7 @@ from skillplan.model.policy_value import evaluate_policy
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import load_problem
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.orders_ahead import orders_ahead
-from skillplan.solvers.chance.replan import Replanning
+from skillplan.solvers.chance.replan import Replanning, orders_ahead
 from skillplan.solvers.chance.retries import retried
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill

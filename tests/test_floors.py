@@ -30,7 +30,7 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 
 # Who opens something that no user handed over, and why.
 OPENS = {
-    "robots/link_shapes.py": "the shapes of robots that lie in its package",
+    "robots/arm_description.py": "the shapes of robots that lie in its package",
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",
@@ -53,7 +53,7 @@ OPENS = {
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
     "skillplan_cad/reading/step_file.py": "the null device, for what OCCT prints",
     "skillplan_cad/writing/accepted.py": "a task to be checked, in a folder of its own",
-    "skillplan_ros2/bag.py": "a bag of its own, in a folder of its own",
+    "skillplan_ros2/exporter.py": "a bag of its own, in a folder of its own",
 }
 
 STARTING_MODULES = {"multiprocessing", "subprocess", "concurrent", "pty", "asyncio"}

@@ -9,11 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from concave_shapes import channel, channel_boxes
-from skillplan.collision.solids import decomposition
-from skillplan.collision.solids.concave import deepest_within, depths, outermost
-from skillplan.collision.solids.decomposition import NoPieces, decomposition_of
-from skillplan.collision.solids.polyhedron import polyhedron_of
-from skillplan.collision.solids.solid import TOUCH_M, Solid
+from skillplan.collision import decomposition
+from skillplan.collision.decomposition import NoPieces, decomposition_of
+from skillplan.collision.solid import TOUCH_M, Solid
+from skillplan.collision.surface import deepest_within, depths, outermost, polyhedron_of
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder
 

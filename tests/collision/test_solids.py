@@ -7,8 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from skillplan.collision.solids.polygons import covered
-from skillplan.collision.solids.solid import TOUCH_M, Solid
+from skillplan.collision.solid import TOUCH_M, Solid, covered
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Mesh
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.overrides import overridden
+from skillplan.domains.load import overridden
 from skillplan.errors import OptionError, TaskError
 from skillplan.files.yaml import Document, parse
 from skillplan.pipeline.setup import load_problem

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from skillplan.exporters.behaviour_tree import PORTS, BehaviourTreeExporter, meant, said
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.testing import chance_task, hostile_task
 from skillplan.testing.exporter_suite import solved_lid
 from skillplan.xml_tree import parse_xml

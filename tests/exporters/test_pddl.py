@@ -21,11 +21,10 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import OptionError
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.exporters.pddl.action_costs import NoActionCosts, scale_of
-from skillplan.exporters.pddl.consistent_states import ConsistentStates
-from skillplan.exporters.pddl.exporter import PddlExporter
-from skillplan.exporters.pddl.planning_task import ActionNames, PlanningTask
+from skillplan.exporters.pddl.conditions import ConsistentStates
+from skillplan.exporters.pddl.exporter import ActionNames, PddlExporter, PlanningTask
 from skillplan.judge import fast_downward
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.export import exported, handed_over

@@ -10,8 +10,7 @@ import pytest
 from handovers import best
 from skillplan.errors import OptionError
 from skillplan.exporters.behaviour_tree import BehaviourTreeExporter
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.exporters.pddl.exporter import PddlExporter
 from skillplan.exporters.plan_files import MAX_BYTES, read_plan
 from skillplan.exporters.plan_table import CsvExporter

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.exporters.plan_table import COLUMNS, CsvExporter, _text, read_cell
 from skillplan.testing import hostile_task
 from skillplan.testing.exporter_suite import solved_lid

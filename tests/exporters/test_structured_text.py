@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.exporters.structured_text import StructuredTextExporter
 from skillplan.testing import hostile_task
 from skillplan.testing.exporter_suite import solved_lid

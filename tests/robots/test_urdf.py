@@ -6,13 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.robots.arm_description import ArmDescription
-from skillplan.robots.link_shapes import Capsule, Hull, Rod
+from skillplan.robots.arm_description import ArmDescription, Capsule, Hull, Rod
 from skillplan.robots.panda import PANDA
-from skillplan.robots.rigid import Rigid
 from skillplan.robots.ur5e import UR5E
-from skillplan.robots.urdf import read_urdf
-from skillplan.robots.urdf_elements import UrdfError
+from skillplan.robots.urdf import Rigid, UrdfError, read_urdf
 from skillplan.xml_tree import MAX_DEPTH, MAX_ELEMENTS
 from urdf_text import CAPSULE, joint, link, urdf, urdf_of
 

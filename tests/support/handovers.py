@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.export import handed_over
 from skillplan.pipeline.run import make_model, solve

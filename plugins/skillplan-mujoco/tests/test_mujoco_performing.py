@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined
-from skillplan.physics.view import HEIGHT, WIDTH, Angle
+from skillplan.physics.performance import HEIGHT, WIDTH, Angle
 from skillplan.pipeline.setup import load_problem
 from skillplan_mujoco.engine import MujocoEngine
 from skillplan_mujoco.simulator import drawing_context as contexts

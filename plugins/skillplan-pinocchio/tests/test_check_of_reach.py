@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from skillplan.physics.kinematic import straight_down
 from skillplan.pipeline import never_feasible
 from skillplan.pipeline.preview import preview
 from skillplan.pipeline.setup import load_problem
 from skillplan.robots.catalogue import ARMS
-from skillplan.robots.straight_down import straight_down
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from concave_shapes import as_obj, channel, channel_boxes
 from skillplan import load_problem
-from skillplan.collision.solids.decomposition import decomposition_of
+from skillplan.collision.decomposition import decomposition_of
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body
 from skillplan.task.shape import Box, Mesh

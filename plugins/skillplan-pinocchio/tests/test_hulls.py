@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pytest
 
-from skillplan.physics.jaws import widest_m
+from skillplan.physics.linear_motions import widest_m
 from skillplan.robots import panda
 from skillplan.task.scene import Box, Robot, Tool, ToolKind
 from skillplan_pinocchio.hulls import hand_parts

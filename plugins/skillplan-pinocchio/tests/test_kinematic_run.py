@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skillplan.physics.linear_motions import linear_motions
-from skillplan.physics.planned_motion import MotionPlans
+from skillplan.physics.performance import MotionPlans
 from skillplan_pinocchio.swept import SweptDetector
 
 TENTH_OF_A_MM = 1e-4

@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull
 
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.robots.arm_description import Capsule, Rod
 from skillplan.robots.catalogue import ARMS, STANDARD_HAND
-from skillplan.robots.link_shapes import Capsule, Rod
 from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.robots.ur5e import UR5E
 from skillplan.task.pose import Pose

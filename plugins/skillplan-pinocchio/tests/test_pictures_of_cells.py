@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from board_situations import BOARD
-from skillplan.physics.performance import Image
-from skillplan.physics.view import HEIGHT, WIDTH, Angle, View
+from skillplan.physics.performance import HEIGHT, WIDTH, Angle, Image, View
 from skillplan.pipeline.setup import load_problem
 from skillplan_pinocchio.simulation.arm.kinematics import kinematics_of
 from skillplan_pinocchio.simulation.performing.film import Film

@@ -9,7 +9,7 @@ import pytest
 
 from situations import assembly
 from skillplan.checks.single_check import introduce
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.robots.panda import PANDA_HAND
 from skillplan.robots.ur5e import UR5E
 from skillplan.task.pose import Pose

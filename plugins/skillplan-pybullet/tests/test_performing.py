@@ -8,7 +8,7 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, state_after
 from situations import assembly
-from skillplan.physics.view import HEIGHT, WIDTH
+from skillplan.physics.performance import HEIGHT, WIDTH
 from skillplan.pipeline.setup import load_problem
 from skillplan.testing.tasks import lid_content
 from skillplan_pybullet.engine import PybulletEngine

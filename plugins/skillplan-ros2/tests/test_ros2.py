@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from handovers import best, solved
 from skillplan.errors import OptionError
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Handover
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
@@ -26,7 +26,7 @@ from skillplan.task.skill import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task
 from skillplan.testing.exporter_suite import solved_lid
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_ros2.bag import TEXT_TYPE, TRAJECTORY_TYPE, message_types
+from skillplan_ros2.exporter import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"

@@ -13,9 +13,14 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover, PlannedSkill, decimal_text
-from skillplan.exporters.identifiers import Identifiers, quoted
+from skillplan.exporters.exporter import (
+    Exporter,
+    Handover,
+    Identifiers,
+    PlannedSkill,
+    decimal_text,
+    quoted,
+)
 from skillplan.task import back_end
 
 # What XML cannot hold, what an attribute turns into blanks, and what would name an entry of the

@@ -7,8 +7,7 @@ import io
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover, PlannedSkill, decimal_text
+from skillplan.exporters.exporter import Exporter, Handover, PlannedSkill, decimal_text
 
 COLUMNS = (
     "step",

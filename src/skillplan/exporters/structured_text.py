@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Final
 
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover, PlannedSkill
-from skillplan.exporters.identifiers import Identifiers, quoted
+from skillplan.exporters.exporter import Exporter, Handover, Identifiers, PlannedSkill, quoted
 
 # No text of a controller is longer by default.
 _LONGEST_TEXT = 80

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillplan.errors import OptionError
-from skillplan.exporters.pddl.exporter import DOMAIN, PROBLEM
-from skillplan.exporters.pddl.planning_task import ActionNames, PlanningTask
+from skillplan.exporters.pddl.exporter import DOMAIN, PROBLEM, ActionNames, PlanningTask
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.regular_file import read_bytes
 from skillplan.workers.program import exit_code_of

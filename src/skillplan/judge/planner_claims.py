@@ -7,9 +7,8 @@ import time
 from collections.abc import Iterator
 
 from skillplan.errors import SearchStopped
-from skillplan.exporters.handover import Handover
-from skillplan.exporters.pddl.exporter import PddlExporter
-from skillplan.exporters.pddl.planning_task import PlanningTask
+from skillplan.exporters.exporter import Handover
+from skillplan.exporters.pddl.exporter import PddlExporter, PlanningTask
 from skillplan.judge import fast_downward
 from skillplan.judge.fast_downward import NAME, PlannerAnswer
 from skillplan.model.replay import replay

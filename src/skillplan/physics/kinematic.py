@@ -7,13 +7,19 @@ arm cannot reach.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Final
 
 from skillplan.physics.engine import Engine
-from skillplan.physics.linear_motions import linear_motions
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.panda import PANDA
+from skillplan.robots.ur5e import UR5E
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
 
@@ -75,3 +81,103 @@ class KinematicEngine(Engine):
 
 def _millimetres(point: Point) -> str:
     return "(" + ", ".join(f"{value:.3f}" for value in point) + ") m"
+
+
+@dataclass(frozen=True)
+class Annulus:
+    """A ring about the axis of an arm's base, with a rectangular section.
+
+    Parameters
+    ----------
+    near_m, far_m
+        Distances from that axis [m], 0 <= near < far.
+    low_m, high_m
+        Heights above the foot of the base [m], low < high.
+    """
+
+    near_m: float
+    far_m: float
+    low_m: float
+    high_m: float
+
+    def holds(self, point: tuple[float, float, float]) -> bool:
+        """Whether a point in the frame of the base [m] lies in it."""
+        distance_m = math.hypot(point[0], point[1])
+        return self.near_m <= distance_m <= self.far_m and self.low_m <= point[2] <= self.high_m
+
+
+# Measured with the inverse kinematics of both: the hand as it is turned does not matter there.
+_FLANGES: Final = (
+    (PANDA, Annulus(0.28, 0.75, 0.06, 0.41)),
+    (UR5E, Annulus(0.28, 0.75, 0.06, 0.41)),
+)
+
+
+def straight_down(arm: ArmDescription) -> Annulus | None:
+    """Return where the flange of an arm on an upright base can point straight down.
+
+    However it is turned about the vertical, some posture within the joints' limits brings it
+    there. It does so elsewhere, too: this is what it surely reaches.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+
+    Returns
+    -------
+    Annulus | None
+        In the frame of the base; None where nothing is known of the arm.
+    """
+    return next((ring for known, ring in _FLANGES if known.joints == arm.joints), None)
+
+
+# A part is between the fingers so far at most that the body of the hand is surely clear of it [m].
+_MOST_DEPTH_M = 0.03
+
+
+def surely_reached(task: Task, skill: Skill, state: State) -> bool:
+    """Whether an arm surely gets to all that a skill visits, with nothing of its own in the way.
+
+    The hand has to point straight down on an upright base, where the arm is known to reach. False
+    says nothing: then an arm model has to be queried.
+
+    Parameters
+    ----------
+    task
+        The skill's task.
+    skill
+        One that is applicable.
+    state
+        Where it starts.
+    """
+    if skill.motion is None:
+        return False
+    robot = task.scene.robot(skill.motion.robot)
+    return all(
+        _is_near(robot, motion) and _depth_m(task, motion) <= _MOST_DEPTH_M
+        for motion in linear_motions(task, skill, state)
+    )
+
+
+def _is_near(robot: Robot, motion: LinearMotion) -> bool:
+    """Whether the tip is where the arm reaches, all along an approach and a retreat."""
+    ring = straight_down(robot.model)
+    if ring is None or not robot.mount.is_upright or not motion.points_down:
+        return False
+    x_m, y_m, z_m = robot.base
+    up_m = robot.hand.tip_m - z_m
+    return all(
+        ring.holds((point[0] - x_m, point[1] - y_m, point[2] + up_m))
+        for point in (*motion.approach, *motion.retreat)
+    )
+
+
+def _depth_m(task: Task, motion: LinearMotion) -> float:
+    """Return how far what is handled rises above the tip of the hand [m]."""
+    handled = motion.carries or motion.leaves_with
+    if handled is None:
+        return 0.0
+    visit = motion.visit
+    body = task.scene.body(visit.subject)
+    return body.reach_m(visit.pose, (0.0, 0.0, 1.0)) - motion.grasp_tip[2]

@@ -9,8 +9,8 @@ from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import CheckSteps, PrecedenceQuery, run_queries
 from skillplan.domains.load import Problem
 from skillplan.errors import BackEndError, Issue, PluginError
-from skillplan.physics.certain_reach import surely_reached
-from skillplan.physics.jaws import too_wide
+from skillplan.physics.kinematic import surely_reached
+from skillplan.physics.linear_motions import too_wide
 from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.records.preview import DerivedOrder

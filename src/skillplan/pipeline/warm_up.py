@@ -12,7 +12,7 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
 from skillplan.solvers.mdp.label_setting import costs_to_go
-from skillplan.solvers.ordering.warm_up import warm_up
+from skillplan.solvers.ordering.portfolio import warm_up
 
 # A board that any solver is done with at once; with the second change some grasps fail.
 _BOARD = BoardGenerator(parts=4, density=0.5, tools=2, name="warm-up")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from skillplan.robots.arm_description import ArmDescription, Transform
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.robots.ur5e import UR5E
 

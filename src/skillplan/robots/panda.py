@@ -13,9 +13,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
-from skillplan.robots.hand import Hand
-from skillplan.robots.link_shapes import read_hulls
+from skillplan.robots.arm_description import (
+    ArmDescription,
+    Hand,
+    Joint,
+    LinkInertia,
+    Transform,
+    read_hulls,
+)
 
 # Link lengths a [m], offsets d [m] and twists alpha [rad] of the seven joints.
 LINK_LENGTHS_M: Final = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)

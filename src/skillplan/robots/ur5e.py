@@ -16,8 +16,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
-from skillplan.robots.link_shapes import read_hulls
+from skillplan.robots.arm_description import (
+    ArmDescription,
+    Joint,
+    LinkInertia,
+    Transform,
+    read_hulls,
+)
 
 # Names of the joints, as the maker's ROS description has them.
 _NAMES: Final = (

@@ -7,29 +7,235 @@ that an arm is here, is refused in words.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 from skillplan.robots.arm_description import (
     ArmDescription,
+    Capsule,
+    Hull,
     Joint,
     LinkInertia,
+    LinkShape,
+    Rod,
     Transform,
     Triple,
 )
-from skillplan.robots.link_shapes import Capsule, Hull, LinkShape, Rod
-from skillplan.robots.rigid import Mass, Rigid, together
-from skillplan.robots.urdf_elements import (
-    MOST_LENGTH_M,
-    UrdfError,
-    named,
-    number,
-    numbers,
-    pose_of,
-)
 from skillplan.xml_tree import Element, XmlError, parse_xml
 
-_ONE: Triple = (1.0, 1.0, 1.0)
+Matrix = tuple[Triple, Triple, Triple]
+_ONE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Rigid:
+    """A rotation, by its rows, and an origin [m]."""
+
+    rows: Matrix = _ONE
+    origin: Triple = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, xyz_m: Triple, rpy_rad: Triple) -> Rigid:
+        """Return what is moved, then turned about fixed x, y and z."""
+        (cr, cp, cy), (sr, sp, sy) = (
+            tuple(function(angle) for angle in rpy_rad) for function in (math.cos, math.sin)
+        )
+        rows = (
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (-sp, cp * sr, cp * cr),
+        )
+        return cls(rows, xyz_m)
+
+    def rotate(self, vector: Triple) -> Triple:
+        """Return a vector of its frame in the frame before."""
+        x, y, z = (sum(a * b for a, b in zip(row, vector, strict=True)) for row in self.rows)
+        return (x, y, z)
+
+    def apply(self, point: Triple) -> Triple:
+        """Return a point of its frame [m] in the frame before."""
+        x, y, z = self.rotate(point)
+        return (x + self.origin[0], y + self.origin[1], z + self.origin[2])
+
+    def then(self, other: Rigid) -> Rigid:
+        """Return what is given in this one's frame in the frame before."""
+        columns = [self.rotate(_column(other.rows, number)) for number in range(3)]
+        (a, b, c), (d, e, f), (g, h, i) = columns
+        return Rigid(((a, d, g), (b, e, h), (c, f, i)), self.apply(other.origin))
+
+    def turned(self, tensor: Matrix) -> Matrix:
+        """Return a tensor of its frame along the axes of the frame before."""
+        half = [self.rotate(row) for row in tensor]
+        columns = [self.rotate(_column((half[0], half[1], half[2]), n)) for n in range(3)]
+        return (columns[0], columns[1], columns[2])
+
+    @property
+    def transform(self) -> Transform:
+        """The same by roll, pitch and yaw."""
+        (xx, _, _), (yx, yy, yz), (zx, zy, zz) = self.rows
+        pitch = math.atan2(-zx, math.hypot(zy, zz))
+        if math.hypot(zy, zz) < 1e-9:
+            # Roll and yaw turn about one axis: all of it is roll.
+            return Transform(self.origin, (math.atan2(-yz, yy), pitch, 0.0))
+        return Transform(self.origin, (math.atan2(zy, zz), pitch, math.atan2(yx, xx)))
+
+
+@dataclass(frozen=True, slots=True)
+class Mass:
+    """A mass [kg], its centre [m] and its inertia about that [kg m2], in one frame."""
+
+    kg: float
+    centre: Triple
+    tensor: Matrix
+
+    def seen_from(self, frame: Rigid) -> Mass:
+        """Return it in the frame that its own is given in."""
+        return Mass(self.kg, frame.apply(self.centre), frame.turned(self.tensor))
+
+
+def together(masses: Sequence[Mass]) -> Mass:
+    """Return masses of one frame as one (Huygens and Steiner).
+
+    Parameters
+    ----------
+    masses
+        One at least, each > 0.
+    """
+    kg = sum(mass.kg for mass in masses)
+    x, y, z = (sum(mass.kg * mass.centre[axis] for mass in masses) / kg for axis in range(3))
+    total = [[0.0] * 3 for _ in range(3)]
+    for mass in masses:
+        away = (mass.centre[0] - x, mass.centre[1] - y, mass.centre[2] - z)
+        square = sum(value * value for value in away)
+        for i in range(3):
+            for j in range(3):
+                shift = (square if i == j else 0.0) - away[i] * away[j]
+                total[i][j] += mass.tensor[i][j] + mass.kg * shift
+    (a, b, c), (d, e, f), (g, h, i9) = total
+    return Mass(kg, (x, y, z), ((a, b, c), (d, e, f), (g, h, i9)))
+
+
+def _column(rows: Matrix, number: int) -> Triple:
+    return (rows[0][number], rows[1][number], rows[2][number])
+
+
+MOST_NUMBER = 1_000_000.0
+"""Greatest magnitude of a number that has no limit of its own."""
+
+MOST_LENGTH_M = 100.0
+"""Greatest coordinate and extent [m]."""
+
+# ASCII, and in linear time.
+_DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+class UrdfError(Exception):
+    """A URDF describes no arm that can be used.
+
+    Parameters
+    ----------
+    message
+        What is wrong and what to do instead, in a clause.
+    key
+        The key of the task file that is at fault: ``model``, ``tip`` or ``home_rad``.
+    line
+        Of the URDF, where there is one.
+    """
+
+    def __init__(self, message: str, key: str = "model", line: int | None = None) -> None:
+        self.key = key
+        self.line = line
+        super().__init__(message if line is None else f"line {line}: {message}")
+
+
+def named(root: Element, tag: str) -> dict[str, Element]:
+    """Return the elements of a kind by their names.
+
+    Raises
+    ------
+    UrdfError
+        If one has no name, or two have one.
+    """
+    found: dict[str, Element] = {}
+    for element in root.all(tag):
+        name = element.attributes.get("name")
+        if not name:
+            raise UrdfError(f"a <{tag}> has no name", line=element.line)
+        if name in found:
+            raise UrdfError(f"two {tag}s are called {name!r}", line=element.line)
+        found[name] = element
+    return found
+
+
+def number(
+    element: Element, key: str, default: float | None = None, most: float = MOST_NUMBER
+) -> float:
+    """Return a number that an element gives.
+
+    Parameters
+    ----------
+    element, key
+        Element, and name of its attribute.
+    default
+        Value if the attribute is missing; None if it must not be.
+    most
+        Greatest magnitude, > 0.
+
+    Raises
+    ------
+    UrdfError
+        If the attribute is missing and there is no default, or is no number up to `most`.
+    """
+    text = element.attributes.get(key)
+    if text is None and default is not None:
+        return default
+    return _bounded(element, key, text, most)
+
+
+def numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMBER) -> Triple:
+    """Return three numbers that an element gives.
+
+    Raises
+    ------
+    UrdfError
+        If it gives others than three numbers up to `most`.
+    """
+    text = element.attributes.get(key)
+    if text is None:
+        return default
+    words = text.split()
+    if len(words) != 3:
+        raise UrdfError(f"{key}={text[:40]!r} are not three numbers", line=element.line)
+    x, y, z = (_bounded(element, key, word, most) for word in words)
+    return (x, y, z)
+
+
+def pose_of(element: Element) -> Rigid:
+    """Return what the <origin> of an element says; nowhere else where it has none."""
+    origin = element.first("origin")
+    if origin is None:
+        return Rigid()
+    zero = (0.0, 0.0, 0.0)
+    return Rigid.of(numbers(origin, "xyz", zero, MOST_LENGTH_M), numbers(origin, "rpy", zero))
+
+
+def _bounded(element: Element, key: str, text: str | None, most: float) -> float:
+    # `float` also reads digits of other scripts and underscores, as no other reader of URDF does.
+    digits = "" if text is None else text.strip(" \t\r\n")
+    value = float(digits) if _DECIMAL.fullmatch(digits) else math.nan
+    if not math.isfinite(value):
+        given = "nothing" if text is None else repr(text[:40])
+        words = f"<{element.tag}> needs a number as {key!r}, and has {given}"
+        raise UrdfError(words, line=element.line)
+    if abs(value) > most:
+        words = f"<{element.tag}> has {value:g} as {key!r}, where {most:,g} is the most"
+        raise UrdfError(words, line=element.line)
+    return value
+
+
+_ONE_URDF: Triple = (1.0, 1.0, 1.0)
 
 
 def shapes_of(
@@ -85,7 +291,7 @@ def _shape(
         return Rod(*ends, number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "mesh":
         name = shape.attributes.get("filename", "")
-        corners = [frame.apply(one) for one in read_mesh(name, numbers(shape, "scale", _ONE))]
+        corners = [frame.apply(one) for one in read_mesh(name, numbers(shape, "scale", _ONE_URDF))]
         return Hull(tuple(corners))
     raise ValueError(f"<{shape.tag}> is no shape of a link; give box, cylinder, sphere or mesh")
 

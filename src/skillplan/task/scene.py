@@ -12,9 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from skillplan.robots.arm_description import ArmDescription, Transform
+from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
-from skillplan.robots.hand import Hand
 from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape

@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
 from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of

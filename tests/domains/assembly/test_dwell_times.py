@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly, model_of, small_assemblies
 from skillplan.collision.aabb import AabbDetector
-from skillplan.domains.assembly.hints import hints
+from skillplan.domains.assembly.overview import hints
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.load import _content_hash
 from skillplan.model.replay import replay

@@ -12,11 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.assembly.arms import urdf_file
-from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
-from skillplan.domains.assembly.meshes import mesh_files
-from skillplan.domains.assembly.meshes.mesh_files import MAX_BYTES, SUFFIXES, parsed, read_mesh
-from skillplan.domains.assembly.meshes.polyhedron import MAX_CORNERS, MeshFileError
+from skillplan.domains.assembly import mesh_files, robot_schema
+from skillplan.domains.assembly.mesh_files import (
+    MAX_BYTES,
+    MAX_CORNERS,
+    SUFFIXES,
+    MeshFileError,
+    parsed,
+    read_mesh,
+)
+from skillplan.domains.assembly.robot_schema import ArmFileError, read_arm
 from skillplan.task.shape import Mesh
 from urdf_text import urdf
 
@@ -308,7 +313,7 @@ def test_a_mesh_that_is_refused_is_read_once(tmp_path, monkeypatch):
 
 def test_meshes_of_an_arm_that_are_too_large_together_are_refused(tmp_path, monkeypatch):
     size = len(as_stl(WEDGE, WEDGE_FACES))
-    monkeypatch.setattr(urdf_file, "MAX_MESH_BYTES", 3 * size)
+    monkeypatch.setattr(robot_schema, "MAX_MESH_BYTES", 3 * size)
     assert len(arm_of(tmp_path, 0.1, 0.2, 0.3).shapes[3]) == 3
     with pytest.raises(ArmFileError, match=r"Its meshes have more than \d+ MiB together"):
         arm_of(tmp_path, 0.1, 0.2, 0.3, 0.4)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.chart.partial_order import closure, cycle, reduction
-from skillplan.domains.assembly.random_order import RandomOrder
+from skillplan.domains.assembly.board_generator import RandomOrder
 
 COUNTS = st.integers(0, 12)
 

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.sop import SopDomain
-from skillplan.domains.sop.node_order import NodeOrder, nodes_of
-from skillplan.domains.sop.schema import SopConfig
+from skillplan.domains.sop.problem import NodeOrder, SopConfig, nodes_of
 from skillplan.errors import TaskError
 from skillplan.model.replay import replay
 from skillplan.pipeline.run import make_feasibility, make_model, solve

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.sop import SopDomain, matrix_text
-from skillplan.domains.sop.tsplib_text import read_tsplib
+from skillplan.domains.sop import SopDomain, tsplib_file
+from skillplan.domains.sop.tsplib_file import read_tsplib
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
 from sop_instances import BEST_KNOWN, instance, instance_text, tsplib_text
@@ -336,8 +336,8 @@ def test_too_many_nodes_are_one_clear_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     """Said before anything is made of the numbers; a lower limit is put in its place."""
-    assert most in (3, matrix_text.MOST_NODES)
-    monkeypatch.setattr(matrix_text, "MOST_NODES", most)
+    assert most in (3, tsplib_file.MOST_NODES)
+    monkeypatch.setattr(tsplib_file, "MOST_NODES", most)
     n = most + 1
     said = f"1:1: the matrix is {n} x {n}; at most {most} nodes can be ordered."
     assert [said] == faults(tmp_path, "0 " * n**2)

@@ -22,8 +22,13 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.job_sets import CertainModel, feasible_sets
-from skillplan.solvers.chance.orders_ahead import OrdersAhead, costs_to_go, orders_ahead
+from skillplan.solvers.chance.job_sets import (
+    CertainModel,
+    OrdersAhead,
+    costs_to_go,
+    feasible_sets,
+    orders_ahead,
+)
 from skillplan.solvers.chance.replan import ReplanSolver
 from skillplan.solvers.chance.retries import relaxed, retried
 from skillplan.solvers.stop import Stop

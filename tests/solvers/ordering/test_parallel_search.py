@@ -21,8 +21,7 @@ from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.pipeline.run import make_model, solve
 from skillplan.solvers.ordering import parallel_search, portfolio, search_worker
-from skillplan.solvers.ordering.instance import OrderingInstance
-from skillplan.solvers.ordering.job_orders import JobOrders
+from skillplan.solvers.ordering.instance import JobOrders, OrderingInstance
 from skillplan.solvers.ordering.parallel_search import Helpers
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.job_orders import JobOrders
+from skillplan.solvers.ordering.instance import NO_ARC, JobOrders, OrderingInstance
 from skillplan.solvers.ordering.relaxation import precedence_cuts as counted
 from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation

@@ -18,7 +18,7 @@ SCRIPT = """
 import json, sys
 from numba.core.dispatcher import Dispatcher
 from skillplan import Setup, load_problem, solve
-from skillplan.solvers.ordering.warm_up import warm_up
+from skillplan.solvers.ordering.portfolio import warm_up
 
 def compiled():
     return {

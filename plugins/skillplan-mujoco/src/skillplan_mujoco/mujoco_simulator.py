@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skillplan.physics.view import View
-from skillplan.robots.hand import Hand
+from skillplan.physics.performance import View
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Scene
 from skillplan.task.task import Task
 from skillplan_mujoco.arm.simulated_arm import SimulatedArm

@@ -15,9 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.arm_description import ArmDescription, Hand
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
-from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse

@@ -8,8 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, grasp_of, tool_after, visited_grasp
+from skillplan.physics.linear_motions import (
+    LinearMotion,
+    grasp_of,
+    jaw_opening_m,
+    tool_after,
+    visited_grasp,
+)
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import WORLD, Robot, Scene, Tool

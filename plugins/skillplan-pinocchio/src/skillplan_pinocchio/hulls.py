@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion
-from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.robots.hand import Hand
+from skillplan.physics.linear_motions import LinearMotion, tool_shapes
+from skillplan.robots.arm_description import Hand
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import Point, Pose, cross
 from skillplan.task.scene import Robot, Tool, ToolKind

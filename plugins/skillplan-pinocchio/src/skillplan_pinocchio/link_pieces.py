@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.robots.arm_description import ArmDescription
-from skillplan.robots.link_shapes import Capsule, Hull, LinkShape
+from skillplan.robots.arm_description import ArmDescription, Capsule, Hull, LinkShape
 from skillplan_pinocchio.kinematics.fixed_order import length, times
 
 Array = NDArray[np.float64]

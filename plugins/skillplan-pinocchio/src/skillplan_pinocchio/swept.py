@@ -17,8 +17,8 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import HullScene
-from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.planned_motion import PlannedMotion
+from skillplan.physics.linear_motions import jaw_faults, too_wide
+from skillplan.physics.performance import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.back_end import RemovedDwell
 from skillplan.task.motion import Event

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
 
-from skillplan.collision.solids.solid import Solid
+from skillplan.collision.solid import Solid
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import DOWN
 from skillplan.task.scene import WORLD, Body, Placement

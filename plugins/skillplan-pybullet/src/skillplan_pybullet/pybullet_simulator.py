@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from skillplan.physics.view import View
-from skillplan.robots.hand import Hand
+from skillplan.physics.performance import View
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.simulation.simulator import Camera
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm

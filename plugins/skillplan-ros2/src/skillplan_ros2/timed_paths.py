@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.exporters.handover import Handover, PlannedSkill
+from skillplan.exporters.exporter import Handover, PlannedSkill
 from skillplan_pinocchio.arm_paths import MotionPaths, SkillPaths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath

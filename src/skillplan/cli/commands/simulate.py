@@ -21,8 +21,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
 
     from skillplan.cli.counting import Count
-    from skillplan.physics.performance import Performance, Sample
-    from skillplan.physics.view import Angle
+    from skillplan.physics.performance import Angle, Performance, Sample
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
@@ -316,7 +315,7 @@ def _angle(camera: str | None) -> Angle | None:
         If that is no angle.
     """
     from skillplan.errors import OptionError
-    from skillplan.physics.view import Angle
+    from skillplan.physics.performance import Angle
 
     try:
         return None if camera is None else Angle.parse(camera)

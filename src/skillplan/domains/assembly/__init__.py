@@ -7,10 +7,8 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.grounding import ground
-from skillplan.domains.assembly.handling.way_overview import way_overview
-from skillplan.domains.assembly.hints import hints
 from skillplan.domains.assembly.layout_family import layouts
-from skillplan.domains.assembly.rest_overview import rest_overview
+from skillplan.domains.assembly.overview import hints, rest_overview, way_overview
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain, Overview
 from skillplan.errors import Issue

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
-from skillplan.domains.assembly.concave_parts import piece_issues
 from skillplan.domains.assembly.geometry_faults import geometry_issues, payload_issues, shape_issues
 from skillplan.domains.assembly.gripping import grasp_issues
-from skillplan.domains.assembly.handling.insertion import insertion_issues
+from skillplan.domains.assembly.insertion import insertion_issues
+from skillplan.domains.assembly.part_meshes import piece_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, action_names, facts_of, literal_parts
 from skillplan.errors import Issue, name_hint

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from skillplan.domains.assembly.handling.holding import Handle
-from skillplan.domains.assembly.handling.schema import GraspConfig
-from skillplan.domains.assembly.handling.sides import automatic, direction_name, named, side_name
+from skillplan.domains.assembly.holding import Handle, automatic, direction_name, named, side_name
 from skillplan.domains.assembly.layout import boxes_of, goal_pose, shapes_of, start_pose
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema_types import GraspConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.task.grasp import Grasp, GraspKind

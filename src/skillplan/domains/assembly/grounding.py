@@ -9,37 +9,271 @@ again, the skill after counts that path, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from skillplan.domains.assembly import vocabulary
-from skillplan.domains.assembly.handling.durations import dwell_s, given_kinds
-from skillplan.domains.assembly.handling.insertion import pick_visits, place_visits
-from skillplan.domains.assembly.handling.schema import unit_of
+from skillplan.domains.assembly.gripping import grasps_of_part, tool_kind
+from skillplan.domains.assembly.insertion import pick_visits, place_visits
 from skillplan.domains.assembly.layout import (
     feeder_of,
     goal_of,
+    goal_pose,
     holder_of,
     hole_of,
     hole_pose,
     look_of,
+    pieces_of,
+    point,
+    shapes_of,
     start_of,
+    start_pose,
 )
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.resting import bearers_at_start
-from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.skill_draft import SkillDraft
-from skillplan.domains.assembly.step_limit import step_limit_of
-from skillplan.domains.assembly.tool_changes import tool_changes
+from skillplan.domains.assembly.schema_types import dwell_s, given_kinds, unit_of
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
 from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
-from skillplan.task.pose import Pose
 from skillplan.task.reward import Penalty, RewardScheme
+from skillplan.task.scene import Body, Placement, Pose, Robot, Scene, Tool
+from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillDraft:
+    """What a skill needs, does and visits.
+
+    Parameters
+    ----------
+    kind, subject
+        The name's two parts, as in ``pick(pcb)``.
+    requires, forbids
+        Facts that have to hold, and that must not.
+    add, delete
+        Facts that it brings about, and that it ends.
+    ends_at
+        The place where the arm stands then.
+    routes
+        What the arm visits, by the fact that selects the route; None for a single one. The path
+        along them is what the skill costs.
+    ways
+        Where there are several visits to choose from, all of them, each with the way in words; the
+        preferred one first, which is that of the only route.
+    parameters
+        What it is about, for people and engines.
+    carries
+        The part in the hand, or None.
+    failure
+        Probability that nothing comes of it but that the arm stands at `failed_at`, below 1.
+    failed_at
+        A place.
+    """
+
+    kind: str
+    subject: str
+    requires: Sequence[str]
+    add: Sequence[str]
+    delete: Sequence[str]
+    ends_at: str
+    routes: Mapping[str | None, Sequence[Visit]]
+    parameters: Mapping[str, str]
+    forbids: Sequence[str] = ()
+    ways: Sequence[tuple[str, Visit]] = ()
+    carries: str | None = None
+    failure: float = 0.0
+    failed_at: str = ""
+
+    @property
+    def name(self) -> str:
+        """The skill's name."""
+        return f"{self.kind}({self.subject})"
+
+
+def tool_changes(config: AssemblyConfig) -> Iterator[SkillDraft]:
+    """Yield the tool changes of an assembly in the style that its file says."""
+    for tool in config.tools:
+        if config.tool_change.style == "separate":
+            yield _offload(config, tool)
+            yield _load(config, tool)
+        else:
+            yield _swap(config, tool)
+
+
+def _swap(config: AssemblyConfig, tool: str) -> SkillDraft:
+    """Return the action that offloads whatever is attached and loads `tool`."""
+    load = _visit(config, Event.LOAD, tool)
+    routes: dict[str | None, list[Visit]] = {}
+    for other in config.tools:
+        if other != tool or config.tool_change.reload:
+            offload = _visit(config, Event.OFFLOAD, other)
+            routes[f"tool({other})"] = [offload, load]
+    if vocabulary.bare_hand(config):
+        routes[NO_TOOL] = [load]
+    others = [f"tool({other})" for other in config.tools if other != tool]
+    return SkillDraft(
+        kind="load",
+        subject=tool,
+        requires=[HAND_FREE],
+        forbids=[] if config.tool_change.reload else [f"tool({tool})"],
+        add=[f"tool({tool})", CHANGED_TOOL],
+        delete=others + ([NO_TOOL] if vocabulary.bare_hand(config) else []),
+        ends_at=vocabulary.holder_place(tool),
+        routes=routes or {None: [load]},
+        parameters={"tool": tool},
+    )
+
+
+def _offload(config: AssemblyConfig, tool: str) -> SkillDraft:
+    """Return the action that puts `tool` back."""
+    return SkillDraft(
+        kind="offload",
+        subject=tool,
+        requires=[HAND_FREE, f"tool({tool})"],
+        add=[NO_TOOL],
+        delete=[f"tool({tool})"],
+        ends_at=vocabulary.holder_place(tool),
+        routes={None: [_visit(config, Event.OFFLOAD, tool)]},
+        parameters={"tool": tool},
+    )
+
+
+def _load(config: AssemblyConfig, tool: str) -> SkillDraft:
+    """Return the action that attaches `tool` where there is none."""
+    return SkillDraft(
+        kind="load",
+        subject=tool,
+        requires=[HAND_FREE, NO_TOOL],
+        add=[f"tool({tool})", CHANGED_TOOL],
+        delete=[NO_TOOL],
+        ends_at=vocabulary.holder_place(tool),
+        routes={None: [_visit(config, Event.LOAD, tool)]},
+        parameters={"tool": tool},
+    )
+
+
+def _visit(config: AssemblyConfig, event: Event, tool: str) -> Visit:
+    """Return the visit of a tool's holder."""
+    takes_s = dwell_s(event.value, config.durations_s, config.tools[tool])
+    return Visit(Pose(holder_of(config, tool)), event, tool, dwell_s=takes_s)
+
+
+MOST_STEPS = 100_000
+"""The greatest step limit that a file may give."""
+
+# A part may stay where it lies, however often it is tried, this rarely.
+_LEFT_LYING = 1e-3
+
+
+def step_limit_of(config: AssemblyConfig) -> int:
+    """Return the most skills that a sequence may have, as given or else enough for every order.
+
+    That is a pick and a place for every part, a fastening for every screw, and a tool change
+    before each of them and at the end, where there is more than one tool. A part whose grasp may
+    fail is tried so often that it is left lying once in 1,000 times.
+    """
+    if config.step_limit is not None:
+        return config.step_limit
+    skills_of_a_change = 2 if config.tool_change.style == "separate" else 1
+    components = len(config.parts) + len(config.screws)
+    changes = components + 1 if len(config.tools) > 1 else 1
+    picks = sum(_tries(part.grasp_failure) for part in config.parts.values())
+    count = picks + components + changes * skills_of_a_change
+    return min(count, MOST_STEPS)
+
+
+def _tries(failure: float) -> int:
+    """Return how many grasps leave a part lying once in 1,000 times at most."""
+    return 1 if not failure else max(1, math.ceil(math.log(_LEFT_LYING) / math.log(failure) - 1e-9))
+
+
+def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
+    """Return the scene of a faultless assembly.
+
+    Parameters
+    ----------
+    config
+        The assembly.
+    places
+        Where the tip of the arm stands [m], by fact.
+    """
+    robot = config.robot
+    base = point(robot.base_m)
+    return Scene(
+        bodies=(
+            *(_part_body(config, name) for name in config.parts),
+            *(_screw_body(config, name) for name in config.screws),
+        ),
+        robots=(
+            Robot(
+                robot.name,
+                base,
+                robot.reaches_m,
+                robot.safe_height_m,
+                places,
+                tuple(_tool(config, name) for name in config.tools),
+                robot.arm,
+                robot.base_orientation,
+                robot.hand,
+                robot.payload_kg,
+            ),
+        ),
+        stations={
+            **{vocabulary.holder_place(tool): holder_of(config, tool) for tool in config.tools},
+            **{feeder: feeder_of(config, feeder) for feeder in config.feeders},
+        },
+        frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
+    )
+
+
+def _part_body(config: AssemblyConfig, name: str) -> Body:
+    part = config.parts[name]
+    start, goal = start_pose(config, name), goal_pose(config, name)
+    pieces, shapes = pieces_of(part), shapes_of(part)
+    in_hand = Pose((0.0, 0.0, 0.0))
+    return Body(
+        name,
+        pieces,
+        (
+            Placement(f"at_start({name})", start, solid=part.feeder is None),
+            Placement(f"held({name})", in_hand, frame=config.robot.name),
+            Placement(f"placed({name})", goal),
+        ),
+        part.mass_kg,
+        grasps_of_part(config, name),
+        () if pieces == shapes else shapes,
+    )
+
+
+def _screw_body(config: AssemblyConfig, name: str) -> Body:
+    screw = config.screws[name]
+    height_m = screw.head_height_m
+    head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
+    driven = Placement(f"fastened({name})", hole_pose(config, screw))
+    return Body(name, (head,), (driven,), screw.mass_kg)
+
+
+def _tool(config: AssemblyConfig, name: str) -> Tool:
+    entry = config.tools[name]
+    size = entry.envelope_m
+    return Tool(
+        name,
+        f"tool({name})",
+        holder_of(config, name),
+        None if size is None else Box(point(size), (0.0, 0.0, size[2] / 2)),
+        tool_kind(config, name),
+        entry.opening_m,
+        entry.force_n,
+        entry.hand_on(config.robot.hand),
+        entry.mass_kg,
+    )
+
 
 _METRICS = {
     "distance": Metric("distance", "m"),

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
-from skillplan.collision.solids.solid import Solid
-from skillplan.domains.assembly.handling.schema import unit_of
+from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema_types import unit_of
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Shape
@@ -46,7 +46,7 @@ def pieces_of(part: PartConfig) -> tuple[Shape, ...]:
     if all(mesh.convex for mesh in part.meshes or ()):
         return shapes_of(part)
     # Takes numpy, which most boards do without.
-    from skillplan.collision.solids.decomposition import decomposition_of
+    from skillplan.collision.decomposition import decomposition_of
 
     found: list[Shape] = []
     for mesh in part.meshes or ():

@@ -15,25 +15,21 @@ from pydantic import (
     model_validator,
 )
 
-from skillplan.domains.assembly.handling.durations import (
-    PartDurations,
-    ScrewDurations,
-    is_absent,
-)
-from skillplan.domains.assembly.handling.ranges import (
+from skillplan.domains.assembly.schema_types import (
     Angle,
     Angles,
-    Extent,
-    Extents,
-    Length,
-    PlanarOrSpatial,
-    Spatial,
-)
-from skillplan.domains.assembly.handling.schema import (
     Direction,
     Directions,
+    Extent,
+    Extents,
     GraspConfig,
     Grasps,
+    Length,
+    PartDurations,
+    PlanarOrSpatial,
+    ScrewDurations,
+    Spatial,
+    is_absent,
     unit_of,
 )
 from skillplan.domains.domain import Name, Strict
@@ -116,9 +112,7 @@ class MeshConfig(Strict):
         """Read the polyhedron that the file holds."""
         made = handler(data)
         # Takes trimesh, and numpy with it.
-        from skillplan.domains.assembly.meshes.mesh_files import read_mesh
-        from skillplan.domains.assembly.meshes.mesh_pieces import read_pieces
-        from skillplan.domains.assembly.meshes.polyhedron import MeshFileError
+        from skillplan.domains.assembly.mesh_files import MeshFileError, read_mesh, read_pieces
 
         folder = Path((info.context or {}).get("folder", Path()))
         try:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from skillplan.collision.boxes import WorldBox
-from skillplan.collision.solids.centre import centre_of, stands
-from skillplan.collision.solids.solid import TOUCH_M, Solid
+from skillplan.collision.solid import TOUCH_M, Solid, centre_of, stands
 from skillplan.domains.assembly.layout import goal_solid, start_solid, table
-from skillplan.domains.assembly.mesh_origins import origin_hint
+from skillplan.domains.assembly.part_meshes import origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from skillplan.domains.assembly.arms.schema import RobotConfig, ToolConfig
-from skillplan.domains.assembly.handling.durations import DurationsConfig
-from skillplan.domains.assembly.handling.ranges import Height, Planar
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
+from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
+from skillplan.domains.assembly.schema_types import DurationsConfig, Height, Planar
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 

@@ -6,10 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from skillplan.domains.domain import Domain
-from skillplan.domains.sop.faults import issues
-from skillplan.domains.sop.schema import SopConfig
-from skillplan.domains.sop.task import sop_task
-from skillplan.domains.sop.tsplib_text import read_tsplib
+from skillplan.domains.sop.problem import SopConfig, issues, sop_task
+from skillplan.domains.sop.tsplib_file import read_tsplib
 from skillplan.errors import Issue
 from skillplan.files.yaml import Document
 from skillplan.task.task import Task

@@ -10,8 +10,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from skillplan.exporters.pddl.conditions import Case, Cover, FeasibleRegion, named_bits, simplified
-from skillplan.exporters.pddl.consistent_states import ConsistentStates, Region
+from skillplan.exporters.pddl.conditions import (
+    Case,
+    ConsistentStates,
+    Cover,
+    FeasibleRegion,
+    Region,
+    named_bits,
+    simplified,
+)
 from skillplan.model.fact_analysis import CostBasis
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill

@@ -2,16 +2,436 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar, Final
 
 from pydantic import Field
 
-from skillplan.exporters.exporter import Exporter, refused_chance
-from skillplan.exporters.handover import Handover
-from skillplan.exporters.pddl.action_costs import NoActionCosts
-from skillplan.exporters.pddl.planning_task import PlanningTask
+from skillplan.exporters.exporter import (
+    Exporter,
+    Handover,
+    Identifiers,
+    argument,
+    quoted,
+    refused_chance,
+)
+from skillplan.exporters.pddl.action_costs import NoActionCosts, Scale, Variant, Variants, scale_of
+from skillplan.exporters.pddl.conditions import Case, ConsistentStates, Cover, cases_of, covers_of
+from skillplan.model.skill_model import SkillModel
 from skillplan.task import back_end
+from skillplan.task.condition import Condition
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+_WORDS = """
+define domain problem requirements types constants objects predicates functions action parameters
+precondition effect init goal metric minimize maximize total_cost total_time increase decrease
+assign scale_up scale_down and or not imply forall exists when either object number derived axiom
+always sometime within over all start end from
+"""
+KEYWORDS: Final = frozenset(_WORDS.split())
+PLACE = "location"
+_UNKNOWN = "thing"
+
+
+class Vocabulary:
+    """What the facts of a task are called in PDDL.
+
+    Parameters
+    ----------
+    task
+        The task.
+
+    Attributes
+    ----------
+    types
+        Identifiers of types, by name.
+    predicates
+        Identifiers of predicates, by name.
+    objects
+        Identifiers of objects, by ``type/name``.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        arguments: dict[str, list[str]] = {}
+        for fact in task.facts.names:
+            arguments.setdefault(self.predicate(fact), [])
+            if argument(fact):
+                arguments[self.predicate(fact)].append(argument(fact))
+        self._type_of = {
+            predicate: _type(task, predicate, found)
+            for predicate, found in arguments.items()
+            if found
+        }
+        self.types = Identifiers(dict.fromkeys(self._type_of.values()), KEYWORDS)
+        taken = KEYWORDS | {self.types[name] for name in self.types}
+        self.predicates = Identifiers(arguments, taken)
+        self.taken = taken | {self.predicates[name] for name in self.predicates}
+        keys = {
+            self._object(fact): None for fact in task.facts.names if argument(fact)
+        }  # a set in order
+        self.objects = Identifiers(keys, self.taken)
+
+    @staticmethod
+    def predicate(fact: str) -> str:
+        """Return the name of a fact's predicate; facts with and without argument are two."""
+        return f"{fact.partition('(')[0]}()" if argument(fact) else fact
+
+    def type_of(self, predicate: str) -> str | None:
+        """Return the identifier of the type of a predicate's argument; None without one."""
+        name = self._type_of.get(predicate)
+        return None if name is None else self.types[name]
+
+    def atom(self, fact: str) -> str:
+        """Return a fact as an atom, such as ``(placed part_pcb)``."""
+        name = self.predicates[self.predicate(fact)]
+        return f"({name} {self.object(fact)})" if argument(fact) else f"({name})"
+
+    def object(self, fact: str) -> str:
+        """Return the identifier of the object that a fact is about."""
+        return self.objects[self._object(fact)]
+
+    def objects_by_type(self) -> dict[str, list[str]]:
+        """Return the identifiers of all objects by that of their type."""
+        found: dict[str, list[str]] = {}
+        for key in self.objects:
+            found.setdefault(self.types[key.partition("/")[0]], []).append(self.objects[key])
+        return found
+
+    def _object(self, fact: str) -> str:
+        return f"{self._type_of[self.predicate(fact)]}/{argument(fact)}"
+
+
+def _type(task: Task, predicate: str, arguments: Iterable[str]) -> str:
+    """Return what the arguments of a predicate are: a parameter of skills, or places."""
+    facts = {fact for fact in task.facts.names if Vocabulary.predicate(fact) == predicate}
+    stands = {fact for robot in task.scene.robots for fact in robot.places} | set(task.places)
+    if facts <= stands:
+        return PLACE
+    values: dict[str, set[str]] = {}
+    for skill in task.skills:
+        for key, value in skill.parameters.items():
+            values.setdefault(key, set()).add(value)
+    fitting = [key for key, known in values.items() if set(arguments) <= known and "/" not in key]
+    return min(fitting, key=lambda key: len(values[key]), default=_UNKNOWN)
+
+
+# Between the identifier of a skill and that of what tells its actions apart; in neither of them.
+_JOINT = "-"
+# Like the words steps-done and step-after, no identifier of a task.
+_STEP = "step-number"
+_MOST_NAMED = 4
+
+
+class PlanningTask:
+    """A task as PDDL has it; back ends are queried when its actions are needed.
+
+    Parameters
+    ----------
+    handover
+        The task.
+    accept_rounding
+        Whether costs may be as small as what rounding comes to.
+    count_steps
+        Whether the step limit is part of the task.
+
+    Raises
+    ------
+    NoActionCosts
+        By what needs costs, if they cannot be said.
+    """
+
+    def __init__(
+        self, handover: Handover, *, accept_rounding: bool = False, count_steps: bool = False
+    ) -> None:
+        self.handover = handover
+        self.accept_rounding = accept_rounding
+        self.count_steps = count_steps
+        self.model: SkillModel = handover.model
+        self.task: Task = handover.task
+        self.vocabulary = Vocabulary(self.task)
+        self._skills = _skill_identifiers(self.task, self.vocabulary)
+
+    @cached_property
+    def origin(self) -> str:
+        """Where the conditions of the skills come from, in words."""
+        if self.handover.charted:
+            return "the task's hand-made chart"
+        if all(skill.motion is None for skill in self.task.skills):
+            return "the preconditions of the skills; no back end judges them"
+        names = ", ".join(back_end.name for back_end in self.model.feasibility.back_ends)
+        return f"derived from the verdicts of {names}"
+
+    @cached_property
+    def left_out(self) -> str:
+        """Skills whose verdicts are not all known, in words; empty if there are none."""
+        words = {
+            skill: f"{skill} ({cover.left_out})"
+            for (skill, _), cover in self._covers.items()
+            if cover.left_out
+        }
+        more = len(words) - _MOST_NAMED
+        listed = "; ".join([*words.values()][:_MOST_NAMED])
+        return f"{listed}; and {more} more" if more > 0 else listed
+
+    @cached_property
+    def impossible(self) -> Mapping[str, str]:
+        """Skills that are never feasible, with a reason."""
+        possible = {skill for (skill, _), cover in self._covers.items() if cover.feasible}
+        return {
+            skill: cover.refusal
+            for (skill, _), cover in self._covers.items()
+            if skill not in possible and cover.refusal
+        }
+
+    @cached_property
+    def variants(self) -> tuple[Variant, ...]:
+        """The actions."""
+        split = Variants(self.model, self._states)
+        return tuple(
+            variant
+            for case in self._cases
+            for variant in split.of(case, self._covers[case.skill.name, case.label])
+        )
+
+    @cached_property
+    def _states(self) -> ConsistentStates:
+        return ConsistentStates(self.task)
+
+    @cached_property
+    def _cases(self) -> tuple[Case, ...]:
+        return tuple(case for skill in self.task.skills for case in cases_of(skill))
+
+    @cached_property
+    def _covers(self) -> dict[tuple[str, str], Cover]:
+        return covers_of(self.model, self._states, self._cases)
+
+    @cached_property
+    def actions(self) -> dict[str, str]:
+        """Identifiers of the actions, by skill and what tells its actions apart."""
+        labels: dict[str, list[str]] = {}
+        for variant in self.variants:
+            labels.setdefault(variant.skill.name, []).append(variant.label)
+        actions = {}
+        for skill, own in labels.items():
+            words = Identifiers(label for label in own if label)
+            for label in own:
+                suffix = f"{_JOINT}{words[label]}" if label else ""
+                actions[f"{skill} {label}".strip()] = f"{self._skills[skill]}{suffix}"
+        return actions
+
+    @cached_property
+    def scale(self) -> Scale:
+        """How costs are written as whole numbers."""
+        costs = [cost for one in self.variants for cost in (one.constant, *one.origins.values())]
+        limit = self.task.step_limit
+        accepted = self.accept_rounding
+        return scale_of(costs, self.task.metric.unit, limit, accept_rounding=accepted)
+
+    def domain(self) -> str:
+        """Return the domain."""
+        known = self.vocabulary
+        predicates = dict.fromkeys(map(known.predicate, self.task.facts.names))
+        lines = [*self._head(), f"(define (domain {self._name})"]
+        lines.append("  (:requirements :strips :typing :negative-preconditions :action-costs)")
+        types = [known.types[name] for name in known.types]
+        types += [_STEP] if self.count_steps else []
+        lines += [f"  (:types {' '.join(types)} - object)"] if types else []
+        # In the domain, as actions name them.
+        constants = known.objects_by_type().items()
+        lines += ["  (:constants"] if constants else []
+        lines += [f"    {' '.join(names)} - {kind}" for kind, names in constants]
+        lines += ["  )"] if constants else []
+        lines.append("  (:predicates")
+        for name in predicates:
+            own, kind = known.predicates[name], known.type_of(name)
+            lines.append(f"    ({own})" if kind is None else f"    ({own} ?x - {kind})")
+        lines += [f"    ({guard} ?from - {kind})" for guard, kind in self._guards()]
+        if self.count_steps:
+            lines += [f"    (steps-done ?x - {_STEP})", f"    (step-after ?x ?y - {_STEP})"]
+        lines.append("  )")
+        lines.append("  (:functions (total-cost) - number")
+        for one in self.variants:
+            if one.origins:
+                lines.append(f"    ({self._cost_of(one)} ?from - {self._kind(one)}) - number")
+        lines.append("  )")
+        for one in self.variants:
+            lines += self._action(one)
+        return "\n".join(lines) + "\n)\n"
+
+    def problem(self) -> str:
+        """Return the problem."""
+        known = self.vocabulary
+        lines = [*self._head(), f"(define (problem {self._name}_problem)"]
+        lines.append(f"  (:domain {self._name})")
+        steps = [f"step-{n}" for n in range(self.task.step_limit + 1)] if self.count_steps else []
+        lines += [f"  (:objects {' '.join(steps)} - {_STEP})"] if steps else []
+        lines.append("  (:init (= (total-cost) 0)")
+        lines += [f"    (steps-done {step})" for step in steps[:1]]
+        lines += [f"    (step-after {step} {after})" for step, after in pairwise(steps)]
+        lines += [f"    {known.atom(fact)}" for fact in self.task.initial]
+        for one in self.variants:
+            for fact, cost in one.origins.items():
+                place = known.object(fact)
+                lines.append(f"    (= ({self._cost_of(one)} {place}) {self.scale.whole(cost)})")
+                if not self._everywhere(one):
+                    lines.append(f"    ({self._guard(one)} {place})")
+        lines.append("  )")
+        goal = " ".join(self._literals(self.task.goal))
+        lines += [f"  (:goal (and {goal}))", "  (:metric minimize (total-cost))"]
+        return "\n".join(lines) + "\n)\n"
+
+    def plan(self) -> str:
+        """Return the plan in the form of planners: an action a line, and what it costs."""
+        lines, total = [], 0
+        by_skill: dict[str, list[Variant]] = {}
+        for one in self.variants:
+            by_skill.setdefault(one.skill.name, []).append(one)
+        for number, planned in enumerate(self.handover.skills):
+            variant = next(
+                one
+                for one in by_skill[planned.skill.name]
+                if Condition(one.requires, one.forbids).holds(planned.before)
+                and (not one.origins or any(fact in planned.before for fact in one.origins))
+            )
+            words = [self.actions[_name(variant)]]
+            cost = variant.constant
+            for fact, known_cost in variant.origins.items():
+                if fact in planned.before:
+                    words.append(self.vocabulary.object(fact))
+                    cost = known_cost
+            total += self.scale.whole(cost)
+            words += [f"step-{number}", f"step-{number + 1}"] if self.count_steps else []
+            lines.append(f"({' '.join(words)})")
+        return "\n".join([*lines, f"; cost = {total} (general cost)"]) + "\n"
+
+    @cached_property
+    def _name(self) -> str:
+        return Identifiers([self.task.name], self.vocabulary.taken)[self.task.name]
+
+    def _head(self) -> Iterator[str]:
+        task, scale = self.task, self.scale
+        yield f"; {quoted(task.name)}, written by skillplan."
+        yield f"; Order of operations: {quoted(self.origin)[1:-1]}."
+        if self.left_out:
+            yield f"; Never done where no verdict is known: {quoted(self.left_out)[1:-1]}."
+        for skill, why in self.impossible.items():
+            yield f"; No action for {quoted(skill)}, which is never feasible: {quoted(why)[1:-1]}."
+        if scale.exact:
+            yield f"; Costs are whole numbers [{scale.unit}], not rounded."
+        else:
+            most = task.step_limit
+            yield f"; Costs are in whole {scale.unit}s, rounded to the nearest. A plan of n skills"
+            yield f"; is off by at most n / 2 of them, one of {most} by {most / 2:g}. Plans that"
+            yield f"; are nearer to each other than {most} of them may change places: the best one"
+            yield "; here may cost so much more than the best one of the task, and no more."
+        if not self.count_steps:
+            yield f"; Not said here: no plan of the task has more than {task.step_limit} skills."
+        yield "; Names:"
+        yield from (f";   {own} = {quoted(name)}" for name, own in self.actions.items())
+        for names in (self.vocabulary.predicates, self.vocabulary.objects):
+            yield from (f";   {line}" for line in names.lines())
+
+    def _action(self, one: Variant) -> Iterator[str]:
+        literals = self._literals(Condition(one.requires, one.forbids))
+        effects = self._effects(one)
+        parameters = []
+        if one.origins:
+            literals.append(f"({self._where(one)} ?from)")
+            if not self._everywhere(one):
+                literals.append(f"({self._guard(one)} ?from)")
+            effects.append(f"(increase (total-cost) ({self._cost_of(one)} ?from))")
+            parameters.append(f"?from - {self._kind(one)}")
+        else:
+            effects.append(f"(increase (total-cost) {self.scale.whole(one.constant)})")
+        if self.count_steps:
+            literals += ["(steps-done ?now)", "(step-after ?now ?next)"]
+            effects += ["(not (steps-done ?now))", "(steps-done ?next)"]
+            parameters.append(f"?now ?next - {_STEP}")
+        yield f"  (:action {self.actions[_name(one)]}"
+        yield f"    :parameters ({' '.join(parameters)})"
+        yield f"    :precondition (and {' '.join(literals)})"
+        yield f"    :effect (and {' '.join(effects)}))"
+
+    def _effects(self, one: Variant) -> list[str]:
+        """Return what is brought about, without what is false anyway."""
+        known, facts = self.vocabulary, self.task.facts
+        bits = one.outcome.delete.bits & ~one.forbids.bits
+        for group in facts.exclusive:
+            members = facts.of(*group).bits
+            if members & one.requires.bits:
+                bits &= ~members | one.requires.bits
+        origins = facts.of(*one.origins).bits
+        effects = []
+        if origins and origins & ~(one.outcome.delete.bits | one.outcome.add.bits) == 0:
+            # Wherever it stood, it stands there no more, unless it comes back.
+            effects.append(f"(not ({self._where(one)} ?from))")
+            bits &= ~origins
+        added = [known.atom(fact) for fact in one.outcome.add - one.requires]
+        return effects + [f"(not {known.atom(fact)})" for fact in facts.names_of(bits)] + added
+
+    def _literals(self, condition: Condition) -> list[str]:
+        known = self.vocabulary
+        return [
+            *(known.atom(fact) for fact in condition.requires),
+            *(f"(not {known.atom(fact)})" for fact in condition.forbids),
+        ]
+
+    def _where(self, one: Variant) -> str:
+        return self.vocabulary.predicates[self._predicate(one)]
+
+    def _kind(self, one: Variant) -> str:
+        return str(self.vocabulary.type_of(self._predicate(one)))
+
+    def _predicate(self, one: Variant) -> str:
+        return self.vocabulary.predicate(next(iter(one.origins)))
+
+    def _cost_of(self, one: Variant) -> str:
+        return f"cost-{self.actions[_name(one)]}"
+
+    def _guard(self, one: Variant) -> str:
+        return f"from-{self.actions[_name(one)]}"
+
+    def _guards(self) -> Iterator[tuple[str, str]]:
+        for one in self.variants:
+            if one.origins and not self._everywhere(one):
+                yield self._guard(one), self._kind(one)
+
+    def _everywhere(self, one: Variant) -> bool:
+        """Whether the skill may be begun wherever the robot may stand."""
+        predicate = self._predicate(one)
+        known = [f for f in self.task.facts.names if self.vocabulary.predicate(f) == predicate]
+        left: State = self.task.facts.of(*known) - one.forbids
+        return len(left) <= len(one.origins)
+
+
+class ActionNames:
+    """Reads the actions of plans, for which no back end is queried.
+
+    Parameters
+    ----------
+    task
+        The task.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._skills = _skill_identifiers(task, Vocabulary(task))
+
+    def skill_of(self, action: str) -> str | None:
+        """Return the name of the skill of an action; None of an unknown one."""
+        return self._skills.name_of(action.partition(_JOINT)[0])
+
+
+def _skill_identifiers(task: Task, vocabulary: Vocabulary) -> Identifiers:
+    return Identifiers((skill.name for skill in task.skills), vocabulary.taken)
+
+
+def _name(one: Variant) -> str:
+    return f"{one.skill.name} {one.label}".strip()
+
 
 DOMAIN, PROBLEM, PLAN = "domain.pddl", "problem.pddl", "plan.txt"
 

@@ -7,8 +7,7 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from skillplan.errors import OptionError, PluginError
-from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover
+from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.model.replay import Replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry

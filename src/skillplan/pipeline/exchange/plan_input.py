@@ -6,7 +6,7 @@ import os
 from functools import cache
 
 from skillplan.domains.load import Problem
-from skillplan.exporters.pddl.planning_task import ActionNames
+from skillplan.exporters.pddl.exporter import ActionNames
 from skillplan.exporters.plan_files import read_plan
 from skillplan.records.stored.result_file import start_plan
 from skillplan.solvers.solution import Plan

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from skillplan.checks.single_check import introduce
 from skillplan.errors import BackEndError, OptionError, PluginError
-from skillplan.physics.performance import Performance, Performer, Sample
-from skillplan.physics.planned_motion import MOST_PLAYED_S
+from skillplan.physics.performance import MOST_PLAYED_S, Performance, Performer, Sample
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.taken_ways import by_ways

@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.checks.single_check import introduce
 from skillplan.errors import BackEndError, OptionError
-from skillplan.physics.planned_motion import MotionPlans, PlannedMotion
+from skillplan.physics.performance import MotionPlans, PlannedMotion
 from skillplan.pipeline import registry
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup

@@ -30,7 +30,7 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 
 if TYPE_CHECKING:
-    from skillplan.solvers.chance.orders_ahead import OrdersAhead
+    from skillplan.solvers.chance.job_sets import OrdersAhead
 
 # What costs less by no more than this, a sum of rounding errors, is no better.
 _ROUNDING = 1e-12
@@ -233,7 +233,7 @@ class ReplanSolver(Solver):
     def _ahead(self, model: SkillModel, certain: Task) -> OrdersAhead | None:
         """Return what is ahead in every state, where that can be worked out."""
         # Here and not above: it imports numpy.
-        from skillplan.solvers.chance.orders_ahead import orders_ahead
+        from skillplan.solvers.chance.job_sets import orders_ahead
 
         return orders_ahead(model, certain, self.options.sets, self.stop)
 

@@ -116,7 +116,7 @@ class SequencingSolver(JobOrderSolver):
 
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
         """Search with the methods; every better plan and bound is reported at once."""
-        from skillplan.solvers.ordering.job_orders import JobOrders
+        from skillplan.solvers.ordering.instance import JobOrders
         from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 
         orders = JobOrders(problem)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from skillplan.physics.linear_motions import tool_shapes
 from skillplan.physics.performance import Contact, PerformedSkill, Sample
-from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill

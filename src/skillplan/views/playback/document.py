@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.records import schemas
-from skillplan.robots.link_shapes import Capsule, LinkShape, Rod
+from skillplan.robots.arm_description import Capsule, LinkShape, Rod
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan.views.playback.meshes import Triangles, hull_mesh, mesh_document

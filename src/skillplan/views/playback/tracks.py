@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import ArmDescription, Transform
-from skillplan.robots.rigid import Rigid
+from skillplan.robots.urdf import Rigid
 from skillplan.task.pose import Pose
 
 Numbers = NDArray[np.float64]

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan.domains.assembly.meshes.mesh_files import parsed
-from skillplan.domains.assembly.meshes.polyhedron import MeshFileError
+from skillplan.domains.assembly.mesh_files import MeshFileError, parsed
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import RefusedFile, read_bytes, real_path_within
 from skillplan_cad.product import Points, Triangles

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
 from skillplan_mujoco.arm.control import ArmState, posture_torques, torques
 from skillplan_mujoco.arm.smooth_pads import SmoothPads

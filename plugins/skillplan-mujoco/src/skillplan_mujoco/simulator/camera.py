@@ -8,8 +8,7 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 
-from skillplan.physics.performance import Image
-from skillplan.physics.view import HEIGHT, WIDTH, View
+from skillplan.physics.performance import HEIGHT, WIDTH, Image, View
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene
 from skillplan_mujoco.simulator.drawing_context import DrawingContext

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan_mujoco.simulator.hand_model import hand_masses, hand_number
 from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT
 

@@ -13,9 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.view import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
-from skillplan.robots.arm_description import Joint
-from skillplan.robots.hand import Hand
+from skillplan.physics.performance import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
+from skillplan.robots.arm_description import Hand, Joint
 from skillplan.task.scene import Body, Robot
 from skillplan_mujoco.simulator.hand_model import add_hands
 from skillplan_mujoco.simulator.shapes_model import BOND_SHARE, STIFF, add_piece, add_shape, touch

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan_mujoco.simulator.shapes_model import BOND_SHARE, STIFF, add_piece
 from skillplan_pinocchio.simulation.arm.robot_outline import body_pieces, jaw_pieces
 from skillplan_pinocchio.simulation.simulator import FINGERS, HAND

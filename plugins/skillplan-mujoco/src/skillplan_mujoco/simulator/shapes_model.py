@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skillplan.robots.link_shapes import Capsule, Hull, Rod
+from skillplan.robots.arm_description import Capsule, Hull, Rod
 from skillplan.task.shape import Box, Cylinder, Shape
 from skillplan_pinocchio.simulation.arm.robot_outline import Block, Piece
 from skillplan_pinocchio.simulation.simulator import STEPS_PER_S

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.fixed_order import product, times

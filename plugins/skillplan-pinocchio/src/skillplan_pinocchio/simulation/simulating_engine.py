@@ -13,7 +13,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from skillplan.physics.engine import Engine
-from skillplan.physics.jaws import jaw_faults
+from skillplan.physics.linear_motions import jaw_faults
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill

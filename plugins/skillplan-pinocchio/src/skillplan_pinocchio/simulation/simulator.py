@@ -10,9 +10,8 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.performance import Image
-from skillplan.physics.view import View
-from skillplan.robots.hand import Hand
+from skillplan.physics.performance import Image, View
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, Robot, Scene
 from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics, TipPose
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint

@@ -8,10 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import visited_grasp
-from skillplan.physics.performance import PerformedSkill, Sample
-from skillplan.physics.planned_motion import MOST_PLAYED_S, PlannedMotion
+from skillplan.physics.linear_motions import jaw_opening_m, visited_grasp
+from skillplan.physics.performance import MOST_PLAYED_S, PerformedSkill, PlannedMotion, Sample
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
 from skillplan.task.scene import WORLD, Robot, ToolKind

@@ -16,9 +16,15 @@ from xml.etree import ElementTree
 import coal
 import numpy as np
 
-from skillplan.robots.arm_description import ArmDescription, LinkInertia, Transform
-from skillplan.robots.hand import Hand
-from skillplan.robots.link_shapes import Capsule, Hull, Rod
+from skillplan.robots.arm_description import (
+    ArmDescription,
+    Capsule,
+    Hand,
+    Hull,
+    LinkInertia,
+    Rod,
+    Transform,
+)
 from skillplan_pinocchio.kinematics.serial_arm import placement
 from skillplan_pinocchio.simulation.arm.robot_outline import Piece, body_pieces, jaw_pieces
 from skillplan_pinocchio.simulation.arm.rotations import Vector, rpy_of

@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
 from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.robots.hand import Hand
+from skillplan.physics.linear_motions import tool_shapes
+from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Box, Robot, Tool, ToolKind
 
 _TOOL_KG = 0.3

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.link_shapes import Hull, LinkShape
+from skillplan.robots.arm_description import Hull, LinkShape
 from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
 

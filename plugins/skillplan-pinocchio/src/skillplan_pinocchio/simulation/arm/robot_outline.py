@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
-from skillplan.robots.link_shapes import Hull, LinkShape
+from skillplan.robots.arm_description import Hand, Hull, LinkShape
 
 Vector = NDArray[np.float64]
 

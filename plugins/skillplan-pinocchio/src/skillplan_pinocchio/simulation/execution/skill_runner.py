@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
 from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import plus

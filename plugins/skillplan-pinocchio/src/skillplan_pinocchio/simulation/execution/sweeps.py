@@ -12,9 +12,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from skillplan.collision.boxes import WorldBox, box_at, world_box, world_boxes
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, visited_grasp
-from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, tool_shapes, visited_grasp
 from skillplan.task.grasp import AXES
 from skillplan.task.motion import Event, Point
 from skillplan.task.pose import Pose, plus

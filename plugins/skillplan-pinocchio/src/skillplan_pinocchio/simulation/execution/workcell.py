@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
 from skillplan.task.grasp import GraspKind
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose, plus

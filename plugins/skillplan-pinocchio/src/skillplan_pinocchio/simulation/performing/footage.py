@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from skillplan.physics.linear_motions import linear_motions
-from skillplan.physics.performance import Image
-from skillplan.physics.view import View
+from skillplan.physics.performance import Image, View
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from skillplan.physics.performance import Image, Performance, Performer, Sample
-from skillplan.physics.view import Angle
+from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pinocchio.simulation.performing.footage import footage, picture

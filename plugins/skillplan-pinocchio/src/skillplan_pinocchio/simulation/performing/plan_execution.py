@@ -12,14 +12,15 @@ import numpy as np
 
 from skillplan.collision.boxes import world_boxes
 from skillplan.physics.performance import (
+    MOST_PLAYED_S,
+    Angle,
     Arrival,
     Image,
     Performance,
     PerformedSkill,
     Sample,
+    View,
 )
-from skillplan.physics.planned_motion import MOST_PLAYED_S
-from skillplan.physics.view import Angle, View
 from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill

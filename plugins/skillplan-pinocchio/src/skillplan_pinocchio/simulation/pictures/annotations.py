@@ -10,8 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from skillplan.physics.performance import Image
-from skillplan.physics.view import FIELD_OF_VIEW_DEG, View
+from skillplan.physics.performance import FIELD_OF_VIEW_DEG, Image, View
 from skillplan.task.motion import Point
 
 Pixel = tuple[float, float]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
+from skillplan.robots.arm_description import Hand
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.simulation.arm.hand_shapes import tool_body

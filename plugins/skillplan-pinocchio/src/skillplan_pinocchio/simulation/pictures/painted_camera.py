@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.performance import Image
-from skillplan.physics.view import HEIGHT, WIDTH, View
+from skillplan.physics.performance import HEIGHT, WIDTH, Image, View
 from skillplan.task.scene import Scene
 from skillplan_pinocchio.simulation.colours import Colour
 from skillplan_pinocchio.simulation.pictures.annotations import Notes, Projection, annotated

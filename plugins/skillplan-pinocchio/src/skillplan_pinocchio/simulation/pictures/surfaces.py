@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots.hand import Hand
-from skillplan.robots.link_shapes import Capsule, Hull, LinkShape
+from skillplan.robots.arm_description import Capsule, Hand, Hull, LinkShape
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.shapes import ConvexPiece
 from skillplan_pinocchio.simulation.pictures.rasteriser import corner_normals

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly.gripping import grasps_of_part
-from skillplan.domains.assembly.handling.durations import dwell_s
-from skillplan.domains.assembly.handling.schema import unit_of
-from skillplan.domains.assembly.handling.sides import direction_name
+from skillplan.domains.assembly.holding import direction_name
 from skillplan.domains.assembly.layout import goal_pose, shapes_of, start_pose
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema_types import dwell_s, unit_of
 from skillplan.errors import Issue
 from skillplan.task.grasp import AXES, Grasp
 from skillplan.task.motion import Event, Visit

@@ -1,17 +1,105 @@
-"""Where a hand that comes from any side holds what is made of some shapes."""
+"""Where a straight line meets the surface of a shape: what a suction cup lands on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import count
+from typing import Literal
 
-from skillplan.domains.assembly.handling.schema import GraspConfig, unit_of
-from skillplan.domains.assembly.handling.surface import surface_m
+from skillplan.domains.assembly.schema_types import GraspConfig, unit_of
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
-from skillplan.task.shape import Shape
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+
+# A line along an edge meets the shape; rounding may put it so far out [m].
+_RIM_M = 1e-9
+
+
+def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
+    """Return how far along a line from a point the first surface is [m], or None without one.
+
+    Parameters
+    ----------
+    shapes
+        In the frame of their body.
+    start
+        A point outside all of them [m].
+    direction
+        Of length 1.
+    """
+    spans = (_span(shape, start, direction) for shape in shapes)
+    return min((span[0] for span in spans if span is not None), default=None)
+
+
+def _span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return from where to where a line is inside a convex shape [m], or None."""
+    if isinstance(shape, Box):
+        return _meeting(
+            _between(start[axis] - shape.centre[axis], direction[axis], shape.size[axis] / 2)
+            for axis in range(3)
+        )
+    if isinstance(shape, Cylinder):
+        z = _between(start[2] - shape.centre[2], direction[2], shape.height_m / 2)
+        return _meeting((z, _round(shape, start, direction)))
+    return _through(shape, start, direction)
+
+
+def _between(offset: float, slope: float, half: float) -> tuple[float, float] | None:
+    """Return where ``|offset + t * slope| <= half``."""
+    if abs(slope) < 1e-12:
+        return (-math.inf, math.inf) if abs(offset) <= half + _RIM_M else None
+    ends = ((-half - offset) / slope, (half - offset) / slope)
+    return min(ends), max(ends)
+
+
+def _round(shape: Cylinder, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return where a line is inside an upright cylinder without ends."""
+    x, y = start[0] - shape.centre[0], start[1] - shape.centre[1]
+    a = direction[0] ** 2 + direction[1] ** 2
+    radius = shape.diameter_m / 2
+    if a < 1e-18:
+        return (-math.inf, math.inf) if math.hypot(x, y) <= radius + _RIM_M else None
+    middle = -(x * direction[0] + y * direction[1]) / a
+    off2 = (x + middle * direction[0]) ** 2 + (y + middle * direction[1]) ** 2
+    if off2 > (radius + _RIM_M) ** 2:
+        return None
+    half = math.sqrt(max(radius * radius - off2, 0.0) / a)
+    return middle - half, middle + half
+
+
+def _through(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return where a line goes into a closed surface of triangles and where it comes out."""
+    met = []
+    for face in shape.faces:
+        corner, one, other = (shape.corners[index] for index in face)
+        u, v = plus(one, corner, -1.0), plus(other, corner, -1.0)
+        normal = cross(u, v)
+        steep = dot(normal, direction)
+        if abs(steep) < 1e-18:
+            continue
+        away = dot(normal, plus(corner, start, -1.0)) / steep
+        inside = plus(plus(start, direction, away), corner, -1.0)
+        size = dot(normal, normal)
+        b = dot(cross(inside, v), normal) / size
+        c = dot(cross(u, inside), normal) / size
+        if min(b, c, 1 - b - c) >= -1e-9:
+            met.append(away)
+    return (min(met), max(met)) if met else None
+
+
+def _meeting(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
+    low, high = -math.inf, math.inf
+    for span in spans:
+        if span is None:
+            return None
+        low, high = max(low, span[0]), min(high, span[1])
+    return (low, high) if low <= high + _RIM_M else None
+
 
 # Of what is between the jaws so much is held, and never more than so much [m].
 _DEPTH_FRACTION = 0.5
@@ -204,3 +292,67 @@ def _across(approach: Point) -> Point:
     """Return how a suction cup is turned that points in a direction: as y, if it can be."""
     one, other = _crosswise(approach)
     return other if math.fabs(other[1]) > math.fabs(one[1]) else one
+
+
+_SIDES: tuple[tuple[str, Point], ...] = (
+    ("top", DOWN),
+    ("-x", AXES["x"]),
+    ("+x", (-1.0, 0.0, 0.0)),
+    ("-y", AXES["y"]),
+    ("+y", (0.0, -1.0, 0.0)),
+    ("bottom", AXES["z"]),
+)
+"""The sides of a part, and in which direction of its frame a hand there points."""
+_AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
+
+
+def side_name(approach: Point) -> str:
+    """Return the side of a part from which a hand comes that points in a direction."""
+    for name, direction in _SIDES:
+        if same_direction(direction, approach):
+            return name
+    return direction_name((-approach[0], -approach[1], -approach[2]))
+
+
+def direction_name(direction: Point) -> str:
+    """Return a unit vector in words: ``-x``, or its numbers where it is along no axis."""
+    for name, axis in AXES.items():
+        for sign in (1.0, -1.0):
+            if same_direction((sign * axis[0], sign * axis[1], sign * axis[2]), direction):
+                return f"{'+' if sign > 0 else '-'}{name}"
+    return "(" + " ".join(f"{value + 0.0:.3g}" for value in direction) + ")"
+
+
+def automatic() -> list[GraspConfig]:
+    """Return the grasps that ``auto`` tries: from every side, closing along either axis there."""
+    return [
+        GraspConfig(approach=list(approach), closing_axis=axis)
+        for _, approach in _SIDES
+        for axis in _AXES
+        if not dot(AXES[axis], approach)
+    ]
+
+
+def named(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
+    """Return grasps with names that tell them apart; a single one needs none."""
+    if len(grasps) < 2:
+        return tuple(grasps)
+    names = [side_name(grasp.approach) for grasp in grasps]
+    for more in (_closing, _kind):
+        taken = Counter(names)
+        names = [
+            f"{name} {more(grasp)}" if taken[name] > 1 else name
+            for name, grasp in zip(names, grasps, strict=True)
+        ]
+    taken, seen = Counter(names), {name: count(1) for name in names}
+    names = [f"{name} {next(seen[name])}" if taken[name] > 1 else name for name in names]
+    return tuple(replace(grasp, name=name) for grasp, name in zip(grasps, names, strict=True))
+
+
+def _closing(grasp: Grasp) -> str:
+    axis = grasp.closing_axis
+    return f"closing along {axis if axis is not None else direction_name(grasp.closing)}"
+
+
+def _kind(grasp: Grasp) -> str:
+    return "by suction" if grasp.kind is GraspKind.SUCTION else "by jaws"

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
 from skillplan.domains.assembly.gripping import grasps_of_part
-from skillplan.domains.assembly.handling.durations import given_kinds
-from skillplan.domains.assembly.handling.schema import GraspConfig
-from skillplan.domains.assembly.handling.sides import direction_name
+from skillplan.domains.assembly.holding import direction_name
+from skillplan.domains.assembly.insertion import directions_of, insertion_m
 from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_pose
+from skillplan.domains.assembly.part_meshes import origin_lines, piece_lines
 from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.schema_types import GraspConfig, given_kinds
+from skillplan.domains.domain import Overview
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.task.motion import Point
@@ -134,3 +138,51 @@ def _meet(taken: tuple[WorldBox, ...], lying: tuple[WorldBox, ...], config: Asse
 def _listed(names: list[str]) -> str:
     shown = ", ".join(repr(name) for name in names[:4])
     return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
+
+
+def rest_overview(config: AssemblyConfig) -> Overview:
+    """Return what every part of a faultless assembly rests on, in words and as JSON values."""
+    lines, entries = [], []
+    for name, part in config.parts.items():
+        start, goal = rests_at_start(config, name), rests_at_goal(config, name)
+        before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
+        lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
+        entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
+    origins, meshes = origin_lines(config)
+    more, pieces = piece_lines(config)
+    found = {"meshes": meshes, "pieces": pieces}
+    document = {"rests": entries, **{key: values for key, values in found.items() if values}}
+    return Overview(document, (*lines, *origins, *more))
+
+
+def _words(rests: list[Rest]) -> str:
+    return ", ".join(f"{rest.on} ({rest.area_m2 * 1e6:,.1f} mm2)" for rest in rests)
+
+
+def _document(rests: list[Rest]) -> list[dict[str, Any]]:
+    return [{"on": rest.on, "area_mm2": round(rest.area_m2 * 1e6, 3)} for rest in rests]
+
+
+def way_overview(config: AssemblyConfig) -> Overview:
+    """Return how parts of a faultless assembly go in and are held, in words and as JSON values.
+
+    Only of parts that say in which direction they go in, or may be held in several ways.
+    """
+    lines, entries = [], []
+    for name, part in config.parts.items():
+        grasps = [grasp.name for grasp in grasps_of_part(config, name) if grasp.name]
+        directions = () if part.insert_along is None else directions_of(config, name)
+        if not grasps and not directions:
+            continue
+        stretches: list[dict[str, Any]] = []
+        words = []
+        for direction in directions:
+            length_m = insertion_m(config, name, direction)
+            stretches.append({"along": list(direction), "insert_m": length_m})
+            far = "" if length_m is None else f" over {1000 * length_m:,.1f} mm"
+            words.append(f"along {direction_name(direction)}{far}")
+        said = [f"goes in {' or '.join(words)}"] if words else []
+        said += [f"is held at {' or '.join(grasps)}"] if grasps else []
+        lines.append(f"ways       {name} {', '.join(said)}")
+        entries.append({"part": name, "directions": stretches, "grasps": grasps})
+    return Overview({"ways": entries} if entries else {}, tuple(lines))

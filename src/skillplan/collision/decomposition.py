@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.collision.solids.concave import outermost
-from skillplan.collision.solids.polyhedron import Floats, polyhedron_of
+from skillplan.collision.surface import Floats, outermost, polyhedron_of
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.cache_folder import cache_folder

@@ -1,0 +1,536 @@
+"""Convex polygons in the plane: what two have in common, how deep they overlap, what some cover."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from typing import TYPE_CHECKING
+
+from skillplan.collision.boxes import WorldBox
+from skillplan.task.grasp import AXES
+from skillplan.task.pose import Point, Pose, cross, dot, plus
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+
+if TYPE_CHECKING:
+    from skillplan.collision.surface import Polyhedron
+
+
+Planar = tuple[float, float]
+Polygon = tuple[Planar, ...]
+
+
+def area(polygon: Sequence[Planar]) -> float:
+    """Return the area of a polygon whose corners are listed anticlockwise."""
+    return sum(
+        (a[0] * b[1] - b[0] * a[1]) / 2
+        for a, b in zip(polygon, (*polygon[1:], *polygon[:1]), strict=True)
+    )
+
+
+def intersection(one: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
+    """Return what two convex polygons have in common (Sutherland and Hodgman); or nothing.
+
+    Parameters
+    ----------
+    one, other
+        Their corners, anticlockwise.
+    """
+    left = list(one)
+    for begin, end in _sides(other):
+        dx, dy = end[0] - begin[0], end[1] - begin[1]
+        left = below(left, (dy, -dx), dy * begin[0] - dx * begin[1])
+    return tuple(left) if len(left) > 2 else ()
+
+
+def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Planar]:
+    """Return what of a convex polygon lies where normal . point <= offset."""
+    beyond = [normal[0] * x + normal[1] * y - offset for x, y in polygon]
+    kept: list[Planar] = []
+    for i, here in enumerate(polygon):
+        j = (i + 1) % len(polygon)
+        if beyond[i] <= 0:
+            kept.append(here)
+        if beyond[i] * beyond[j] < 0:
+            share = beyond[i] / (beyond[i] - beyond[j])
+            there = polygon[j]
+            kept.append(
+                (here[0] + share * (there[0] - here[0]), here[1] + share * (there[1] - here[1]))
+            )
+    return kept
+
+
+def overlap(one: Sequence[Planar], other: Sequence[Planar]) -> float:
+    """Return how far one must move to be beside the other; below 0 where it is (separating axes).
+
+    Parameters
+    ----------
+    one, other
+        Corners of convex polygons, anticlockwise.
+    """
+    least = math.inf
+    for polygon in (one, other):
+        for begin, end in _sides(polygon):
+            dx, dy = end[0] - begin[0], end[1] - begin[1]
+            length = math.hypot(dx, dy)
+            if length == 0:
+                continue
+            normal = (dy / length, -dx / length)
+            low_1, high_1 = _extent(one, normal)
+            low_2, high_2 = _extent(other, normal)
+            least = min(least, high_1 - low_2, high_2 - low_1)
+    return least
+
+
+def inwards(polygon: Sequence[Planar], point: Planar) -> float:
+    """Return how far a point lies inside a convex polygon; below 0 how far it is from it."""
+    distance, inside = math.inf, True
+    for begin, end in _sides(polygon):
+        dx, dy = end[0] - begin[0], end[1] - begin[1]
+        px, py = point[0] - begin[0], point[1] - begin[1]
+        inside = inside and dx * py - dy * px >= 0
+        along = min(1.0, max(0.0, (px * dx + py * dy) / (dx * dx + dy * dy)))
+        distance = min(distance, math.hypot(px - along * dx, py - along * dy))
+    return distance if inside else -distance
+
+
+def covered(polygons: Sequence[Sequence[Planar]]) -> float:
+    """Return the area that convex polygons cover together, counting what several cover once."""
+    if len(polygons) < 2:
+        return sum(area(polygon) for polygon in polygons)
+    sides = [side for polygon in polygons for side in _sides(polygon)]
+    stops = {corner[0] for polygon in polygons for corner in polygon}
+    stops |= {
+        x for i, one in enumerate(sides) for other in sides[:i] for x in _crossing(one, other)
+    }
+    ordered = sorted(stops)
+    # Between two stops no sides cross, so that what is covered changes evenly.
+    return sum(
+        (right - left) * _covered_at(polygons, (left + right) / 2)
+        for left, right in pairwise(ordered)
+    )
+
+
+def _covered_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
+    spans = []
+    for polygon in polygons:
+        ys = [
+            a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0])
+            for a, b in _sides(polygon)
+            if min(a[0], b[0]) <= x <= max(a[0], b[0]) and a[0] != b[0]
+        ]
+        if ys:
+            spans.append((min(ys), max(ys)))
+    total, reached = 0.0, -math.inf
+    for low, high in sorted(spans):
+        total += max(0.0, high - max(low, reached))
+        reached = max(reached, high)
+    return total
+
+
+def _crossing(one: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
+    (ax, ay), (bx, by) = one
+    (cx, cy), (dx, dy) = other
+    across = (bx - ax) * (dy - cy) - (by - ay) * (dx - cx)
+    if across == 0:
+        return
+    share = ((cx - ax) * (dy - cy) - (cy - ay) * (dx - cx)) / across
+    if 0 < share < 1:
+        yield ax + share * (bx - ax)
+
+
+def _sides(polygon: Sequence[Planar]) -> Iterator[tuple[Planar, Planar]]:
+    return zip(polygon, (*polygon[1:], *polygon[:1]), strict=True)
+
+
+def _extent(polygon: Sequence[Planar], normal: Planar) -> tuple[float, float]:
+    along = [normal[0] * x + normal[1] * y for x, y in polygon]
+    return min(along), max(along)
+
+
+# An axis whose cosine with the vertical is this near to 1 is vertical: 5 micrometres of 100 mm.
+_VERTICAL = 1e-9
+# A point on the rim counts; rounding may put it so far out [m].
+_RIM_M = 1e-9
+# Corners of the polygon that has a circle's area.
+_CIRCLE = 180
+
+
+@dataclass(frozen=True, slots=True)
+class Prism:
+    """A polygon or a circle, from one height to another.
+
+    Parameters
+    ----------
+    low_m, high_m
+        Heights of bottom and top [m].
+    outline
+        Seen from above, corners anticlockwise [m]; empty for a circle.
+    centre
+        Of the circle [m].
+    radius_m
+        Of the circle [m].
+    """
+
+    low_m: float
+    high_m: float
+    outline: Polygon = ()
+    centre: Planar = (0.0, 0.0)
+    radius_m: float = 0.0
+
+    @property
+    def width_m(self) -> float:
+        """Its least extent in the plane [m]."""
+        if not self.outline:
+            return 2 * self.radius_m
+        a, b, c = self.outline[:3]
+        return min(math.dist(a, b), math.dist(b, c))
+
+    @property
+    def face(self) -> Polygon:
+        """Its top and bottom, seen from above; of a circle a polygon of the same area."""
+        if self.outline:
+            return self.outline
+        step = 2 * math.pi / _CIRCLE
+        radius_m = self.radius_m * math.sqrt(step / math.sin(step))
+        x, y = self.centre
+        return tuple(
+            (x + radius_m * math.cos(step * i), y + radius_m * math.sin(step * i))
+            for i in range(_CIRCLE)
+        )
+
+    def beside_m(self, other: Prism) -> float:
+        """Return how far it must move in the plane to be beside another [m]; below 0 if it is."""
+        if self.outline and other.outline:
+            return overlap(self.outline, other.outline)
+        if self.outline:
+            return other.radius_m + inwards(self.outline, other.centre)
+        if other.outline:
+            return self.radius_m + inwards(other.outline, self.centre)
+        return self.radius_m + other.radius_m - math.dist(self.centre, other.centre)
+
+    def depth_m(self, other: Prism) -> float:
+        """Return how deep it is in another [m]: the least way out; below 0 if they are apart."""
+        upright = min(self.high_m - other.low_m, other.high_m - self.low_m)
+        return upright if upright <= 0 else min(upright, self.beside_m(other))
+
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """Whether a point of the plane is in its outline or on the rim."""
+        if self.outline:
+            return inwards(self.outline, (x_m, y_m)) >= -_RIM_M
+        return math.dist(self.centre, (x_m, y_m)) <= self.radius_m + _RIM_M
+
+    def shared(self, other: Prism) -> Polygon:
+        """Return what both cover, seen from above."""
+        return intersection(self.face, other.face)
+
+
+def prism_of(shape: Shape, pose: Pose) -> Prism | None:
+    """Return a shape at a pose as an upright prism, or None where it is none."""
+    if not isinstance(shape, Box | Cylinder):
+        return None
+    size = shape.box.size
+    rows = pose.rotation
+    up = max(range(3), key=lambda axis: abs(rows[2][axis]))
+    if 1 - abs(rows[2][up]) > _VERTICAL or (isinstance(shape, Cylinder) and up != 2):
+        return None
+    x, y, z = pose.apply(shape.centre)
+    low_m, high_m = z - size[up] / 2, z + size[up] / 2
+    if isinstance(shape, Cylinder):
+        return Prism(low_m, high_m, centre=(x, y), radius_m=shape.diameter_m / 2)
+    u, v = (axis for axis in range(3) if axis != up)
+    a = (rows[0][u] * size[u] / 2, rows[1][u] * size[u] / 2)
+    b = (rows[0][v] * size[v] / 2, rows[1][v] * size[v] / 2)
+    if a[0] * b[1] < a[1] * b[0]:
+        b = (-b[0], -b[1])
+    return Prism(
+        low_m,
+        high_m,
+        (
+            (x - a[0] - b[0], y - a[1] - b[1]),
+            (x + a[0] - b[0], y + a[1] - b[1]),
+            (x + a[0] + b[0], y + a[1] + b[1]),
+            (x - a[0] + b[0], y - a[1] + b[1]),
+        ),
+    )
+
+
+_ROUNDING_M = 1e-9
+
+
+def centre_of(shapes: Sequence[Shape], pose: Pose) -> Planar:
+    """Return the centre of volume of some shapes at a pose, seen from above [m].
+
+    What several of them share counts several times.
+    """
+    measured = [_volume(shape) for shape in shapes]
+    total = sum(volume for volume, _ in measured)
+    x, y, z = (sum(volume * at[i] for volume, at in measured) / total for i in range(3))
+    placed = pose.apply((x, y, z))
+    return placed[0], placed[1]
+
+
+def stands(centre: Planar, corners: Iterable[Planar]) -> bool:
+    """Whether a point lies within the hull of others: whether they surround it."""
+    angles = []
+    for x, y in corners:
+        dx, dy = x - centre[0], y - centre[1]
+        if math.hypot(dx, dy) <= _ROUNDING_M:
+            return True
+        angles.append(math.atan2(dy, dx))
+    if not angles:
+        return False
+    angles.sort()
+    around = [*angles, angles[0] + 2 * math.pi]
+    return max(b - a for a, b in pairwise(around)) <= math.pi + _ROUNDING_M
+
+
+def _volume(shape: Shape) -> tuple[float, Point]:
+    """Return the volume of a shape [m3] and its centre [m]."""
+    if isinstance(shape, Box):
+        return math.prod(shape.size), shape.centre
+    if isinstance(shape, Cylinder):
+        return math.pi / 4 * shape.diameter_m**2 * shape.height_m, shape.centre
+    return _volume_within(shape)
+
+
+def _volume_within(mesh: Mesh) -> tuple[float, Point]:
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for face in mesh.faces:
+        a, b, c = (mesh.corners[index] for index in face)
+        # Of the tetrahedron with the origin as its fourth corner.
+        volume = dot(a, cross(b, c)) / 6
+        total += volume
+        x += volume * (a[0] + b[0] + c[0]) / 4
+        y += volume * (a[1] + b[1] + c[1]) / 4
+        z += volume * (a[2] + b[2] + c[2]) / 4
+    return total, (x / total, y / total, z / total)
+
+
+TOUCH_M = 2e-4
+"""Gap and overlap that still count as touching [m]."""
+
+_PRECISION_M = 1e-4
+# A height that is told from those of narrower ones may be less than that between boxes by so much.
+_SLOPE_M = 5e-3
+
+
+class Piece:
+    """One shape at a pose: a prism where it is one, else a surface.
+
+    Parameters
+    ----------
+    shape
+        In the frame of its body.
+    pose
+        Of the body.
+    """
+
+    def __init__(self, shape: Shape, pose: Pose) -> None:
+        self._shape, self._pose = shape, pose
+        self.prism: Prism | None = prism_of(shape, pose)
+
+    @cached_property
+    def box(self) -> WorldBox:
+        """The smallest upright box about it, exactly."""
+        return _box_about(self._shape, self._pose)
+
+    @cached_property
+    def surface(self) -> Polyhedron:
+        """Its surface."""
+        # Takes numpy, which boards of upright boxes and cylinders do without.
+        from skillplan.collision.surface import polyhedron_of
+
+        return polyhedron_of(self._shape, self._pose)
+
+    def height_above_m(self, lower: Piece, at_least_m: float) -> float:
+        """Return how far it may fall onto another [m]; infinity where it is not over it."""
+        if not _over(self.box, lower.box):
+            return math.inf
+        if self.prism is None or lower.prism is None:
+            from skillplan.collision.surface import height_above
+
+            if not (self.surface.convex and lower.surface.convex):
+                return height_above(self.surface, lower.surface, at_least_m)
+            # What is convex is above or beneath as a whole.
+            height_m = height_above(self.surface, lower.surface)
+            return height_m if height_m >= at_least_m else math.inf
+        # Walls that touch, or nearly do, carry nothing.
+        grazing_m = min(TOUCH_M, self.prism.width_m / 4, lower.prism.width_m / 4)
+        height_m = self.prism.low_m - lower.prism.high_m
+        carries = height_m >= at_least_m and self.prism.beside_m(lower.prism) > grazing_m
+        return height_m if carries else math.inf
+
+    def depth_m(self, other: Piece) -> float:
+        """Return how deep it is in another [m]; 0 where they are apart."""
+        if not _meet(self.box, other.box, TOUCH_M):
+            return 0.0
+        if self.prism is None or other.prism is None:
+            from skillplan.collision.surface import depth_m
+
+            return depth_m(self.surface, other.surface)
+        return max(0.0, self.prism.depth_m(other.prism))
+
+    def touching(self, lower: Piece) -> Iterator[Polygon]:
+        """Yield where it stands on another, seen from above."""
+        if not _over(self.box, lower.box):
+            return
+        if self.prism is None or lower.prism is None:
+            from skillplan.collision.surface import touching
+
+            yield from touching(self.surface, lower.surface, TOUCH_M)
+        elif abs(self.prism.low_m - lower.prism.high_m) <= TOUCH_M:
+            shared = self.prism.shared(lower.prism)
+            if shared:
+                yield shared
+
+    def top_m(self, x_m: float, y_m: float) -> float | None:
+        """Return the height of its highest surface at a point of its plan [m]; None beside it."""
+        if self.prism is None:
+            from skillplan.collision.surface import top_at
+
+            return top_at(self.surface, x_m, y_m)
+        return self.prism.high_m if self.prism.holds(x_m, y_m) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A body at a pose.
+
+    Parameters
+    ----------
+    shapes
+        At least one, in the body's frame.
+    pose
+        Of the body.
+    """
+
+    shapes: Sequence[Shape]
+    pose: Pose
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Its shapes in the world."""
+        return tuple(Piece(shape, self.pose) for shape in self.shapes)
+
+    @cached_property
+    def box(self) -> WorldBox:
+        """The smallest upright box about it."""
+        lows, highs = zip(*((piece.box.low, piece.box.high) for piece in self.pieces), strict=True)
+        x0, y0, z0 = (min(values) for values in zip(*lows, strict=True))
+        x1, y1, z1 = (max(values) for values in zip(*highs, strict=True))
+        return WorldBox((x0, y0, z0), (x1, y1, z1))
+
+    def fall_m(self, lower: Solid) -> float | None:
+        """Return how far it may be let down from far above until it meets another [m].
+
+        Below 0 how far it has to rise to lie on it. None where it is not over it.
+        """
+        return self._height_m(lower, -math.inf)
+
+    def gap_m(self, lower: Solid) -> float | None:
+        """Return how far it may fall from where it is until it meets another [m], or None."""
+        return self._height_m(lower, -TOUCH_M)
+
+    def narrowed_fall_m(self, lower: Solid, by_m: float) -> float:
+        """Return how far it may fall, its walls shifted inwards by a length [m], or infinity."""
+        from skillplan.collision.surface import narrowed_height_above
+
+        return min(
+            narrowed_height_above(one.surface, two.surface, by_m)
+            for one, two in product(self.pieces, lower.pieces)
+        )
+
+    def depth_m(self, other: Solid) -> float:
+        """Return how deep it is in another [m], at the deepest pair of shapes; 0 if apart."""
+        if not _meet(self.box, other.box, TOUCH_M):
+            return 0.0
+        return max(one.depth_m(two) for one, two in product(self.pieces, other.pieces))
+
+    def top_m(self, x_m: float, y_m: float) -> float | None:
+        """Return the height of its highest surface at a point of its plan [m]; None beside it."""
+        tops_m = [top_m for one in self.pieces if (top_m := one.top_m(x_m, y_m)) is not None]
+        return max(tops_m, default=None)
+
+    def way_out_m(self, other: Solid) -> float:
+        """Return how far it would have to move to be out of another [m]; 0 if they are apart.
+
+        Exact for upright boxes and cylinders; of others the least along the axes of the world, to
+        0.1 mm.
+        """
+        depth_m = self.depth_m(other)
+        upright = all(piece.prism is not None for piece in (*self.pieces, *other.pieces))
+        if upright or depth_m <= TOUCH_M:
+            return depth_m
+        least_m = math.inf
+        for axis, direction in enumerate(AXES.values()):
+            ahead_m = other.box.high[axis] - self.box.low[axis]
+            back_m = self.box.high[axis] - other.box.low[axis]
+            for sign, apart_m in ((1.0, ahead_m), (-1.0, back_m)):
+                x, y, z = (sign * value for value in direction)
+                least_m = min(least_m, self._out_m(other, (x, y, z), min(apart_m, least_m)))
+        return max(depth_m, least_m)
+
+    def _out_m(self, other: Solid, direction: Point, most_m: float) -> float:
+        """Return how far it moves along a direction until it is out, `most_m` at most [m]."""
+        moved_m = 0.0
+        while moved_m < most_m:
+            by = plus((0.0, 0.0, 0.0), direction, moved_m)
+            depth_m = Solid(self.shapes, self.pose.moved(by)).depth_m(other)
+            if depth_m <= TOUCH_M:
+                # What is so deep counts as out.
+                return moved_m + depth_m
+            # It comes out by no more than it moves.
+            moved_m += max(depth_m - TOUCH_M, _PRECISION_M)
+        return most_m
+
+    def contact_m2(self, lower: Solid) -> float:
+        """Return the area by which it stands on another, seen from above [m2]."""
+        return covered(self.contacts(lower))
+
+    def contacts(self, lower: Solid) -> list[Polygon]:
+        """Return where it stands on another, seen from above [m]."""
+        if not _meet(self.box, lower.box, -TOUCH_M):
+            return []
+        return [
+            polygon
+            for one, two in product(self.pieces, lower.pieces)
+            for polygon in one.touching(two)
+        ]
+
+    def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
+        if not _over(self.box, lower.box):
+            return None
+        pairs = [
+            (one.box.low[2] - two.box.high[2] - _SLOPE_M, one, two)
+            for one, two in product(self.pieces, lower.pieces)
+        ]
+        least_m = math.inf
+        # Those whose boxes are closest first: no piece is above another by less than its box.
+        for bound_m, one, two in sorted(pairs, key=lambda pair: pair[0]):
+            if bound_m > least_m:
+                break
+            least_m = min(least_m, one.height_above_m(two, at_least_m))
+        return None if math.isinf(least_m) else least_m
+
+
+def _box_about(shape: Shape, pose: Pose) -> WorldBox:
+    back = pose.inverse()
+    lows, highs = [], []
+    for axis, place in zip(AXES.values(), pose.position, strict=True):
+        x, y, z = back.rotate(axis)
+        lows.append(place - shape.reach_m((-x, -y, -z)))
+        highs.append(place + shape.reach_m((x, y, z)))
+    return WorldBox((lows[0], lows[1], lows[2]), (highs[0], highs[1], highs[2]))
+
+
+def _over(one: WorldBox, other: WorldBox) -> bool:
+    return all(one.low[i] < other.high[i] and other.low[i] < one.high[i] for i in (0, 1))
+
+
+def _meet(one: WorldBox, other: WorldBox, by_m: float) -> bool:
+    return all(
+        one.low[i] + by_m < other.high[i] and other.low[i] + by_m < one.high[i] for i in range(3)
+    )

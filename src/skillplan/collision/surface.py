@@ -1,0 +1,593 @@
+"""Closed triangulated surfaces in the world: of turned shapes, and of meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from skillplan.collision.solid import Polygon, area, below, intersection
+from skillplan.task.pose import Pose
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+# Sides of the prism about a cylinder that lies or leans: it stands out by 0.03 % of the radius at
+# most, and not at all where it is lowest.
+_SIDES = 128
+# Of the normal of a wall, by its upright part.
+_UPRIGHT = 1e-6
+_CORNERS = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float) / 2
+_BOX_FACES = np.array(
+    [
+        (0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4),
+        (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5),
+    ]
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """A closed surface of triangles.
+
+    Parameters
+    ----------
+    corners
+        In the world [m], shape (corners, 3).
+    faces
+        Three indices of corners each, anticlockwise from outside, shape (faces, 3).
+    flat
+        Of every face, whether it stands for a plane and not for a part of a curve.
+    convex
+        Whether it is.
+    """
+
+    corners: Floats
+    faces: Indices
+    flat: npt.NDArray[np.bool_]
+    convex: bool = True
+
+    @cached_property
+    def triangles(self) -> Floats:
+        """Corners of its faces [m], shape (faces, 3, 3)."""
+        return np.asarray(self.corners[self.faces])
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Outward unit normals of its faces, shape (faces, 3); zero of what has no area."""
+        a, b, c = (self.triangles[:, i] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
+
+    @cached_property
+    def upper(self) -> npt.NDArray[np.intp]:
+        """Indices of the faces that look up."""
+        return np.flatnonzero(self.normals[:, 2] > _UPRIGHT)
+
+    @cached_property
+    def lower(self) -> npt.NDArray[np.intp]:
+        """Indices of the faces that look down."""
+        return np.flatnonzero(self.normals[:, 2] < -_UPRIGHT)
+
+    @cached_property
+    def planes(self) -> tuple[Floats, Floats]:
+        """Outward normals of its faces and how far they are from the origin [m], each once."""
+        sound = np.abs(self.normals).max(axis=1) > 0
+        normals = self.normals[sound]
+        offsets = np.einsum("ij,ij->i", normals, self.triangles[sound, 0])
+        known = np.round(np.column_stack([normals, offsets]), 9)
+        _, first = np.unique(known, axis=0, return_index=True)
+        return np.asarray(normals[first]), np.asarray(offsets[first])
+
+    def edges_of(self, faces: npt.NDArray[np.intp]) -> Floats:
+        """Return the ends of all edges of some faces [m], each once, shape (edges, 2, 3)."""
+        chosen = self.faces[faces]
+        pairs = np.concatenate([chosen[:, [0, 1]], chosen[:, [1, 2]], chosen[:, [2, 0]]])
+        # Numbers are told apart far quicker than rows.
+        count = len(self.corners)
+        numbers = np.unique(pairs.min(axis=1) * count + pairs.max(axis=1))
+        return np.asarray(self.corners[np.stack(np.divmod(numbers, count), axis=1)])
+
+    @cached_property
+    def edges(self) -> Floats:
+        """Ends of its edges [m], without those between faces of one plane, (edges, 2, 3)."""
+        sides = np.concatenate(
+            [self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]
+        )
+        owners = np.tile(np.arange(len(self.faces)), 3)
+        pairs, index = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+        total = np.zeros((len(pairs), 3))
+        np.add.at(total, index.reshape(-1), self.normals[owners])
+        # The normals of two faces of one plane add up to the length 2.
+        return np.asarray(self.corners[pairs[np.linalg.norm(total, axis=1) < 2 - 1e-12]])
+
+    def narrowed(self, by_m: float) -> Polyhedron:
+        """Return it with every wall shifted inwards in the plane by a length [m].
+
+        Of a slope, too, by as much in the plane; to first order, where more than three faces meet.
+        """
+        flat = self.normals[:, :2]
+        lengths = np.linalg.norm(flat, axis=1)
+        walls = lengths > _UPRIGHT
+        across = flat[walls] / lengths[walls, None]
+        count = len(self.corners)
+        matrix, vector = np.zeros((count, 2, 2)), np.zeros((count, 2))
+        for i in range(3):
+            np.add.at(matrix, self.faces[walls, i], across[:, :, None] * across[:, None, :])
+            np.add.at(vector, self.faces[walls, i], across)
+        shift = -by_m * np.einsum("ijk,ik->ij", np.linalg.pinv(matrix, rcond=1e-6), vector)
+        length = np.linalg.norm(shift, axis=1, keepdims=True)
+        shift *= np.minimum(1.0, 4 * by_m / np.maximum(length, by_m))
+        moved = self.corners.copy()
+        moved[:, :2] += shift
+        return Polyhedron(moved, self.faces, self.flat, self.convex)
+
+
+def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
+    """Return the surface of a shape at a pose."""
+    rotation = np.array(pose.rotation)
+    if isinstance(shape, Box):
+        corners, faces = _CORNERS * np.array(shape.size) + np.array(shape.centre), _BOX_FACES
+        flat = np.ones(len(faces), dtype=bool)
+    elif isinstance(shape, Cylinder):
+        corners, faces, flat = _prism(shape, rotation[2])
+    else:
+        corners, faces = np.array(shape.corners, dtype=float), np.array(shape.faces)
+        flat = np.ones(len(faces), dtype=bool)
+    convex = not isinstance(shape, Mesh) or shape.convex
+    return Polyhedron(corners @ rotation.T + np.array(pose.position), faces, flat, convex)
+
+
+def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:
+    """Return the prism about a cylinder with the middle of a side where it is lowest.
+
+    Parameters
+    ----------
+    cylinder
+        In the frame of its body.
+    up
+        The vertical of the world in that frame.
+    """
+    step = 2 * math.pi / _SIDES
+    angles = math.atan2(up[1], up[0]) + step * (np.arange(_SIDES) + 0.5)
+    radius_m = cylinder.diameter_m / 2 / math.cos(step / 2)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)]) * radius_m
+    half_m = cylinder.height_m / 2
+    corners = np.concatenate(
+        [
+            np.column_stack([ring, np.full(_SIDES, -half_m)]),
+            np.column_stack([ring, np.full(_SIDES, half_m)]),
+        ]
+    ) + np.array(cylinder.centre)
+    here, there = np.arange(_SIDES), (np.arange(_SIDES) + 1) % _SIDES
+    sides = np.concatenate(
+        [
+            np.column_stack([here, there, there + _SIDES]),
+            np.column_stack([here, there + _SIDES, here + _SIDES]),
+        ]
+    )
+    fan = np.arange(1, _SIDES - 1)
+    zeros = np.zeros_like(fan)
+    ends = np.concatenate(
+        [
+            np.column_stack([zeros, fan + 1, fan]),
+            np.column_stack([zeros, fan, fan + 1]) + _SIDES,
+        ]
+    )
+    faces = np.concatenate([sides, ends])
+    return corners, faces, np.arange(len(faces)) >= len(sides)
+
+
+# How precisely the deepest point of an edge is sought, and what is not worth a search [m].
+_PRECISION_M = 5e-5
+_LEAST_M = 2e-4
+# Most pairs of points and faces at a time: their arrays stay in the cache of a core.
+_PAIRS = 30_000
+_FEWEST = 16
+
+
+def depths(surface: Polyhedron, points: Floats) -> Floats:
+    """Return how deep points are in a surface [m]; below 0 how far they are from it."""
+    faces = _Faces(surface)
+    distances = faces.distances(points)
+    return np.where(faces.inside(points), distances, -distances)
+
+
+def outermost(surface: Polyhedron, points: Floats) -> float:
+    """Return how far the outermost of some points is from a surface [m]; 0 where all are inside.
+
+    Those that are farthest from it are looked at first, until one is outside.
+    """
+    faces = _Faces(surface)
+    distances = faces.distances(points)
+    order = np.argsort(-distances)
+    first, count = 0, _FEWEST
+    while first < len(order):
+        some = order[first : first + count]
+        outside = some[~faces.inside(points[some])]
+        if len(outside):
+            return float(distances[outside[0]])
+        first, count = first + count, 2 * count
+    return 0.0
+
+
+def deepest_within(surface: Polyhedron, edges: Floats) -> float:
+    """Return how deep any point of some edges is in a surface [m]; 0 where none is.
+
+    No point of an edge is farther from a triangle, which is convex, than the farther of its ends;
+    and the depth changes by no more than the way along it. Halves that can have nothing deeper are
+    left out.
+    """
+    faces = _Faces(surface)
+    low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
+    begins, ends = _clipped(edges, low, high)
+    deepest = 0.0
+    while len(begins):
+        worth = faces.farthest(begins, ends) > max(deepest + _PRECISION_M, _LEAST_M)
+        begins, ends = begins[worth], ends[worth]
+        if not len(begins):
+            break
+        middles, halves = (begins + ends) / 2, np.linalg.norm(ends - begins, axis=1) / 2
+        distances = faces.distances(middles)
+        depth = np.where(faces.inside(middles), distances, -distances)
+        deepest = max(deepest, float(depth.max()))
+        worth = depth + halves > max(deepest + _PRECISION_M, _LEAST_M)
+        begins, middles, ends = begins[worth], middles[worth], ends[worth]
+        begins, ends = np.concatenate([begins, middles]), np.concatenate([middles, ends])
+    return max(0.0, deepest)
+
+
+def _clipped(edges: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return the parts of edges that are in an upright box."""
+    begins, way = edges[:, 0], edges[:, 1] - edges[:, 0]
+    slope = np.where(np.abs(way) < 1e-15, 1e-15, way)
+    one, other = (low - begins) / slope, (high - begins) / slope
+    enter = np.clip(np.minimum(one, other).max(axis=1), 0, 1)[:, None]
+    leave = np.clip(np.maximum(one, other).min(axis=1), 0, 1)[:, None]
+    inside = (enter < leave)[:, 0]
+    return (begins + enter * way)[inside], (begins + leave * way)[inside]
+
+
+class _Faces:
+    """Triangles of a surface, with what all points are compared with.
+
+    Every distance is a sum of products of a point's coordinates and constants of a face, so that a
+    product of two matrices has it for all pairs. About the surface's middle, these sums lose
+    nothing above a nanometre.
+    """
+
+    def __init__(self, surface: Polyhedron) -> None:
+        self._middle = surface.corners.mean(axis=0)
+        corners = surface.triangles - self._middle
+        a, b, c = (corners[:, i] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        area = np.einsum("ij,ij->i", normal, normal)
+        self._corners = (a, b, c)
+        self._squares = tuple(np.einsum("ij,ij->i", one, one) for one in (a, b, c))
+        self._normal, self._height = normal.T, np.einsum("ij,ij->i", a, normal)
+        self._sound, self._per_area = area > 1e-30, 1 / np.maximum(area, 1e-30)
+        self._sides = [_Side(begin, end - begin, normal) for begin, end in ((a, b), (b, c), (c, a))]
+        self._chunk = max(1, _PAIRS // max(1, len(corners)))
+
+    def distances(self, points: Floats) -> Floats:
+        """Return how far points are from the nearest face [m]."""
+        found = np.empty(len(points))
+        for first in range(0, len(points), self._chunk):
+            some = slice(first, first + self._chunk)
+            found[some] = self._squares_from(points[some]).min(axis=1)
+        return np.asarray(np.sqrt(np.maximum(found, 0.0)))
+
+    def farthest(self, begins: Floats, ends: Floats) -> Floats:
+        """Return of edges what no point of them is farther from a face than [m]."""
+        found = np.empty(len(begins))
+        for first in range(0, len(begins), self._chunk):
+            some = slice(first, first + self._chunk)
+            both = np.maximum(self._squares_from(begins[some]), self._squares_from(ends[some]))
+            found[some] = both.min(axis=1)
+        return np.asarray(np.sqrt(np.maximum(found, 0.0)))
+
+    def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which points a surface goes round (Van Oosterom and Strackee 1983)."""
+        found = np.empty(len(points), dtype=bool)
+        for first in range(0, len(points), self._chunk):
+            some = slice(first, first + self._chunk)
+            found[some] = self._turns(points[some]) > 0.5
+        return found
+
+    def _squares_from(self, points: Floats) -> Floats:
+        """Return squares of the distances of points from faces [m2], shape (points, faces)."""
+        points = points - self._middle
+        own = np.einsum("ij,ij->i", points, points)[:, None]
+        nearest = np.full((len(points), len(self._height)), math.inf)
+        within = np.broadcast_to(self._sound, nearest.shape).copy()
+        for side, begin, square in zip(self._sides, self._corners, self._squares, strict=True):
+            within &= points @ side.inwards >= side.inner
+            along = points @ side.way - side.begin
+            share = np.clip(along * side.per_square, 0, 1)
+            away = own - 2 * (points @ begin.T) + square
+            np.minimum(nearest, away - share * (2 * along - share * side.square), out=nearest)
+        flat = (points @ self._normal - self._height) ** 2 * self._per_area
+        return np.where(within, flat, nearest)
+
+    def _turns(self, points: Floats) -> Floats:
+        points = points - self._middle
+        own = np.einsum("ij,ij->i", points, points)[:, None]
+        to = [points @ one.T for one in self._corners]
+        x, y, z = (
+            np.sqrt(np.maximum(own - 2 * one + square, 0.0))
+            for one, square in zip(to, self._squares, strict=True)
+        )
+        a, b, c = self._corners
+        volume = self._height - points @ self._normal
+        below = x * y * z
+        for one, other, rest, i, j in ((a, b, z, 0, 1), (b, c, x, 1, 2), (c, a, y, 2, 0)):
+            below += (own - to[i] - to[j] + np.einsum("ij,ij->i", one, other)) * rest
+        return np.asarray(np.arctan2(volume, below).sum(axis=1) / (2 * math.pi))
+
+
+class _Side:
+    """What points are compared with at one side of all triangles."""
+
+    def __init__(self, begin: Floats, way: Floats, normal: Floats) -> None:
+        inwards = np.cross(normal, way)
+        self.way, self.inwards = way.T, inwards.T
+        self.begin = np.einsum("ij,ij->i", begin, way)
+        self.inner = np.einsum("ij,ij->i", begin, inwards)
+        self.square = np.einsum("ij,ij->i", way, way)
+        self.per_square = 1 / np.maximum(self.square, 1e-30)
+
+
+# Walls that touch, or overlap by less than this in the plane, carry nothing [m].
+_GRAZING_M = 2e-4
+# A height that changes by more than so often the difference of two widths is that of a wall.
+_STEEPEST = 20.0
+# By how much more than in proportion height may be lost where another edge is met first.
+_GENTLE = 3.0
+_ROUNDING, _ROUNDING_M = 1e-12, 1e-9
+# Most pairs that are compared at a time.
+_PAIRS_FALLING = 500_000
+
+
+def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math.inf) -> float:
+    """Return how far `upper` is above `lower` where that is least [m].
+
+    So far it may fall onto `lower`; below 0 it would have to rise. Both surfaces are compared at
+    all corners and all crossings of edges as seen from above, so that nothing is missed. What
+    overlaps by less than 0.2 mm in the plane is beside it: twice, the upper one is made
+    narrower, and the height of its full width follows from both.
+
+    Parameters
+    ----------
+    upper, lower
+        The surfaces.
+    at_least_m
+        Heights below are left out: those of what is not beneath `upper`, but above or in it.
+
+    Returns
+    -------
+    float
+        Infinity where it is not above it.
+    """
+    extent = upper.corners[:, :2].max(axis=0) - upper.corners[:, :2].min(axis=0)
+    width_m = min(_GRAZING_M, float(extent.min()) / 4)
+    at_full_width = _all_heights(upper, lower)
+    if not len(at_full_width):
+        # No more than its box is above the other: narrower, it is not either.
+        return math.inf
+    narrow, wide, full = (
+        float(heights[heights >= at_least_m].min(initial=math.inf))
+        for heights in (
+            _all_heights(upper.narrowed(width_m), lower),
+            _all_heights(upper.narrowed(width_m / 2), lower),
+            at_full_width,
+        )
+    )
+    if math.isinf(narrow) or math.isinf(wide) or narrow - wide > _STEEPEST * width_m:
+        return narrow
+    # On a slope, height is lost in proportion to width; at a wall, at once.
+    gentle = wide - full <= _GENTLE * abs(narrow - wide) + _ROUNDING_M
+    return full if gentle else 2 * wide - narrow
+
+
+def narrowed_height_above(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
+    """Return how far `upper` is above `lower` [m] once its walls are shifted in by a length [m]."""
+    return float(_all_heights(upper.narrowed(by_m), lower).min(initial=math.inf))
+
+
+def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
+    """Return the height of a surface at a point of its plan [m]; None beside it."""
+    point = np.array([[x_m, y_m, 0.0]])
+    faces = _within(surface, surface.upper, point)
+    heights = [*_over(point, surface.triangles[faces], surface.normals[faces])]
+    tops = -np.concatenate(heights) if heights else np.empty(0)
+    return float(tops.max()) if len(tops) else None
+
+
+def _all_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
+    """Return heights of `upper` above `lower`; none where it is not over it."""
+    return np.concatenate([np.empty(0), *_heights(upper, lower)])
+
+
+def _heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:
+    """Yield heights of `upper` above `lower`, at all points where one may be least."""
+    if not (len(upper.lower) and len(lower.upper)):
+        return
+    bottom = _within(upper, upper.lower, lower.corners)
+    top = _within(lower, lower.upper, upper.corners)
+    if not (len(bottom) and len(top)):
+        return
+    corners = upper.corners[np.unique(upper.faces[bottom])]
+    yield from _over(corners, lower.triangles[top], lower.normals[top])
+    corners = lower.corners[np.unique(lower.faces[top])]
+    for heights in _over(corners, upper.triangles[bottom], upper.normals[bottom]):
+        yield -heights
+    yield from _crossings(upper.edges_of(bottom), lower.edges_of(top))
+
+
+def _within(
+    surface: Polyhedron, faces: npt.NDArray[np.intp], corners: Floats
+) -> npt.NDArray[np.intp]:
+    """Return the faces that may lie over or beneath what lies between some corners."""
+    triangles = surface.triangles[faces][:, :, :2]
+    low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+    meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
+    return np.asarray(faces[meets.all(axis=1)])
+
+
+def _over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats]:
+    """Yield how far points are above the triangles that they lie over."""
+    chunk = max(1, _PAIRS_FALLING // max(1, len(points)))
+    for first in range(0, len(triangles), chunk):
+        corners, normal = triangles[first : first + chunk], normals[first : first + chunk]
+        inside = np.ones((len(points), len(corners)), dtype=bool)
+        turn = np.sign(normal[:, 2])
+        for i in range(3):
+            a, b = corners[:, i], corners[:, (i + 1) % 3]
+            side = b - a
+            beyond = points[:, None, :2] - a[None, :, :2]
+            across = side[:, 0] * beyond[..., 1] - side[:, 1] * beyond[..., 0]
+            inside &= across * turn >= -_ROUNDING * (1 + np.abs(side).sum(axis=1))
+        which, face = np.nonzero(inside)
+        away = points[which] - corners[face, 0]
+        yield np.einsum("ij,ij->i", away, normal[face]) / normal[face, 2]
+
+
+def _crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
+    """Yield how far edges are above the edges that they cross as seen from above."""
+    chunk = max(1, _PAIRS_FALLING // max(1, len(lower)))
+    c = lower[:, 0]
+    s = lower[:, 1] - c
+    for first in range(0, len(upper), chunk):
+        a = upper[first : first + chunk, 0, None]
+        r = upper[first : first + chunk, 1, None] - a
+        between = c - a
+        across = r[..., 0] * s[:, 1] - r[..., 1] * s[:, 0]
+        t_times = between[..., 0] * s[:, 1] - between[..., 1] * s[:, 0]
+        u_times = between[..., 0] * r[..., 1] - between[..., 1] * r[..., 0]
+        sign = np.sign(across)
+        reach = np.abs(across)
+        meet = (t_times * sign >= 0) & (u_times * sign >= 0)
+        meet &= (t_times * sign <= reach) & (u_times * sign <= reach) & (reach > 1e-18)
+        i, j = np.nonzero(meet)
+        t, u = t_times[i, j] / across[i, j], u_times[i, j] / across[i, j]
+        yield (a[i, 0, 2] + t * r[i, 0, 2]) - (c[j, 2] + u * s[j, 2])
+
+
+# Faces whose directions differ by more touch along a line at most [-].
+_PARALLEL = 1e-3
+
+
+def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterator[Polygon]:
+    """Yield where flat faces lie on each other, seen from above [m].
+
+    Parameters
+    ----------
+    upper, lower
+        The surfaces.
+    tolerance_m
+        Gap or overlap that still counts as contact [m].
+    """
+    feet = upper.lower[upper.flat[upper.lower]]
+    tops = lower.upper[lower.flat[lower.upper]]
+    above, beneath = upper.triangles[feet], lower.triangles[tops]
+    if not (len(above) and len(beneath)):
+        return
+    gap = np.array([tolerance_m] * 3)
+    meets = (
+        (above.min(axis=1)[:, None] <= beneath.max(axis=1) + gap)
+        & (above.max(axis=1)[:, None] >= beneath.min(axis=1) - gap)
+    ).all(axis=2)
+    meets &= upper.normals[feet] @ lower.normals[tops].T < -1 + _PARALLEL**2 / 2
+    for i, j in zip(*np.nonzero(meets), strict=True):
+        # Seen from above, a face that looks down turns the other way round.
+        common = intersection(_seen(above[i][::-1]), _seen(beneath[j]))
+        common = _near(common, above[i], beneath[j], tolerance_m)
+        if len(common) > 2 and area(common) > 0:
+            yield common
+
+
+def _near(common: Polygon, above: Floats, beneath: Floats, tolerance_m: float) -> Polygon:
+    """Return the part of a polygon where two planes are within the tolerance of each other."""
+    (ax, ay, az), (bx, by, bz) = _slopes(above), _slopes(beneath)
+    dx, dy, dz = ax - bx, ay - by, az - bz
+    kept = below(common, (dx, dy), tolerance_m - dz)
+    return tuple(below(kept, (-dx, -dy), tolerance_m + dz))
+
+
+def _slopes(triangle: Floats) -> tuple[float, float, float]:
+    """Return the height of a plane: how it changes along x and y, and over the origin."""
+    a, b, c = triangle
+    normal = np.cross(b - a, c - a)
+    x, y = -normal[0] / normal[2], -normal[1] / normal[2]
+    return float(x), float(y), float(a[2] - x * a[0] - y * a[1])
+
+
+def _seen(triangle: Floats) -> Polygon:
+    return tuple((float(x), float(y)) for x, y, _ in triangle)
+
+
+# How precisely the deepest point of an edge is sought, by halving the rest of its length.
+_HALVINGS = 40
+_GOLDEN = (5**0.5 - 1) / 2
+# Most pairs of points and planes at a time.
+_PAIRS_PENETRATION = 1_000_000
+
+
+def depth_m(one: Polyhedron, other: Polyhedron) -> float:
+    """Return how deep an edge of one surface is in the other [m]; 0 where none is.
+
+    Two polyhedra that have a volume in common have an edge of one in the other; how deep is its
+    distance to the nearest face. In what is not convex that is found to 0.05 mm.
+    """
+    return max(_deepest(one, other), _deepest(other, one))
+
+
+def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
+    edges = edges_of.edges
+    low, high = within.corners.min(axis=0), within.corners.max(axis=0)
+    near = (edges.min(axis=1) < high) & (edges.max(axis=1) > low)
+    edges = edges[near.all(axis=1)]
+    if not len(edges):
+        return 0.0
+    if not within.convex:
+        return deepest_within(within, edges)
+    normals, offsets = within.planes
+    deepest = 0.0
+    chunk = max(1, _PAIRS_PENETRATION // len(normals))
+    for first in range(0, len(edges), chunk):
+        begins, ends = edges[first : first + chunk, 0], edges[first : first + chunk, 1]
+        # How far the ends lie beneath every plane; between them that is linear.
+        a, b = offsets - begins @ normals.T, offsets - ends @ normals.T
+        inside = (np.maximum(a, b) > deepest).all(axis=1)
+        if inside.any():
+            deepest = max(deepest, _highest_least(a[inside], b[inside]))
+    return deepest
+
+
+def _highest_least(a: Floats, b: Floats) -> float:
+    """Return the greatest of the least of linear functions, by their values at both ends.
+
+    Parameters
+    ----------
+    a, b
+        Values at 0 and at 1, a row for each set of functions; searched by golden section.
+    """
+    low, high = np.zeros(len(a)), np.ones(len(a))
+
+    def least(share: Floats) -> Floats:
+        return np.asarray((a + (b - a) * share[:, None]).min(axis=1))
+
+    best = np.maximum(least(low), least(high))
+    for _ in range(_HALVINGS):
+        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        at_left, at_right = least(left), least(right)
+        best = np.maximum(best, np.maximum(at_left, at_right))
+        rises = at_left < at_right
+        low, high = np.where(rises, left, low), np.where(rises, high, right)
+    return float(best.max())

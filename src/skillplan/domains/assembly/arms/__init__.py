@@ -1,1 +1,0 @@
-"""Arms and tools as a task file says them; it never moves one."""

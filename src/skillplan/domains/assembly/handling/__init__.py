@@ -1,1 +1,0 @@
-"""How parts are held and brought into place: grasps from any side, directions of insertion."""

@@ -1,0 +1,447 @@
+"""A closed polyhedron, checked: its faces turned outward, and whether it is convex."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from skillplan.files.companion_file import CompanionFileError, companion_in, read_companion
+from skillplan.task.motion import Point
+
+MAX_CORNERS = 5_000
+"""Most corners of a polyhedron."""
+
+LEAST_EXTENT_M = 1e-6
+"""What is shorter is flat."""
+
+DECIMALS = 9
+"""Lengths are kept to a nanometre."""
+
+# How far a corner may lie outside the plane of a face, of the greatest extent: files hold seven
+# digits, of lengths far from the origin fewer.
+_FLATNESS = 1e-5
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+class MeshFileError(Exception):
+    """A file holds no polyhedron that a part can be made of.
+
+    Parameters
+    ----------
+    message
+        What is wrong and what to do instead, in a sentence.
+    key
+        The key of the task file that is at fault, ``file`` or ``scale``.
+    """
+
+    def __init__(self, message: str, key: str = "file") -> None:
+        self.key = key
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """What a file holds.
+
+    Parameters
+    ----------
+    corners
+        About the centre of the smallest upright box about them [m].
+    faces
+        Triangles by three indices of corners each, anticlockwise from outside.
+    size
+        Extents of the box [m].
+    sha256
+        Hash of the file's content, in hexadecimal.
+    convex
+        Whether it is.
+    middle
+        Where the centre of that box is in the file [m].
+    """
+
+    corners: tuple[Point, ...]
+    faces: tuple[tuple[int, int, int], ...]
+    size: Point
+    sha256: str
+    convex: bool
+    middle: Point
+
+    def about(self, centre: Point) -> tuple[Point, ...]:
+        """Return the corners when the box lies about `centre` [m], to a nanometre."""
+        x_m, y_m, z_m = centre
+        return tuple(
+            (round(x + x_m, DECIMALS), round(y + y_m, DECIMALS), round(z + z_m, DECIMALS))
+            for x, y, z in self.corners
+        )
+
+
+def polyhedron_of(
+    raw_corners: Floats, raw_faces: Indices, sha256: str, middle: Floats | None = None
+) -> Polyhedron:
+    """Return a polyhedron of corners [m] and faces as a file has them, checked.
+
+    Parameters
+    ----------
+    raw_corners
+        Shape (n, 3), about the centre of the box.
+    raw_faces
+        Three indices of corners each, shape (m, 3).
+    sha256, middle
+        As of `Polyhedron`; a middle of None is the origin.
+
+    Raises
+    ------
+    MeshFileError
+        If it is not closed, has no outside or volume, or more than `MAX_CORNERS` corners.
+    """
+    corners, faces = _merged(raw_corners, raw_faces)
+    if not len(faces):
+        raise MeshFileError("It encloses no volume; give it a thickness.")
+    size = corners.max(axis=0) - corners.min(axis=0)
+    if len(corners) > MAX_CORNERS:
+        raise MeshFileError(
+            f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
+        )
+    faces = _outward(corners, faces)
+    _check_volume(corners, faces, float(size.max()))
+    return Polyhedron(
+        tuple((float(x), float(y), float(z)) for x, y, z in corners),
+        tuple((int(a), int(b), int(c)) for a, b, c in faces),
+        (float(size[0]), float(size[1]), float(size[2])),
+        sha256,
+        _is_convex(corners, faces, float(size.max())),
+        (0.0, 0.0, 0.0)
+        if middle is None
+        else (float(middle[0]), float(middle[1]), float(middle[2])),
+    )
+
+
+def _merged(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
+    """Return corners to a nanometre, each once, and faces that still have three of them."""
+    rounded = np.round(corners, DECIMALS) + 0.0
+    unique, index = np.unique(rounded, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    distinct = (
+        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    )
+    faces = faces[distinct]
+    used, compact = np.unique(faces, return_inverse=True)
+    return unique[used], compact.reshape(-1, 3)
+
+
+def _outward(corners: Floats, faces: Indices) -> Indices:
+    """Return the faces of closed surfaces, turned outward."""
+    neighbours: dict[tuple[int, int], list[int]] = {}
+    for index, face in enumerate(faces.tolist()):
+        for a, b in zip(face, [*face[1:], face[0]], strict=True):
+            neighbours.setdefault((min(a, b), max(a, b)), []).append(index)
+    if any(len(owners) != 2 for owners in neighbours.values()):
+        raise MeshFileError(
+            "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
+            "out what lies inside."
+        )
+    faces = faces.copy()
+    done = np.zeros(len(faces), dtype=bool)
+    for first in range(len(faces)):
+        if done[first]:
+            continue
+        # All that hangs together is turned like the first.
+        members, waiting = [first], [first]
+        done[first] = True
+        while waiting:
+            own = waiting.pop()
+            for a, b in _sides(faces[own]):
+                pair = neighbours[min(a, b), max(a, b)]
+                other = pair[0] if pair[1] == own else pair[1]
+                if (a, b) in _sides(faces[other]):
+                    if done[other]:
+                        raise MeshFileError(
+                            "It has no outside: its faces cannot all be turned outward. Repair it."
+                        )
+                    faces[other] = faces[other][::-1]
+                if not done[other]:
+                    done[other] = True
+                    members.append(other)
+                    waiting.append(other)
+        if _volume_m3(corners, faces[members]) < 0:
+            faces[members] = faces[members][:, ::-1]
+    return faces
+
+
+def _sides(face: Indices) -> list[tuple[int, int]]:
+    a, b, c = face.tolist()
+    return [(a, b), (b, c), (c, a)]
+
+
+def _volume_m3(corners: Floats, faces: Indices) -> float:
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+
+
+def _check_volume(corners: Floats, faces: Indices, longest_m: float) -> None:
+    volume_m3 = _volume_m3(corners, faces)
+    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * LEAST_EXTENT_M**2):
+        raise MeshFileError("It encloses no volume; give it a thickness.")
+
+
+def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)
+    tolerance_m = max(_FLATNESS * longest_m, 1e-8)
+    return all(
+        float(((corners - a[i]) @ normals[i]).max()) <= tolerance_m * lengths[i]
+        for i in np.flatnonzero(lengths > 1e-12 * longest_m**2)
+    )
+
+
+MAX_BYTES = 4 * 1024 * 1024
+"""Greatest size of a file."""
+
+SUFFIXES = (".obj", ".stl", ".ply")
+
+_MOST_EXTENT_M = 10.0
+# A surface with more corners than this is seen from so many directions: of a ball of 0.1 m, less
+# than 0.2 mm stands out between them.
+_DIRECTIONS = 1_000
+
+
+def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
+    """Return the polyhedron that a file holds.
+
+    Parameters
+    ----------
+    folder
+        The task file's folder, which the file must lie in.
+    name
+        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+    scale
+        What the lengths are multiplied by to be metres, > 0.
+
+    Raises
+    ------
+    MeshFileError
+        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds anything
+        but a closed surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
+    """
+    content, suffix = content_of(folder, name)
+    polyhedron = _polyhedron_or_refusal(content, suffix, scale)
+    if isinstance(polyhedron, MeshFileError):
+        raise MeshFileError(str(polyhedron), polyhedron.key)
+    return polyhedron
+
+
+def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], bytes]:
+    """Return corners about a surface [m], convex or not, and the content of its file.
+
+    Of many corners, those are left out that are not the farthest in any of `_DIRECTIONS` evenly
+    spread directions.
+
+    Parameters
+    ----------
+    folder
+        Which the file must lie in.
+    name
+        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+    scale
+        What the lengths along x, y and z are multiplied by to be metres.
+
+    Raises
+    ------
+    MeshFileError
+        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds no body.
+    """
+    content, suffix = content_of(folder, name)
+    corners, faces = parsed(content, suffix)
+    if not len(faces) or not np.isfinite(corners).all():
+        raise MeshFileError("It holds no surface; save it as triangles.")
+    with np.errstate(over="ignore", invalid="ignore"):
+        used = corners[np.unique(faces)] * np.array(scale)
+        size = used.max(axis=0) - used.min(axis=0)
+    _check_size(size, 1.0)
+    if np.abs(used).max() > _MOST_EXTENT_M:
+        far = f"It lies {np.abs(used).max():g} m from its origin, where {_MOST_EXTENT_M:g} m"
+        raise MeshFileError(f"{far} are the most; move it there.")
+    used = np.unique(np.round(used, DECIMALS), axis=0)
+    if len(used) > _DIRECTIONS:
+        middle = used.mean(axis=0)
+        used = used[np.unique(np.argmax((used - middle) @ _even_directions().T, axis=0))]
+    found = tuple((float(x), float(y), float(z)) for x, y, z in used)
+    return found, content
+
+
+def _even_directions() -> Floats:
+    """Return unit vectors spread evenly over the sphere (Fibonacci's lattice)."""
+    number = np.arange(_DIRECTIONS) + 0.5
+    z = 1 - 2 * number / _DIRECTIONS
+    angle = math.pi * (1 + math.sqrt(5)) * number
+    flat = np.sqrt(1 - z * z)
+    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+
+
+def content_of(folder: Path, name: str) -> tuple[bytes, str]:
+    """Return what a file holds, and its suffix."""
+    try:
+        path = companion_in(folder, name)
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise MeshFileError(
+                f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
+            )
+        return read_companion(path, MAX_BYTES, "surface"), suffix
+    except CompanionFileError as error:
+        raise MeshFileError(str(error)) from None
+
+
+# Hundreds of parts may name one file.
+@lru_cache(maxsize=16)
+def _polyhedron_or_refusal(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
+    try:
+        return _polyhedron(content, suffix, scale)
+    except MeshFileError as refusal:
+        return refusal.with_traceback(None)
+
+
+def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
+    raw_corners, raw_faces = parsed(content, suffix)
+    if not len(raw_faces):
+        raise MeshFileError("It holds no faces; save the surface as triangles or polygons.")
+    if not np.isfinite(raw_corners).all():
+        raise MeshFileError("A coordinate is not finite; save the surface again.")
+    with np.errstate(over="ignore", invalid="ignore"):
+        corners = raw_corners * scale
+        used = corners[np.unique(raw_faces)]
+        size = used.max(axis=0) - used.min(axis=0)
+    _check_size(size, scale)
+    middle = (used.max(axis=0) + used.min(axis=0)) / 2
+    return polyhedron_of(corners - middle, raw_faces, hashlib.sha256(content).hexdigest(), middle)
+
+
+def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
+    """Return corners and triangles as the file has them."""
+    import trimesh
+
+    unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            mesh = trimesh.load_scene(
+                io.BytesIO(content), file_type=suffix[1:], skip_materials=True, process=False
+            ).to_mesh()
+            corners = np.asarray(mesh.vertices, dtype=np.float64)
+            faces = np.asarray(mesh.faces, dtype=np.int64)
+    except Exception:
+        # The library raises whatever its parsers meet, in the words of its programmers.
+        raise MeshFileError(unread) from None
+    is_table = corners.ndim == 2 and corners.shape[1:] == (3,)
+    if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
+        raise MeshFileError(unread)
+    return corners, faces.reshape(-1, 3)
+
+
+def _check_size(size: Floats, scale: float) -> None:
+    longest_m = float(size.max())
+    if not longest_m <= _MOST_EXTENT_M:
+        hint = ""
+        if longest_m * 1e-3 <= _MOST_EXTENT_M:
+            hint = f" Is the file in millimetres? Then give scale: {scale * 1e-3:g}."
+        raise MeshFileError(
+            f"It is {longest_m:g} m long, where {_MOST_EXTENT_M:g} m are the most.{hint}", "scale"
+        )
+    shortest_m = float(size.min())
+    if shortest_m < LEAST_EXTENT_M:
+        if longest_m < LEAST_EXTENT_M:
+            message = f"It is {longest_m:g} m long, where {LEAST_EXTENT_M:g} m are the least."
+            raise MeshFileError(message, "scale")
+        axis = "xyz"[int(size.argmin())]
+        raise MeshFileError(f"It is flat: {shortest_m:g} m along {axis}; give it a thickness.")
+
+
+MAX_PIECES = 512
+"""Most convex pieces of a polyhedron."""
+
+# How far the box about pieces may be off, of the greatest extent.
+_PIECES_OFF = 1e-3
+
+
+def read_pieces(
+    folder: Path, name: str | None, scale: float, whole: Polyhedron
+) -> tuple[tuple[Polyhedron, ...], str]:
+    """Return the convex pieces of a polyhedron, about its middle, and the hash of their file.
+
+    Parameters
+    ----------
+    folder, name, scale
+        As of `read_mesh`; a name of None has no pieces. What hangs together in the file by its
+        corners' numbers is a piece.
+    whole
+        What they are pieces of, in the frame of the same file.
+
+    Raises
+    ------
+    MeshFileError
+        If the file lies elsewhere, cannot be read, holds a piece that is not closed and convex, or
+        more than `MAX_PIECES`, or pieces that do not fill the box about the whole.
+    """
+    if name is None:
+        return (), ""
+    try:
+        content, suffix = content_of(folder, name)
+    except MeshFileError as error:
+        raise MeshFileError(str(error), "pieces") from None
+    return _pieces(content, suffix, scale, whole.middle, whole.size)
+
+
+# Identical parts have files of the same content.
+@lru_cache(maxsize=16)
+def _pieces(
+    content: bytes, suffix: str, scale: float, middle: Point, size: Point
+) -> tuple[tuple[Polyhedron, ...], str]:
+    raw_corners, raw_faces = parsed(content, suffix)
+    corners = np.round(raw_corners * scale - np.array(middle), DECIMALS) + 0.0
+    groups = _components(raw_faces, len(corners))
+    if not 0 < len(groups) <= MAX_PIECES:
+        raise MeshFileError(f"It holds {len(groups):,} pieces; give 1 to {MAX_PIECES:,}.", "pieces")
+    found = []
+    for number, faces in enumerate(groups, 1):
+        try:
+            piece = polyhedron_of(corners, faces, "")
+        except MeshFileError as error:
+            raise MeshFileError(f"Piece {number}: {error}", "pieces") from None
+        if not piece.convex:
+            raise MeshFileError(f"Piece {number} is not convex; cut it further.", "pieces")
+        found.append(piece)
+    points = np.concatenate([piece.corners for piece in found])
+    off = np.abs(np.ptp(points, axis=0) - np.array(size)).max()
+    off = max(float(off), float(np.abs(points.max(axis=0) + points.min(axis=0)).max()))
+    if off > _PIECES_OFF * max(size):
+        raise MeshFileError(
+            f"The box about all pieces is {off * 1e3:.3g} mm off that about the mesh; give pieces "
+            "of this mesh, in its frame.",
+            "pieces",
+        )
+    return tuple(found), hashlib.sha256(content).hexdigest()
+
+
+def _components(faces: Indices, count: int) -> list[Indices]:
+    """Return faces by what hangs together, in the order of the file."""
+    owner = np.arange(count)
+    while True:
+        least = owner[faces].min(axis=1)
+        before = owner.copy()
+        for column in range(3):
+            np.minimum.at(owner, faces[:, column], least)
+        if (owner == before).all():
+            break
+    labels = owner[faces[:, 0]]
+    _, first = np.unique(labels, return_index=True)
+    return [faces[labels == labels[index]] for index in np.sort(first)]

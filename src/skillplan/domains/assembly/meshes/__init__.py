@@ -1,1 +1,0 @@
-"""Polyhedra that a task file names, read and checked; it never looks at a board."""
