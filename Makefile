@@ -146,8 +146,9 @@ clean:  ## all that these targets make
 # Kernels of searches and of the bench's learners compile while pip fetches the engines.
 .venv/.demo: .venv/.core
 	$(SKILLPLAN) warm-up & kernels=$$!; \
-	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
-	    --editable plugins/skillplan-mujoco --editable plugins/skillplan-swarmitfix \
+	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-simulation \
+	    --editable plugins/skillplan-mujoco --editable plugins/skillplan-torch \
+	    --editable plugins/skillplan-swarmitfix \
 	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
 	touch $@
 

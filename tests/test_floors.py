@@ -44,7 +44,7 @@ OPENS = {
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/simulator/body_shapes.py": "meshes for pybullet, in a folder of its own",
     "skillplan_pybullet/arm/robot_file.py": "the arm for pybullet, in a folder of its own",
-    "skillplan_pinocchio/simulation/execution/skill_runner.py": "opens the jaws of a hand",
+    "skillplan_simulation/execution/skill_runner.py": "opens the jaws of a hand",
     "skillplan_pinocchio/planning/rrt_connect.py": "the null device, for what OMPL says at its end",
     "training/generated_boards.py": "boards of its own, in a folder of its own",
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",

@@ -237,7 +237,11 @@ def test_the_built_ins_check_their_options(kind, name, option, value):
 
 @pytest.mark.parametrize(
     ("kind", "name", "distribution"),
-    [("exporter", "ros", "skillplan-ros2"), ("collision", "swept", "skillplan-pinocchio")],
+    [
+        ("exporter", "ros", "skillplan-ros2"),
+        ("collision", "swept", "skillplan-pinocchio"),
+        ("collision", "contact-pairs", "skillplan-simulation"),
+    ],
 )
 def test_a_plugin_of_this_project_that_is_missing_is_named_with_its_distribution(
     monkeypatch: pytest.MonkeyPatch, kind: str, name: str, distribution: str

@@ -17,8 +17,8 @@ from skillplan.task.task import Task
 from skillplan.testing import lid_task
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
 from skillplan_mujoco.engine import MujocoEngine
-from skillplan_pinocchio.simulation import contact_detector
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation import contact_detector
+from skillplan_simulation.contact_pairs import ContactPairsDetector
 
 CONTACTS = ("contact-pairs",)
 

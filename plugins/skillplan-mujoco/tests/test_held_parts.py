@@ -11,17 +11,17 @@ import pytest
 from situations import assembly
 from skillplan.task.task import Task
 from skillplan_mujoco.mujoco_simulator import MujocoSimulator
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
-from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
-from skillplan_pinocchio.simulation.arm.rotations import (
+from skillplan_simulation.arm.hand_shapes import hand_of
+from skillplan_simulation.arm.joint_motion import JointMotion
+from skillplan_simulation.arm.rotations import (
     Vector,
     of_quaternion,
     pose_of,
     turn_between,
 )
-from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import FINGERS
+from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.simulator import FINGERS
 
 SETTINGS = ExecutionSettings()
 # How a part is turned in the hand: its x is along the closing axis.

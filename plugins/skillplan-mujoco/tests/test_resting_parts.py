@@ -13,8 +13,8 @@ from skillplan.task.pose import Pose
 from skillplan.task.task import Task
 from skillplan_mujoco.mujoco_simulator import MujocoSimulator
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.simulator import STEPS_PER_S
 
 GEAR_UNIT = Path(__file__).parents[3] / "configs" / "gear_unit.yaml"
 

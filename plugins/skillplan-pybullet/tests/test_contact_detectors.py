@@ -13,11 +13,11 @@ from hypothesis.extra.numpy import arrays
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import introduce
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import frame_means
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.record import Record
+from skillplan_simulation.verdicts.contact_threshold import frame_means
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]
 

@@ -13,9 +13,9 @@ from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.fault_injection import injected_collisions
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.contact_pairs import ContactPairsDetector
 
 OPTIMUM = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 

@@ -15,14 +15,14 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
-from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths
-from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
-from skillplan_pinocchio.simulation.mass_properties import mass_properties
+from skillplan_pinocchio.mass_properties import mass_properties
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.execution.planned_paths import PlannedPaths
+from skillplan_simulation.execution.skill_runner import SkillRunner
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
 SCREW_M, BIT_M = 0.002, 0.040

@@ -10,11 +10,11 @@ import pytest
 from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.inverse_kinematics import elbows
-from skillplan_pinocchio.simulation.execution.tool_changer import ToolChanger
-from skillplan_pinocchio.simulation.simulator import ROBOT
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.execution.tool_changer import ToolChanger
+from skillplan_simulation.simulator import ROBOT
 
 TIP = (0.5, 0.0, 0.3)
 # From one finger to the other, and up to the palm.

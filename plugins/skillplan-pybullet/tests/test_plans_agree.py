@@ -20,8 +20,8 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.taken_ways import by_ways
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.contact_pairs import ContactPairsDetector
 
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 FOLDER = Path(__file__).parents[3] / "configs"

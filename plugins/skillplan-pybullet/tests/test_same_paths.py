@@ -8,9 +8,9 @@ import pytest
 from situations import assembly
 from skillplan.checks.single_check import introduce
 from skillplan.task.verdict import VerdictStatus
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pinocchio.swept import SweptDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.contact_pairs import ContactPairsDetector
 
 PLAN = ("pick(base)", "place(base)", "pick(tower)", "place(tower)")
 

@@ -10,13 +10,13 @@ import pytest
 from situations import assembly
 from skillplan.checks.single_check import introduce
 from skillplan.task.task import Task
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
-from skillplan_pinocchio.simulation.simulator import HAND
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.arm.hand_shapes import hand_of
+from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.simulator import HAND
 
 # Thin jaws, and jaws that would meet the walls beside the pin.
 SLIM_M = [[0.0, 0.004, 0.0, 0.005], [0.05, 0.004, 0.0, 0.005]]

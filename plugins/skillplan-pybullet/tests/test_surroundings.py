@@ -18,14 +18,14 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
-from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
-from skillplan_pinocchio.simulation.execution.surroundings import (
+from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.execution.surroundings import (
     Located,
     Neighbourhood,
     Surroundings,
 )
-from skillplan_pybullet.engine import PybulletEngine
 
 
 def everything(

@@ -9,9 +9,9 @@ import pytest
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh
-from skillplan_pinocchio.simulation.mass_properties import mass_properties
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_pinocchio.mass_properties import mass_properties
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.simulator import STEPS_PER_S
 
 PYRAMID = Mesh(
     ((0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.0, 0.04, 0.0), (0.04, 0.04, 0.0), (0.02, 0.02, 0.03)),

@@ -66,7 +66,7 @@ _MEANT = {
 # Distributions of this project, by the kind and name of what they provide.
 _DISTRIBUTIONS = {
     ("collision", "contact-force"): "skillplan-pybullet",
-    ("collision", "contact-pairs"): "skillplan-pinocchio",
+    ("collision", "contact-pairs"): "skillplan-simulation",
     ("collision", "swept"): "skillplan-pinocchio",
     ("domain", "swarmitfix"): "skillplan-swarmitfix",
     ("executor", "ray"): "skillplan-ray",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from skillplan_mujoco.mujoco_simulator import MujocoSimulator
-from skillplan_pinocchio.simulation.execution.workcell import Workcell
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.performing.performing_engine import PerformingEngine
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
+from skillplan_simulation.execution.workcell import Workcell
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.performing.performing_engine import PerformingEngine
+from skillplan_simulation.simulating_engine import SimulatingEngine, versions
 
 
 class MujocoEngine(PerformingEngine):

@@ -10,13 +10,13 @@ from skillplan_mujoco.arm.simulated_arm import SimulatedArm
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.cell_model import cell_spec
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation import simulator
-from skillplan_pinocchio.simulation.arm.hand_shapes import hands_of, tool_body
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_simulation import simulator
+from skillplan_simulation.arm.hand_shapes import hands_of, tool_body
+from skillplan_simulation.execution_settings import ExecutionSettings
 
 
 class MujocoSimulator:
-    """Compiles the model of a task once; see `skillplan_pinocchio.simulation.simulator`.
+    """Compiles the model of a task once; see `skillplan_simulation.simulator`.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class MujocoSimulator:
         # Whoever takes no pictures loads nothing for them.
         from skillplan_mujoco.simulator.camera import Camera
         from skillplan_mujoco.simulator.drawing_context import chosen_context
-        from skillplan_pinocchio.simulation.pictures.painted_camera import PaintedCamera
+        from skillplan_simulation.pictures.painted_camera import PaintedCamera
 
         context = chosen_context()
         if context is None:

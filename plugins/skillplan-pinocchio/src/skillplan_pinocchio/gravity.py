@@ -19,7 +19,7 @@ from skillplan.task.scene import Body, Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_motion import Strokes
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.simulation.mass_properties import mass_properties
+from skillplan_pinocchio.mass_properties import mass_properties
 
 _GRAVITY_M_PER_S2 = 9.80665
 # Postures of a path that are looked at, at least; torques change slowly along one.

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.contact_detector import ContactDetector, WindowOptions
-from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Record
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import frame_means, rounded
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_simulation.contact_detector import ContactDetector, WindowOptions
+from skillplan_simulation.record import FRAMES_PER_S, Record
+from skillplan_simulation.verdicts.contact_threshold import frame_means, rounded
 
 _AXES = "xyz"
 

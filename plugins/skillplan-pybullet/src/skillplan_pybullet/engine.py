@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from skillplan.robots.arm_description import ArmDescription
-from skillplan_pinocchio.simulation.execution.workcell import Workcell
-from skillplan_pinocchio.simulation.performing.performing_engine import PerformingEngine
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 from skillplan_pybullet.arm.looks import looks_of
 from skillplan_pybullet.pybullet_simulator import PybulletSimulator
 from skillplan_pybullet.simulation_settings import SimulationSettings
+from skillplan_simulation.execution.workcell import Workcell
+from skillplan_simulation.performing.performing_engine import PerformingEngine
+from skillplan_simulation.simulating_engine import SimulatingEngine, versions
 
 
 class PybulletEngine(PerformingEngine):

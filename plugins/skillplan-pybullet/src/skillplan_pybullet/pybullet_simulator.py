@@ -5,14 +5,14 @@ from __future__ import annotations
 from skillplan.physics.performance import View
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot, Scene
-from skillplan_pinocchio.simulation.simulator import Camera
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.simulator import Camera
 
 
 class PybulletSimulator:
-    """Makes a world anew every time; see `skillplan_pinocchio.simulation.simulator`.
+    """Makes a world anew every time; see `skillplan_simulation.simulator`.
 
     Parameters
     ----------
@@ -37,6 +37,6 @@ class PybulletSimulator:
     def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
         """Return a camera."""
         # Whoever takes no pictures loads nothing for them.
-        from skillplan_pinocchio.simulation.pictures.painted_camera import PaintedCamera
+        from skillplan_simulation.pictures.painted_camera import PaintedCamera
 
         return PaintedCamera(scene, view, labels=labels)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.execution_settings import ExecutionSettings
 
 
 class SimulationSettings(ExecutionSettings):

@@ -1,5 +1,4 @@
-"""What every simulated arm shares: timed motions, how skills are executed, and what that proves.
+"""Execution of skills by a simulated arm, and the verdicts on it, for any physics engine.
 
-It moves an arm in a world of which it knows no more than the interface in `simulator`: a plugin
-with a physics engine brings that. No engine is imported here.
+A plugin with an engine implements the interface in `simulator`. This package imports no engine.
 """

@@ -17,9 +17,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES
+from skillplan_simulation.record import Record
+from skillplan_simulation.simulating_engine import SimulatingEngine
+from skillplan_simulation.verdicts.contact_threshold import FRAMES
 
 
 class WindowOptions(back_end.Options):

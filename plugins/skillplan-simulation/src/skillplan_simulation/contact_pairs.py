@@ -5,10 +5,10 @@ from __future__ import annotations
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.contact_detector import ContactDetector, WindowOptions
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import DISPLACEMENT_M, FORCE_N
-from skillplan_pinocchio.simulation.verdicts.pair_verdict import PairLimits, pair_verdict
+from skillplan_simulation.contact_detector import ContactDetector, WindowOptions
+from skillplan_simulation.record import Record
+from skillplan_simulation.verdicts.contact_threshold import DISPLACEMENT_M, FORCE_N
+from skillplan_simulation.verdicts.pair_verdict import PairLimits, pair_verdict
 
 
 class ContactPairsDetector(ContactDetector):

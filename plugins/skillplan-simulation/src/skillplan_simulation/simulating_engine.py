@@ -20,15 +20,15 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.execution.workcell import Workcell
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.verdicts.contact_judge import judges_among
-from skillplan_pinocchio.simulation.verdicts.postconditions import (
+from skillplan_pinocchio.tight_fits import blocked_fits, tight_fits
+from skillplan_simulation.execution.workcell import Workcell
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.record import Record
+from skillplan_simulation.verdicts.contact_judge import judges_among
+from skillplan_simulation.verdicts.postconditions import (
     Tolerances,
     postcondition_verdict,
 )
-from skillplan_pinocchio.tight_fits import blocked_fits, tight_fits
 
 # Engine and detectors are queried about the same skill and state, one after the other.
 _KEPT_RECORDS = 8

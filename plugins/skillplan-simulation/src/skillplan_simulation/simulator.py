@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from skillplan.physics.performance import Image, View
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, Robot, Scene
-from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics, TipPose
-from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
+from skillplan_simulation.arm.kinematics import ArmKinematics, TipPose
+from skillplan_simulation.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 

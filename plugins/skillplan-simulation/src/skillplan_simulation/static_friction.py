@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.kinematics.fixed_order import cross, dot, length, times
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose
-from skillplan_pinocchio.simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
+from skillplan_simulation.arm.kinematics import TipPose
+from skillplan_simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
 
 Vector = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from skillplan_mujoco.simulator.fixed_order import product, times, times_transposed
 from skillplan_pinocchio.kinematics.fixed_order import solved
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose
-from skillplan_pinocchio.simulation.arm.rotations import rotation_left
-from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_simulation.arm.kinematics import TipPose
+from skillplan_simulation.arm.rotations import rotation_left
+from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_simulation.simulator import STEPS_PER_S
 
 Vector = NDArray[np.float64]
 

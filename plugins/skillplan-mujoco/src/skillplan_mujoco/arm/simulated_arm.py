@@ -16,11 +16,11 @@ from skillplan_mujoco.arm.smooth_pads import SmoothPads
 from skillplan_mujoco.simulator.cell_model import TIP, joint_name
 from skillplan_mujoco.simulator.shapes_model import ARM_TORSION_M
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
-from skillplan_pinocchio.simulation.arm.rotations import points_down
-from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import (
+from skillplan_simulation.arm.kinematics import TipPose, kinematics_of, unreachable
+from skillplan_simulation.arm.rotations import points_down
+from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
@@ -38,7 +38,7 @@ _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
 
 
 class SimulatedArm:
-    """The arm of a world; see `skillplan_pinocchio.simulation.simulator.Arm`.
+    """The arm of a world; see `skillplan_simulation.simulator.Arm`.
 
     Parameters
     ----------

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.simulator import FINGERS
-from skillplan_pinocchio.simulation.static_friction import HoldingArm, StaticFriction
+from skillplan_simulation.simulator import FINGERS
+from skillplan_simulation.static_friction import HoldingArm, StaticFriction
 
 
 class SmoothPads(StaticFriction):

@@ -13,9 +13,9 @@ from skillplan.task.motion import Point
 from skillplan.task.scene import Scene
 from skillplan_mujoco.simulator.drawing_context import DrawingContext
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation import simulator
-from skillplan_pinocchio.simulation.pictures.annotations import annotated
-from skillplan_pinocchio.simulation.pictures.seen_cell import PLACE_M, SeenCell
+from skillplan_simulation import simulator
+from skillplan_simulation.pictures.annotations import annotated
+from skillplan_simulation.pictures.seen_cell import PLACE_M, SeenCell
 
 # How high marks of places are [m].
 _PLACE_HEIGHT_M = 0.0005
@@ -23,7 +23,7 @@ _MOST_SHAPES = 4000
 
 
 class Camera:
-    """Looks at a workplace; see `skillplan_pinocchio.simulation.simulator.Camera`.
+    """Looks at a workplace; see `skillplan_simulation.simulator.Camera`.
 
     Parameters
     ----------

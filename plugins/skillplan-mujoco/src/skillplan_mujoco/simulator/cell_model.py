@@ -19,8 +19,8 @@ from skillplan.task.scene import Body, Robot
 from skillplan_mujoco.simulator.hand_model import add_hands
 from skillplan_mujoco.simulator.shapes_model import BOND_SHARE, STIFF, add_piece, add_shape, touch
 from skillplan_pinocchio.kinematics.serial_arm import placement
-from skillplan_pinocchio.simulation.mass_properties import mass_properties
-from skillplan_pinocchio.simulation.simulator import (
+from skillplan_pinocchio.mass_properties import mass_properties
+from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     HAND,
     LEAST_INERTIA_KG_M2,

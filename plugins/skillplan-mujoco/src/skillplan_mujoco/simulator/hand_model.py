@@ -15,8 +15,8 @@ import numpy as np
 
 from skillplan.robots.arm_description import Hand
 from skillplan_mujoco.simulator.shapes_model import BOND_SHARE, STIFF, add_piece
-from skillplan_pinocchio.simulation.arm.robot_outline import body_pieces, jaw_pieces
-from skillplan_pinocchio.simulation.simulator import FINGERS, HAND
+from skillplan_simulation.arm.robot_outline import body_pieces, jaw_pieces
+from skillplan_simulation.simulator import FINGERS, HAND
 
 # What a hand weighs, of which no description says it: body and one jaw [kg].
 _BODY_KG, _JAW_KG = 0.73, 0.05

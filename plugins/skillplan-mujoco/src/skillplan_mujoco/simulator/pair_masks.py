@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from skillplan_pinocchio.simulation.simulator import ROBOT, UpsetError
+from skillplan_simulation.simulator import ROBOT, UpsetError
 
 # Bits of a kind; the first is that of all bodies without one of their own.
 _BITS = 31

@@ -12,8 +12,8 @@ import numpy as np
 
 from skillplan.robots.arm_description import Capsule, Hull, Rod
 from skillplan.task.shape import Box, Cylinder, Shape
-from skillplan_pinocchio.simulation.arm.robot_outline import Block, Piece
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_simulation.arm.robot_outline import Block, Piece
+from skillplan_simulation.simulator import STEPS_PER_S
 
 # What points of contact resist being turned about the normal, by their force [m]: of the arm, by
 # friction as well, and of others; and what they resist being rolled [m].

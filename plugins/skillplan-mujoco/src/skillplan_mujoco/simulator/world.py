@@ -15,7 +15,7 @@ from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.fixed_order import product, times
 from skillplan_mujoco.simulator.pair_masks import PairMasks
 from skillplan_mujoco.simulator.shapes_model import FRICTIONAL
-from skillplan_pinocchio.simulation.simulator import ROBOT, TABLE, Touch, UpsetError
+from skillplan_simulation.simulator import ROBOT, TABLE, Touch, UpsetError
 
 Vector = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.simulation.arm.straight_motion import JointRates
 from skillplan_pybullet.arm.dynamics import Terms
+from skillplan_simulation.arm.straight_motion import JointRates
 
 Vector = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose
-from skillplan_pinocchio.simulation.arm.rotations import rotation_error
-from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
 from skillplan_pybullet.arm.dynamics import Terms
+from skillplan_simulation.arm.kinematics import TipPose
+from skillplan_simulation.arm.rotations import rotation_error
+from skillplan_simulation.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 

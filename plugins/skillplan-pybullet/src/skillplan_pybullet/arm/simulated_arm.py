@@ -8,19 +8,6 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
-from skillplan_pinocchio.simulation.arm.rotations import points_down
-from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
-from skillplan_pinocchio.simulation.simulator import (
-    FINGERS,
-    GRAVITY_M_PER_S2,
-    HAND,
-    JAW_SPEED_M_PER_S,
-    ROBOT,
-    STEP_S,
-)
-from skillplan_pinocchio.simulation.static_friction import StaticFriction
 from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
 from skillplan_pybullet.arm.joint_tracking import tracking_torques
 from skillplan_pybullet.arm.operational_space import torques
@@ -28,6 +15,19 @@ from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
 from skillplan_pybullet.simulator.world import World
+from skillplan_simulation.arm.hand_shapes import hand_of
+from skillplan_simulation.arm.kinematics import TipPose, kinematics_of, unreachable
+from skillplan_simulation.arm.rotations import points_down
+from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_simulation.simulator import (
+    FINGERS,
+    GRAVITY_M_PER_S2,
+    HAND,
+    JAW_SPEED_M_PER_S,
+    ROBOT,
+    STEP_S,
+)
+from skillplan_simulation.static_friction import StaticFriction
 
 Vector = NDArray[np.float64]
 

@@ -17,8 +17,11 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box
-from skillplan_pinocchio.simulation.mass_properties import MassProperties, mass_properties
-from skillplan_pinocchio.simulation.simulator import (
+from skillplan_pinocchio.mass_properties import MassProperties, mass_properties
+from skillplan_pybullet.simulator.body_shapes import make_body
+from skillplan_pybullet.simulator.pair_filter import PairFilter
+from skillplan_pybullet.simulator.quiet_output import quiet_output
+from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     LEAST_INERTIA_KG_M2,
     ROBOT,
@@ -26,9 +29,6 @@ from skillplan_pinocchio.simulation.simulator import (
     TABLE,
     Touch,
 )
-from skillplan_pybullet.simulator.body_shapes import make_body
-from skillplan_pybullet.simulator.pair_filter import PairFilter
-from skillplan_pybullet.simulator.quiet_output import quiet_output
 
 # How far ahead of its middle the ground bears what rolls, by the coefficient of friction of the
 # other [m]: a few tenths of a millimetre on plastics and metals. Without it a round part rolls away

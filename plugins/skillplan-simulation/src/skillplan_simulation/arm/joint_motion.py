@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.kinematics.fixed_order import times
-from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
-from skillplan_pinocchio.simulation.arm.straight_motion import JointRates, Setpoint
+from skillplan_simulation.arm.kinematics import ArmKinematics
+from skillplan_simulation.arm.straight_motion import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
 

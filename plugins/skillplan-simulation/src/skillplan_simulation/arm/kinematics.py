@@ -15,7 +15,7 @@ from skillplan.task.motion import Point
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm
-from skillplan_pinocchio.simulation.arm.rotations import points_down, rpy_of
+from skillplan_simulation.arm.rotations import points_down, rpy_of
 
 Vector = NDArray[np.float64]
 

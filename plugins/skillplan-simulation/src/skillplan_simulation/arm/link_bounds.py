@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hull, LinkShape
 from skillplan_pinocchio.kinematics.fixed_order import times
-from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
+from skillplan_simulation.arm.kinematics import ArmKinematics
 
 Vector = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
-from skillplan_pinocchio.simulation.arm.kinematics import Vector
-from skillplan_pinocchio.simulation.arm.rotations import points_down
-from skillplan_pinocchio.simulation.arm.straight_motion import PosturePath
+from skillplan_simulation.arm.joint_motion import JointMotion
+from skillplan_simulation.arm.kinematics import Vector
+from skillplan_simulation.arm.rotations import points_down
+from skillplan_simulation.arm.straight_motion import PosturePath
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ from skillplan.physics.performance import Contact
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose
 from skillplan_pinocchio.kinematics.fixed_order import dot, length
-from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair
-from skillplan_pinocchio.simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
+from skillplan_simulation.record import FRAMES_PER_S, Pair
+from skillplan_simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
 
 Vector = NDArray[np.float64]
 

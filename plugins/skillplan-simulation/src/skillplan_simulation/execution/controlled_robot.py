@@ -9,15 +9,15 @@ import numpy as np
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene, Tool
 from skillplan_pinocchio.kinematics.fixed_order import length
-from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
-from skillplan_pinocchio.simulation.arm.kinematics import Vector
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
-from skillplan_pinocchio.simulation.arm.rotations import turn_between
-from skillplan_pinocchio.simulation.arm.straight_motion import PosturePath, StraightMotion
-from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
-from skillplan_pinocchio.simulation.execution.tool_changer import ToolChanger
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import (
+from skillplan_simulation.arm.joint_motion import JointMotion
+from skillplan_simulation.arm.kinematics import Vector
+from skillplan_simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.arm.rotations import turn_between
+from skillplan_simulation.arm.straight_motion import PosturePath, StraightMotion
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
+from skillplan_simulation.execution.tool_changer import ToolChanger
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.simulator import (
     FINGERS,
     HAND,
     ROBOT,

@@ -12,7 +12,7 @@ from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, same_direction
 from skillplan.task.scene import Placement
 from skillplan.task.task import Task
-from skillplan_pinocchio.simulation.simulator import World
+from skillplan_simulation.simulator import World
 
 
 class Fastenings:

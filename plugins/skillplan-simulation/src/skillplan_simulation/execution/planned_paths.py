@@ -20,13 +20,13 @@ from skillplan_pinocchio.arm_paths import ArmPaths, MotionPaths, PathSettings, S
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Travel, Unfound
-from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion, JointRun, SlowedRun
-from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError, Vector, kinematics_of
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
-from skillplan_pinocchio.simulation.arm.rotations import points_down
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
 from skillplan_pinocchio.skill_travels import TravelTo
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_simulation.arm.joint_motion import JointMotion, JointRun, SlowedRun
+from skillplan_simulation.arm.kinematics import UnreachableError, Vector, kinematics_of
+from skillplan_simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.arm.rotations import points_down
+from skillplan_simulation.execution_settings import ExecutionSettings
 
 # Of the acceleration of what jaws hold, where it is turned in space: it creeps in them.
 _TURNED_SHARE = 1 / 3

@@ -9,10 +9,10 @@ import numpy as np
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.pose import DOWN, same_direction
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
-from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
-from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
-from skillplan_pinocchio.simulation.simulator import STEP_S, TABLE
+from skillplan_simulation.arm.rotations import Vector, of_quaternion, pose_of
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.simulator import STEP_S, TABLE
 
 # A screw is brought so far above where it touches, and then felt for [m].
 FEEL_FROM_M = 0.001

@@ -13,13 +13,13 @@ from skillplan.task.pose import plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import times
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
-from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
-from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
-from skillplan_pinocchio.simulation.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, Arm, World
+from skillplan_simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.arm.rotations import Vector, of_quaternion, pose_of
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, Arm, World
 
 # The hand stops so far above a tool's dock, which is no body [m].
 _DOCK_GAP_M = 0.002

@@ -12,13 +12,13 @@ from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import length
-from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
-from skillplan_pinocchio.simulation.execution.surroundings import (
+from skillplan_simulation.execution.fastenings import Fastenings
+from skillplan_simulation.execution.surroundings import (
     Located,
     Neighbourhood,
     Surroundings,
 )
-from skillplan_pinocchio.simulation.simulator import World
+from skillplan_simulation.simulator import World
 
 # Bodies that move by more than this in so many steps do not stay [m].
 _FALLEN_M = 0.001

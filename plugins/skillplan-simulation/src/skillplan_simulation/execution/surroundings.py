@@ -17,8 +17,8 @@ from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
-from skillplan_pinocchio.simulation.execution.sweeps import Sweeps
+from skillplan_simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.execution.sweeps import Sweeps
 
 # Two bodies that are this close may touch when the hand is off its path [m].
 MARGIN_M = 0.003

@@ -19,15 +19,15 @@ from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import times
-from skillplan_pinocchio.simulation.arm.hand_shapes import (
+from skillplan_simulation.arm.hand_shapes import (
     hand_boxes,
     hand_of,
     tool_boxes,
     wrist_box,
 )
-from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics, Vector, kinematics_of
-from skillplan_pinocchio.simulation.arm.link_bounds import LinkBounds
-from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
+from skillplan_simulation.arm.kinematics import ArmKinematics, Vector, kinematics_of
+from skillplan_simulation.arm.link_bounds import LinkBounds
+from skillplan_simulation.arm.planned_motion import ArmMotion
 
 # A box, and the vector by which it is displaced [m].
 Sweep = tuple[WorldBox, Point]

@@ -12,9 +12,9 @@ import numpy as np
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
 from skillplan_pinocchio.kinematics.fixed_order import length
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of, tool_body
-from skillplan_pinocchio.simulation.arm.rotations import pose_of
-from skillplan_pinocchio.simulation.simulator import ROBOT, Arm, World
+from skillplan_simulation.arm.hand_shapes import hand_of, tool_body
+from skillplan_simulation.arm.rotations import pose_of
+from skillplan_simulation.simulator import ROBOT, Arm, World
 
 # Couplings that are farther apart do not engage [m].
 _MISALIGNED_M = 0.002

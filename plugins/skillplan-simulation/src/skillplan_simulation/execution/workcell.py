@@ -15,24 +15,24 @@ from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
-from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError
-from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
-from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
-from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths, PlannedSkill
-from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
-from skillplan_pinocchio.simulation.execution.support_trial import SupportTrials
-from skillplan_pinocchio.simulation.execution.surroundings import Neighbourhood, Surroundings
-from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.simulator import (
+from skillplan_simulation.arm.hand_shapes import hand_of
+from skillplan_simulation.arm.kinematics import UnreachableError
+from skillplan_simulation.execution.controlled_robot import StuckError
+from skillplan_simulation.execution.fastenings import Fastenings
+from skillplan_simulation.execution.planned_paths import PlannedPaths, PlannedSkill
+from skillplan_simulation.execution.skill_runner import SkillRunner
+from skillplan_simulation.execution.support_trial import SupportTrials
+from skillplan_simulation.execution.surroundings import Neighbourhood, Surroundings
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.record import Record
+from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     Arm,
     Simulator,
     UpsetError,
     World,
 )
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES, frame_means
+from skillplan_simulation.verdicts.contact_threshold import FRAMES, frame_means
 
 # The world comes to rest for so long before anything is done [s].
 SETTLE_S = 0.1

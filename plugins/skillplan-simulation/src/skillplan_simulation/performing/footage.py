@@ -9,11 +9,11 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import Image, View
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
-from skillplan_pinocchio.simulation.execution.workcell import Workcell
-from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Record
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Camera
-from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
+from skillplan_simulation.execution.skill_runner import SkillRunner
+from skillplan_simulation.execution.workcell import Workcell
+from skillplan_simulation.record import FRAMES_PER_S, Record
+from skillplan_simulation.simulator import STEPS_PER_S, Camera
+from skillplan_simulation.verdicts.contact_judge import Judge, collision_in
 
 # Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4

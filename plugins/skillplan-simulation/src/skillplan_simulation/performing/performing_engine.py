@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan_pinocchio.simulation.performing.footage import footage, picture
-from skillplan_pinocchio.simulation.performing.plan_execution import (
+from skillplan_simulation.performing.footage import footage, picture
+from skillplan_simulation.performing.plan_execution import (
     Observers,
     Rules,
     execute_plan,
 )
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_simulation.simulating_engine import SimulatingEngine
 
 
 class PerformingEngine(SimulatingEngine, Performer):

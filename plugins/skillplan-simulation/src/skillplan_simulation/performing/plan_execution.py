@@ -26,19 +26,19 @@ from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
-from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError
-from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
-from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
-from skillplan_pinocchio.simulation.execution.planned_paths import PlannedSkill
-from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
-from skillplan_pinocchio.simulation.execution.workcell import SETTLE_S, Workcell
-from skillplan_pinocchio.simulation.performing.film import Film
-from skillplan_pinocchio.simulation.performing.footage import caption_of
-from skillplan_pinocchio.simulation.record import FRAMES_PER_S
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, Camera, UpsetError, World
-from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
-from skillplan_pinocchio.simulation.verdicts.postconditions import (
+from skillplan_simulation.arm.hand_shapes import hand_of
+from skillplan_simulation.arm.kinematics import UnreachableError
+from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_simulation.execution.controlled_robot import StuckError
+from skillplan_simulation.execution.planned_paths import PlannedSkill
+from skillplan_simulation.execution.skill_runner import SkillRunner
+from skillplan_simulation.execution.workcell import SETTLE_S, Workcell
+from skillplan_simulation.performing.film import Film
+from skillplan_simulation.performing.footage import caption_of
+from skillplan_simulation.record import FRAMES_PER_S
+from skillplan_simulation.simulator import STEPS_PER_S, Arm, Camera, UpsetError, World
+from skillplan_simulation.verdicts.contact_judge import Judge, collision_in
+from skillplan_simulation.verdicts.postconditions import (
     Tolerances,
     offset_m,
     postcondition_verdict,

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Hand
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene
-from skillplan_pinocchio.simulation.arm.hand_shapes import tool_body
-from skillplan_pinocchio.simulation.pictures.surfaces import (
+from skillplan_simulation.arm.hand_shapes import tool_body
+from skillplan_simulation.pictures.surfaces import (
     Surface,
     body_surface,
     finger_surface,
     hand_surface,
     link_surface,
 )
-from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT, Arm, World
+from skillplan_simulation.simulator import FINGERS, HAND, ROBOT, Arm, World
 
 Frame = NDArray[np.float64]
 

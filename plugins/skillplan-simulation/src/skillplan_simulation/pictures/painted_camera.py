@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from skillplan.physics.performance import HEIGHT, WIDTH, Image, View
 from skillplan.task.scene import Scene
-from skillplan_pinocchio.simulation.colours import Colour
-from skillplan_pinocchio.simulation.pictures.annotations import Notes, Projection, annotated
-from skillplan_pinocchio.simulation.pictures.cell_parts import CellParts, Part
-from skillplan_pinocchio.simulation.pictures.rasteriser import ground, shade, smoothed, solid
-from skillplan_pinocchio.simulation.pictures.seen_cell import PLACE_M, SeenCell
-from skillplan_pinocchio.simulation.simulator import TABLE, Arm, World
+from skillplan_simulation.colours import Colour
+from skillplan_simulation.pictures.annotations import Notes, Projection, annotated
+from skillplan_simulation.pictures.cell_parts import CellParts, Part
+from skillplan_simulation.pictures.rasteriser import ground, shade, smoothed, solid
+from skillplan_simulation.pictures.seen_cell import PLACE_M, SeenCell
+from skillplan_simulation.simulator import TABLE, Arm, World
 
 # Half the side of the table [m].
 _TABLE_M = 1.5
@@ -24,7 +24,7 @@ _ASIDE, _BEHIND, _ABOVE = -0.45, 0.30, 1.0
 
 
 class PaintedCamera:
-    """Looks at a workplace; see `skillplan_pinocchio.simulation.simulator.Camera`.
+    """Looks at a workplace; see `skillplan_simulation.simulator.Camera`.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene
-from skillplan_pinocchio.simulation.colours import (
+from skillplan_simulation.colours import (
     ALARMS,
     ARM_COLOUR,
     DOCK_COLOUR,
@@ -19,8 +19,8 @@ from skillplan_pinocchio.simulation.colours import (
     Colour,
     colour_number,
 )
-from skillplan_pinocchio.simulation.pictures.annotations import Notes
-from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT, TABLE, World
+from skillplan_simulation.pictures.annotations import Notes
+from skillplan_simulation.simulator import FINGERS, HAND, ROBOT, TABLE, World
 
 # How places end where parts and tools are taken.
 _FEEDER, _DOCK = ".start)", "holder)"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Capsule, Hand, Hull, LinkShape
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.shapes import ConvexPiece
-from skillplan_pinocchio.simulation.pictures.rasteriser import corner_normals
+from skillplan_simulation.pictures.rasteriser import corner_normals
 
 Corners = NDArray[np.float64]
 Triangles = NDArray[np.float32]

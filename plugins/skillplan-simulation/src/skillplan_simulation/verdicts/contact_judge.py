@@ -7,8 +7,8 @@ from functools import partial
 from typing import Protocol, runtime_checkable
 
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.verdicts.pair_verdict import PairLimits, pair_verdict
+from skillplan_simulation.record import Record
+from skillplan_simulation.verdicts.pair_verdict import PairLimits, pair_verdict
 
 Judge = Callable[[Record], Verdict]
 

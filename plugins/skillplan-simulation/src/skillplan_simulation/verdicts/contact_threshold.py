@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.simulation.record import Pair, Record
+from skillplan_simulation.record import Pair, Record
 
 # A mean force above this is a collision [N], and it is averaged over this many frames [-]; as in
 # Moller et al., section 4.3, those up to each.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.simulation.record import Pair, Record
-from skillplan_pinocchio.simulation.simulator import TABLE
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import (
+from skillplan_simulation.record import Pair, Record
+from skillplan_simulation.simulator import TABLE
+from skillplan_simulation.verdicts.contact_threshold import (
     CLEARANCE_MM,
     DISPLACEMENT_M,
     FORCE_N,

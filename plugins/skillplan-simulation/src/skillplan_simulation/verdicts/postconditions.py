@@ -14,8 +14,8 @@ from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.kinematics.fixed_order import length
-from skillplan_pinocchio.simulation.record import Record
-from skillplan_pinocchio.simulation.verdicts.contact_threshold import CLEARANCE_MM
+from skillplan_simulation.record import Record
+from skillplan_simulation.verdicts.contact_threshold import CLEARANCE_MM
 
 # Bodies that nobody handled may creep by this much [m].
 _CREEP_M = 0.001
