@@ -29,8 +29,7 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.training.family_training import read_policy
-from skillplan.training.generated_boards import GeneratedFamily
+from skillplan.training.family_training import GeneratedFamily, read_policy
 from skillplan_torch.relational.elements import ELEMENT_FEATURES, Sight
 from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork
 

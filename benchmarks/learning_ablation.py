@@ -26,7 +26,7 @@ from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import load_problem
-from skillplan.training.policy_roll_out import greedy_roll_out
+from skillplan.training.policies import greedy_roll_out
 
 STRIDE_STEPS = 100
 # Above the cheapest, of a policy that does not complete the task.

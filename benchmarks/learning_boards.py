@@ -30,7 +30,7 @@ from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records import interval
 from skillplan.solvers.learning.network_policy import allowing
 from skillplan.solvers.stop import Stop
-from skillplan.training.generated_boards import GeneratedFamily
+from skillplan.training.family_training import GeneratedFamily
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 SMALLEST, LARGEST, COUNT = 8, 20, 20

@@ -122,7 +122,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes}",
         ["records.training.relational_file:_MOST_BYTES"],
     ),
-    ("metrics of a run", "{bytes}", ["records.training.metrics_file:_MOST_BYTES"]),
+    ("metrics of a run", "{bytes}", ["records.training.run_folder:_MOST_BYTES"]),
     (
         "checkpoint",
         "{bytes}, and what memory has room for",

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.errors import OptionError
-from skillplan.records.training.metrics_file import (
+from skillplan.records.training.run_folder import (
     FiguresRecord,
     RunMetrics,
     metrics_line,

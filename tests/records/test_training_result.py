@@ -12,17 +12,20 @@ from skillplan.model.replay import replay
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.layouts_result import LayoutOutcome, LayoutsResult
-from skillplan.records.training.outcome import (
+from skillplan.records.training.published_runs import TABLE_III, published_runs
+from skillplan.records.training.result import (
     GreedyRollOut,
+    LayoutOutcome,
+    LayoutsResult,
+    RandomBaseline,
     RunOutcome,
     RunStatus,
+    Sampling,
     Tally,
     TrainingRecord,
+    TrainingResult,
     training_record,
 )
-from skillplan.records.training.published_runs import TABLE_III, published_runs
-from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
 from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task

@@ -20,10 +20,10 @@ from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.task_difference import resolved_config
-from skillplan.records.training.metrics_file import METRICS, metrics_line
 from skillplan.records.training.network_policy_file import write_network
 from skillplan.records.training.run_folder import (
     MANIFEST,
+    METRICS,
     PROGRESS,
     TASK_CONFIG,
     GroupProgress,
@@ -31,6 +31,7 @@ from skillplan.records.training.run_folder import (
     TaskReference,
     copy_name,
     group_path,
+    metrics_line,
     run_path,
 )
 from skillplan.solvers.learning.learner import Episode

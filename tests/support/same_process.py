@@ -59,5 +59,5 @@ class SameProcess(Executor):
 def studies_in_this_process() -> Iterator[None]:
     """Let the runs of parameter studies take no processes of their own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("skillplan.sweep.study_workers.LocalProcesses", SameProcess)
+        patch.setattr("skillplan.sweep.study_runs.LocalProcesses", SameProcess)
         yield

@@ -15,14 +15,12 @@ from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.result import Status
-from skillplan.records.sweep.record import StartOutcome, SweepRecord
-from skillplan.records.sweep.sampled import SampledPlan, Trial, TriedSetting
-from skillplan.records.sweep.space import Choice, Span
-from skillplan.sweep.option_space import read_space
-from skillplan.sweep.parameter_study import plan_sampled
-from skillplan.sweep.sampled_study import do_sampled, make_sampler, value_of
+from skillplan.records.sweep.plan import Choice, SampledPlan, Span, Trial, TriedSetting
+from skillplan.records.sweep.result import StartOutcome, SweepRecord
+from skillplan.sweep.option_values import read_space
+from skillplan.sweep.parameter_study import do_sampled, make_sampler, plan_sampled, value_of
 from skillplan.sweep.sampler import FinishedTrial, SharedTrials
-from skillplan.sweep.study_run import StudyJob
+from skillplan.sweep.study_runs import StudyJob
 from skillplan.task.task import Task
 from skillplan.views.figures.sweep_figure import sweep_figure
 from skillplan.views.tables.sweep import setting_table

@@ -27,12 +27,11 @@ from skillplan.errors import OptionError, SkillplanError
 from skillplan.records.interval import Estimate, mean, share, t_quantile
 from skillplan.records.result import Status
 from skillplan.records.sweep.plan import GRID, Axis, Start, SweepPlan, setting_text
-from skillplan.records.sweep.record import StartOutcome, SweepRecord, record_of
-from skillplan.records.sweep.result import SweepResult
+from skillplan.records.sweep.result import StartOutcome, SweepRecord, SweepResult, record_of
+from skillplan.sweep.option_values import read_values, spaced
 from skillplan.sweep.parameter_study import do_study, plan_study
-from skillplan.sweep.parameter_values import read_values, spaced
 from skillplan.sweep.study_folder import StudyFolder
-from skillplan.sweep.study_run import StudyJob, do_run
+from skillplan.sweep.study_runs import StudyJob, do_run
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.sweep_figure import sweep_figure
 from skillplan.views.tables.sweep import setting_table, start_table

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as arrays_of
 
 from skillplan.errors import OptionError
 from skillplan.solvers.learning.learner import Snapshot
-from skillplan.training.checkpoint_file import Checkpoint, read_checkpoint, write_checkpoint
+from skillplan.training.run_files import Checkpoint, read_checkpoint, write_checkpoint
 
 NOTES = {"chance": {"state": 2**127, "words": ["a", "ä"]}, "none": None}
 KEPT = Checkpoint(
@@ -165,7 +165,7 @@ class TestASparseFile:
     ) -> None:
         """Though its header accounts for all of it."""
         begins = self.begins()
-        room = "skillplan.training.checkpoint_file.available_bytes"
+        room = "skillplan.training.run_files.available_bytes"
         monkeypatch.setattr(room, lambda: 2 * (self.SIZE - len(begins)) - 1)
         said = self.refused(tmp_path / "a", begins)
         assert "its arrays take more memory than the 1,07" in said

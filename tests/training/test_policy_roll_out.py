@@ -18,7 +18,7 @@ from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
-from skillplan.training.policy_roll_out import (
+from skillplan.training.policies import (
     greedy_roll_out,
     prove_optimum,
     random_baseline,

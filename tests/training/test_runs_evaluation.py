@@ -12,10 +12,9 @@ from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.outcome import RunStatus, Tally
-from skillplan.records.training.result import Sampling, TrainingResult
+from skillplan.records.training.result import RunStatus, Sampling, Tally, TrainingResult
 from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
+from skillplan.training.evaluation import RunsEvaluation, check_same_task
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")

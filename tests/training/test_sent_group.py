@@ -12,7 +12,7 @@ import pytest
 from same_process import SameProcess, SameProcessWorker
 from skillplan.pipeline import registry
 from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.sent_group import FileChange, put_in_place
+from skillplan.training.groups import FileChange, apply_changes
 from skillplan.workers.executor import Answer, Ended, Prepare
 from skillplan.workers.executor_choice import ExecutorChoice
 from training_situations import counts, event_lengths, learned_bytes, train
@@ -156,6 +156,6 @@ def test_what_has_grown_is_put_at_the_end_and_what_was_replaced_in_its_place(
 ) -> None:
     """A piece that was written before is written over."""
     (tmp_path / "log").write_bytes(b"one, tw")
-    put_in_place(tmp_path, [FileChange("log", 5, b"two"), FileChange("sub/whole", None, b"all")])
+    apply_changes(tmp_path, [FileChange("log", 5, b"two"), FileChange("sub/whole", None, b"all")])
     assert b"one, two" == (tmp_path / "log").read_bytes()
     assert b"all" == (tmp_path / "sub" / "whole").read_bytes()

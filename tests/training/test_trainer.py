@@ -16,9 +16,9 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.plugins.blame import Interrupted
-from skillplan.records.training.outcome import RunStatus
+from skillplan.records.training.result import RunStatus
 from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.group_training import GroupTraining
+from skillplan.training.groups import GroupTraining
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import plan_training
 from thinned import thinned
@@ -198,7 +198,7 @@ class TestWhatHappens:
         slow = {"pause_s": 0.004}
         more = {"runs": 1, "steps": 200, "checkpoint_steps": 100}
         train(tmp_path / "whole", slow, **more)
-        monkeypatch.setattr("skillplan.training.group_workers.GRACE_S", 0.05)
+        monkeypatch.setattr("skillplan.training.groups.GRACE_S", 0.05)
         begun_s = time.monotonic()
         stopped = train(tmp_path / "a", slow, jobs=jobs, stop_after=1, delay_s=0.1, **more)
         assert time.monotonic() - begun_s < 30

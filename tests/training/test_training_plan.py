@@ -9,10 +9,9 @@ import pytest
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.training.run_folder import RunFolder
-from skillplan.sweep.study_run import StudyJob
+from skillplan.sweep.study_runs import StudyJob
 from skillplan.training import training_plan
-from skillplan.training.group_job import GroupJob
-from skillplan.training.group_training import kept_verdicts
+from skillplan.training.groups import GroupJob, make_group_cache
 from skillplan.training.training_plan import GROUP_RUNS, Groups, even_groups
 from training_situations import BOARD, a_plan, learned_bytes, train
 
@@ -74,9 +73,9 @@ def test_only_where_files_are_those_of_the_head_verdicts_are_kept_on_disk(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: bool, kind: type[VerdictCache]
 ) -> None:
     """Of warm trainings and studies alike: another machine keeps them in memory."""
-    for module in ("skillplan.training.group_training", "skillplan.sweep.study_run"):
+    for module in ("skillplan.training.groups", "skillplan.sweep.study_runs"):
         monkeypatch.setattr(f"{module}.shares_files", lambda: shared)
     task = load_problem(BOARD).task
     job = GroupJob(a_plan(load_problem(BOARD), warm=True), tmp_path, 0)
     study = StudyJob({"start": task}, "exact", Setup(), warm=True)
-    assert [kind, kind] == [type(kept_verdicts(job)), type(study.cache())]
+    assert [kind, kind] == [type(make_group_cache(job)), type(study.cache())]

@@ -10,11 +10,10 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
 from skillplan.physics.kinematic import KinematicEngine
-from skillplan.records.execution.detectors import decisive, detectors_document, wrong_verdicts
+from skillplan.records.execution.comparisons import decisive, detectors_document, wrong_verdicts
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, try_detectors
-from skillplan.trials.fault_injection import OBSTACLE
+from skillplan.trials.fault_injection import OBSTACLE, Truth
 
 
 @pytest.fixture(scope="module")

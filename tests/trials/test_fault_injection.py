@@ -12,10 +12,10 @@ from skillplan.physics.linear_motions import grasp_of, linear_motions
 from skillplan.robots.panda import FINGER_PROFILE_M, HAND_HALF_LENGTH_M, HAND_UNDERSIDE_M, TIP_M
 from skillplan.task.motion import Event
 from skillplan.task.scene import Body, Box, GraspKind, Pose
-from skillplan.trials.detector_trial import Truth
 from skillplan.trials.fault_injection import (
     LEAST_HIT_M,
     OBSTACLE,
+    Truth,
     injected_collisions,
     is_possible,
     near_misses,

@@ -15,12 +15,10 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.pipeline.setup import load_problem
-from skillplan.records.sweep.sampled import SampledPlan
-from skillplan.records.sweep.space import Span
-from skillplan.sweep.parameter_study import plan_sampled
-from skillplan.sweep.sampled_study import do_sampled, make_sampler, shared_trials
+from skillplan.records.sweep.plan import SampledPlan, Span
+from skillplan.sweep.parameter_study import do_sampled, make_sampler, plan_sampled, shared_trials
 from skillplan.sweep.sampler import Question, SharedTrials
-from skillplan.sweep.study_run import StudyJob
+from skillplan.sweep.study_runs import StudyJob
 from skillplan.testing import SamplerSuite
 
 CASES = Path(__file__).parents[3] / "configs" / "swarmitfix_cases.yaml"

@@ -8,11 +8,10 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import check, introduce
-from skillplan.records.execution.detectors import decisive
+from skillplan.records.execution.comparisons import decisive
 from skillplan.task.verdict import VerdictStatus
-from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors
-from skillplan.trials.fault_injection import injected_collisions
+from skillplan.trials.fault_injection import Truth, injected_collisions
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_simulation.contact_pairs import ContactPairsDetector

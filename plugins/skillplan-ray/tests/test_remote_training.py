@@ -13,7 +13,7 @@ import pytest
 
 from ray_clusters import PATIENCE_S
 from skillplan.records.training.run_folder import CHECKPOINT
-from skillplan.training.checkpoint_file import read_checkpoint
+from skillplan.training.run_files import read_checkpoint
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 # Of many strides, each of which takes a while.

@@ -19,7 +19,7 @@ from skillplan.pipeline.run import make_model, solve
 from skillplan.records.result import Status
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.sweep.option_space import Choice, read_space
+from skillplan.sweep.option_values import Choice, read_space
 from skillplan.task.state import Facts
 from skillplan.task.task import Literal
 from skillplan.testing import SolverSuite, lid_task

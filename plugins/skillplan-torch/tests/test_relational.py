@@ -14,8 +14,7 @@ from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.training.relational_file import write_relational
 from skillplan.solvers.learning.family_learner import FamilyLesson
-from skillplan.training.family_training import followed, read_policy
-from skillplan.training.generated_boards import GeneratedFamily
+from skillplan.training.family_training import GeneratedFamily, followed, read_policy
 from skillplan_torch.relational import RelationalSolver
 from skillplan_torch.relational.learning import Board, Lessons, TorchNetwork
 from skillplan_torch.relational.network import NetworkSize

@@ -9,7 +9,7 @@ from skillplan.cli.options.shared import BackEnds, Reading
 from skillplan.cli.options.values import split_names
 from skillplan.cli.output import emit
 from skillplan.errors import OptionError, exit_code
-from skillplan.records.execution.detectors import detectors_document
+from skillplan.records.execution.comparisons import detectors_document
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.views.tables.trials import detectors_tables
 

@@ -20,7 +20,7 @@ from skillplan.physics.performance import Performer
 from skillplan.pipeline.presentation.performing import contact_detectors
 from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import Setup
-from skillplan.records.execution.agreement import agreement_document
+from skillplan.records.execution.comparisons import agreement_document
 from skillplan.task.task import Task
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
 from skillplan.views.tables.trials import agreement_tables

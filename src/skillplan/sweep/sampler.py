@@ -14,9 +14,7 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
-from skillplan.records.sweep.plan import Value
-from skillplan.records.sweep.sampled import Trial
-from skillplan.records.sweep.space import Dimension
+from skillplan.records.sweep.plan import Dimension, Trial, Value
 from skillplan.task import back_end
 
 

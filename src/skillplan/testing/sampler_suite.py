@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from skillplan.pipeline import registry
-from skillplan.records.sweep.space import Choice, Dimension, Span
-from skillplan.sweep.sampled_study import make_sampler
+from skillplan.records.sweep.plan import Choice, Dimension, Span
+from skillplan.sweep.parameter_study import make_sampler
 from skillplan.sweep.sampler import Question, SharedTrials
 from skillplan.testing.options import assert_options_described
 

@@ -10,16 +10,21 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
 from skillplan.pipeline.run import warm_cache
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.outcome import RunOutcome, RunStatus, training_record
-from skillplan.records.training.result import TrainingResult
+from skillplan.records.training.result import RunOutcome, RunStatus, TrainingResult, training_record
 from skillplan.records.training.run_folder import GroupProgress, RunFolder
 from skillplan.records.training.shortfall import shortfall_of
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
-from skillplan.training.group_job import GroupJob, GroupReport, failed_progress, write_progress
-from skillplan.training.group_service import Ending, GroupFailure
-from skillplan.training.group_workers import drive
-from skillplan.training.policy_roll_out import prove_optimum
+from skillplan.training.groups import (
+    NO_PROGRESS,
+    Ending,
+    GroupFailure,
+    GroupJob,
+    GroupReport,
+    drive_groups,
+    write_progress,
+)
+from skillplan.training.policies import prove_optimum
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan
 
@@ -106,7 +111,7 @@ class Trainer:
         endings: dict[int, Ending] = {}
         maker = plan.setup.make_executor
         executor = None if maker is None else maker(self._jobs)
-        for ending in drive(
+        for ending in drive_groups(
             jobs, self._jobs, lambda: self.interrupted, self._report, self._cache, executor
         ):
             endings[ending[0]] = ending
@@ -140,9 +145,9 @@ class Trainer:
         reason = failure.reason
         if failure.back_end:
             self.back_end_failed = True
-        progress = failed_progress(
-            stored.progress(failure.group), self._plan.groups[failure.group], reason
-        )
+        before = stored.progress(failure.group) or NO_PROGRESS
+        failures = dict.fromkeys(self._plan.groups[failure.group], reason)
+        progress = before.model_copy(update={"failures": failures})
         write_progress(self._folder.path, failure.group, progress)
 
     def _result(

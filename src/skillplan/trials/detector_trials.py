@@ -24,9 +24,10 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.trials.detector_trial import Trial, Truth
 from skillplan.trials.fault_injection import (
     LEAST_HIT_M,
+    Trial,
+    Truth,
     injected_collisions,
     is_possible,
     near_misses,

@@ -18,9 +18,7 @@ from optuna.trial import TrialState
 from pydantic import Field
 
 from skillplan.errors import OptionError
-from skillplan.records.sweep.plan import Value
-from skillplan.records.sweep.sampled import Trial
-from skillplan.records.sweep.space import Choice, Dimension, Span
+from skillplan.records.sweep.plan import Choice, Dimension, Span, Trial, Value
 from skillplan.sweep.sampler import FinishedTrial, Question, Sampler, SharedTrials
 from skillplan.task import back_end
 from skillplan_optuna.journal_file import damaged, opened

@@ -149,8 +149,7 @@ def command(
     from skillplan.files.output_path import output_path
     from skillplan.pipeline.presentation.planning_motion import planned_times
     from skillplan.pipeline.taken_ways import by_ways
-    from skillplan.records.execution.simulation import Simulation, applicable_part
-    from skillplan.records.execution.trace_file import SUFFIXES
+    from skillplan.records.execution.simulation import SUFFIXES, Simulation, applicable_part
     from skillplan.views.tables.trials import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
@@ -301,7 +300,7 @@ def _engine(read: _Read) -> str:
 
 def _trace(table: Path, task: Task) -> AbstractContextManager[Callable[[Sample], None]]:
     """Return the file that every sample is written to."""
-    from skillplan.records.execution.trace_file import trace_file
+    from skillplan.records.execution.simulation import trace_file
 
     return trace_file(table, [body.name for body in task.scene.bodies], "--trace")
 

@@ -289,8 +289,12 @@ def _sampled(asked: _Asked, setup: Setup, sampling: Sampling, options: list[str]
     """Do a study whose settings a sampler chooses."""
     from skillplan.cli.counting import counting
     from skillplan.cli.options.values import parse_options
-    from skillplan.sweep.parameter_study import plan_sampled
-    from skillplan.sweep.sampled_study import do_sampled, make_sampler, shared_trials
+    from skillplan.sweep.parameter_study import (
+        do_sampled,
+        make_sampler,
+        plan_sampled,
+        shared_trials,
+    )
 
     name, kept = sampling.sampler, asked.kept
     assert name is not None

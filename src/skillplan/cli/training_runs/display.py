@@ -11,7 +11,7 @@ from typing import Any
 from skillplan.cli.interruption import heeding
 from skillplan.records.optimum import Optimum
 from skillplan.solvers.gap import deviation
-from skillplan.training.group_job import GroupReport
+from skillplan.training.groups import GroupReport
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.views.text.wording import escaped
 

@@ -15,11 +15,10 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.options.shared import BackEnds, Checking, Reading
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
-    from skillplan.records.training.layouts_result import LayoutsResult
-    from skillplan.records.training.result import TrainingResult
+    from skillplan.records.training.result import LayoutsResult, TrainingResult
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
-    from skillplan.training.runs_evaluation import RunsEvaluation
+    from skillplan.training.evaluation import RunsEvaluation
 
 OF_RUN = "Of a result or a run"
 # Options may be given for whoever proves the optimum.
@@ -141,8 +140,8 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
     """
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
+    from skillplan.records.training.result import trainings_document
     from skillplan.records.training.run_folder import RunFolder
-    from skillplan.records.training.trainings import trainings_document
     from skillplan.views.tables.training import training_tables, trainings_table
 
     results, interrupted = [], False
@@ -169,9 +168,8 @@ def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]
     from skillplan.cli.waiting import showing_checks, stoppable
     from skillplan.pipeline.run import make_model
     from skillplan.records.training.result import Sampling
-    from skillplan.training.layouts_evaluation import unseen_layouts
-    from skillplan.training.policy_roll_out import prove_optimum
-    from skillplan.training.runs_evaluation import RunsEvaluation
+    from skillplan.training.evaluation import RunsEvaluation, unseen_layouts
+    from skillplan.training.policies import prove_optimum
 
     problem, setup = _loaded(folder, wanted)
     task = problem.part(folder.manifest.task.part)
@@ -205,9 +203,9 @@ def _tried_layouts(
 ) -> tuple[LayoutsResult, bool]:
     """Return what the policies do on layouts they have not seen, and whether it was interrupted."""
     from skillplan.cli.counting import counting
-    from skillplan.records.training.layouts_result import LayoutsResult
+    from skillplan.records.training.result import LayoutsResult
     from skillplan.solvers.stop import Stop
-    from skillplan.training.layouts_evaluation import layout_outcomes
+    from skillplan.training.evaluation import layout_outcomes
 
     rows = []
     with counting("trying layouts", len(layouts)) as count:
@@ -237,7 +235,7 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     from skillplan.cli.options.shared import Reading, warn_of
     from skillplan.pipeline.received_task import is_near, unquoted
     from skillplan.pipeline.setup import CHART
-    from skillplan.training.runs_evaluation import check_same_task
+    from skillplan.training.evaluation import check_same_task
 
     manifest = folder.manifest
     given = wanted.back_ends

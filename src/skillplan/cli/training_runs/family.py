@@ -59,8 +59,12 @@ def train_on_boards(ordered: Ordered, style: str) -> int:
     from skillplan.errors import OptionError, exit_code
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
-    from skillplan.training.family_training import FamilyFolder, FamilyPlan, train_family
-    from skillplan.training.generated_boards import GeneratedFamily
+    from skillplan.training.family_training import (
+        FamilyFolder,
+        FamilyPlan,
+        GeneratedFamily,
+        train_family,
+    )
     from skillplan.training.trainer import next_folder
     from skillplan.views.tables.training import family_table
 

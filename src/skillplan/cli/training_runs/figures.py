@@ -250,7 +250,7 @@ class _Drawn:
         from skillplan.cli.waiting import stoppable
         from skillplan.pipeline.run import warm_cache
         from skillplan.pipeline.setup import CHART, Setup, load_problem
-        from skillplan.training.policy_roll_out import prove_optimum
+        from skillplan.training.policies import prove_optimum
 
         manifest = self.folder.manifest
         detectors = manifest.collision

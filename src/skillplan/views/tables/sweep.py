@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skillplan.records.interval import Estimate
-from skillplan.records.sweep.plan import ONE_AT_A_TIME, setting_text, value_text
+from skillplan.records.sweep.plan import AIMS, ONE_AT_A_TIME, SampledPlan, setting_text, value_text
 from skillplan.records.sweep.result import StartSummary, SweepResult
-from skillplan.records.sweep.sampled import AIMS, SampledPlan
 from skillplan.views.text.table import Column, ItemList, Table
 
 _MOST_NAMED = 10

@@ -6,11 +6,15 @@ import statistics
 from collections.abc import Callable, Sequence
 
 from skillplan.records.interval import Estimate
-from skillplan.records.training.layouts_result import LayoutsResult
-from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.relational_file import RelationalContent
-from skillplan.records.training.result import TrainingResult
+from skillplan.records.training.result import (
+    RECENT_STEPS,
+    LayoutsResult,
+    RunOutcome,
+    Tally,
+    TrainingResult,
+)
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.solvers.gap import deviation
 from skillplan.task.task import Task

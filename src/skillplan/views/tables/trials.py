@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from skillplan.physics.performance import PerformedSkill
-from skillplan.records.execution.agreement import Pictures
-from skillplan.records.execution.detectors import counts, decisive, wrong_verdicts
+from skillplan.records.execution.comparisons import Pictures, counts, decisive, wrong_verdicts
 from skillplan.records.execution.simulation import Simulation, TimeDifference
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, DetectorTrials
 from skillplan.trials.engine_agreement import EngineAgreement
+from skillplan.trials.fault_injection import Truth
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import evidence_text, yes_no
 

@@ -1,0 +1,420 @@
+"""Checkpoints: all that runs which learn side by side go on from, in one file.
+
+The file is there whole or not at all. It vouches for itself: arrays as safetensors, everything
+else as JSON in their header, with a hash over both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from skillplan.errors import OptionError
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.folder import make_folder
+from skillplan.files.growing_file import GrowingFile
+from skillplan.files.regular_file import RefusedFile
+from skillplan.files.safetensors_file import read_safetensors
+from skillplan.files.schema_errors import schema_issues
+from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
+from skillplan.records.training.run_folder import (
+    METRICS,
+    FiguresRecord,
+    metrics_line,
+    read_metrics,
+    run_path,
+)
+from skillplan.solvers.learning.learner import Episode, Snapshot
+from skillplan.workers.resident_memory import available_bytes
+
+_KEY = "skillplan"
+# More than any replay memory that fits into a machine of today.
+MOST_BYTES = 64 * 1024**3
+_MOST_SHOWN = 40
+_REMEDY = "Delete it, and --resume begins its runs again"
+
+
+class _Content(BaseModel):
+    """What stands beside the arrays: anybody can make a hash that fits."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    steps: int = Field(ge=0)
+    lengths: dict[str, Annotated[int, Field(ge=0)]]
+    notes: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where runs that learn side by side stand.
+
+    Parameters
+    ----------
+    steps
+        Environment steps done in every run.
+    lengths
+        How long files of the run folder were then [bytes], by path from the folder.
+    snapshot
+        What the learner goes on from.
+    """
+
+    steps: int
+    lengths: Mapping[str, int]
+    snapshot: Snapshot
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None = None) -> None:
+    """Write a checkpoint, which replaces the one before.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    checkpoint
+        What it holds.
+    within
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the one before stays.
+    ValueError
+        If the notes of the snapshot are not JSON.
+    """
+    from safetensors.numpy import save
+
+    arrays = {
+        name: np.asarray(array, order="C") for name, array in checkpoint.snapshot.arrays.items()
+    }
+    content = {
+        "schema": schemas.CHECKPOINT,
+        "steps": checkpoint.steps,
+        "lengths": dict(checkpoint.lengths),
+        "notes": dict(checkpoint.snapshot.notes),
+    }
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
+    header = {"content": text, "sha256": _digest(text, arrays)}
+    # One key only: the order of several would be left to chance.
+    write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}), within=within)
+
+
+def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | None:
+    """Return a checkpoint; None where there is none. Its arrays may be written to.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    within
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, is not as it was written, or there is no room for it in memory.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        data, said = read_safetensors(path, MOST_BYTES, room_bytes=available_bytes(), within=within)
+        kept = load(data)
+        del data
+        # One after the other: that of the parser goes where its copy, to be written to, comes.
+        arrays = {name: np.array(kept.pop(name)) for name in list(kept)}
+        header = parse_json(said["__metadata__"][_KEY])
+        text = header["content"]
+        if _digest(text, arrays) != header["sha256"]:
+            raise ValueError("its hash is another one")
+        content = parse_json(text)
+        schema = content.pop("schema")
+    except FileNotFoundError:
+        return None
+    except RefusedFile as error:
+        remedy = "Resume where there is more" if error.why == "memory" else _REMEDY
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {remedy}.") from None
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {_REMEDY}.") from None
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
+        raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
+    if schema != schemas.CHECKPOINT:
+        raise OptionError(
+            f"{path}: is of another version, {str(schema)[:_MOST_SHOWN]}; this skillplan reads "
+            f"{schemas.CHECKPOINT}. Use the version that wrote it."
+        )
+    try:
+        checked = _Content.model_validate(content)
+    except ValidationError as error:
+        fault = str(schema_issues(error, _Content)[0]).rstrip(".")
+        raise OptionError(f"{path}: is damaged: {fault}. {_REMEDY}.") from None
+    return Checkpoint(checked.steps, checked.lengths, Snapshot(arrays, checked.notes))
+
+
+def _digest(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        digest.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        digest.update(np.ascontiguousarray(array).data if array.size else b"")
+    return digest.hexdigest()
+
+
+_MASK_ADDED = 0xA282EAD8
+_POLYNOMIAL = 0x82F63B78
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+
+
+def opening_record(wall_s: float) -> bytes:
+    """Return the record that every event file begins with."""
+    return _framed(_double(1, wall_s) + _delimited(3, b"brain.Event:2"))
+
+
+def scalars_record(wall_s: float, step: int, scalars: Mapping[str, float]) -> bytes:
+    """Return the record of some figures.
+
+    Parameters
+    ----------
+    wall_s
+        Time since the epoch [s].
+    step
+        Environment steps done, >= 0.
+    scalars
+        Figures by tag; single precision is kept of them.
+    """
+    values = b"".join(
+        _delimited(1, _delimited(1, tag.encode()) + _float(2, value))
+        for tag, value in scalars.items()
+    )
+    return _framed(_double(1, wall_s) + _key(2, _VARINT) + _varint(step) + _delimited(5, values))
+
+
+def _framed(record: bytes) -> bytes:
+    length = struct.pack("<Q", len(record))
+    checks = [struct.pack("<I", _masked_crc(part)) for part in (length, record)]
+    return length + checks[0] + record + checks[1]
+
+
+def _key(field: int, kind: int) -> bytes:
+    return _varint(field << 3 | kind)
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def _double(field: int, value: float) -> bytes:
+    return _key(field, _FIXED64) + struct.pack("<d", value)
+
+
+def _float(field: int, value: float) -> bytes:
+    return _key(field, _FIXED32) + struct.pack("<f", value)
+
+
+def _delimited(field: int, content: bytes) -> bytes:
+    return _key(field, _BYTES) + _varint(len(content)) + content
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        rest = byte
+        for _ in range(8):
+            rest = rest >> 1 ^ (_POLYNOMIAL if rest & 1 else 0)
+        table.append(rest)
+    return tuple(table)
+
+
+_TABLE = _crc_table()
+
+
+def _masked_crc(data: bytes) -> int:
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc = _TABLE[(crc ^ byte) & 0xFF] ^ crc >> 8
+    crc ^= 0xFFFFFFFF
+    return ((crc >> 15 | crc << 17) + _MASK_ADDED) & 0xFFFFFFFF
+
+
+# The success rate shown is that of so many last episodes, as in the figures of a training.
+RECENT_EPISODES = 100
+# Beyond this, single precision has no numbers.
+_MOST_SINGLE = 3e38
+_EVENTS = "events.out.tfevents.skillplan"
+
+
+@contextmanager
+def writing(folder: Path, name: str) -> Iterator[None]:
+    """Turn a failure to write into the one message that names what is safe.
+
+    Raises
+    ------
+    OptionError
+        If anything within raises an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OptionError(
+            f"--out {folder}: {name} cannot be written: {reason}. The last checkpoints are "
+            "intact: make room, and go on with --resume."
+        ) from None
+
+
+def events_path(folder: Path, run: int) -> Path:
+    """Return the file of a run's curves."""
+    return folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
+
+
+class RunLog:
+    """Notes what happens in a run.
+
+    Parameters
+    ----------
+    folder
+        Of all runs.
+    run
+        The run's number.
+    lengths
+        How long its files were at the checkpoint, by path from the folder; empty for a run that
+        is yet to begin.
+
+    Attributes
+    ----------
+    episodes
+        How many have ended.
+    recent
+        Whether the last `RECENT_EPISODES` of them succeeded.
+    best_cost
+        The least that a successful one cost; None without one.
+
+    Raises
+    ------
+    OptionError
+        If a file cannot be written, is shorter than it was, or is damaged.
+    """
+
+    def __init__(self, folder: Path, run: int, lengths: Mapping[str, int]) -> None:
+        self.episodes = 0
+        self.recent: deque[bool] = deque(maxlen=RECENT_EPISODES)
+        self.best_cost: float | None = None
+        self._folder = folder
+        self._files: dict[str, GrowingFile] = {}
+        metrics = run_path(folder, run) / METRICS
+        events = events_path(folder, run)
+        self._run = run
+        self._metrics, self._events = (
+            path.relative_to(folder).as_posix() for path in (metrics, events)
+        )
+        try:
+            for name in (self._metrics, self._events):
+                self._open(name, lengths.get(name, 0))
+            if lengths.get(self._metrics):
+                self._count(read_metrics(metrics, run, within=folder).episodes)
+            if not lengths.get(self._events):
+                self._append(self._events, opening_record(time.time()))
+        except BaseException:
+            self.close()
+            raise
+
+    def note(self, step: int, episodes: Sequence[Episode], figures: Mapping[str, float]) -> None:
+        """Append what happened since the last call.
+
+        Parameters
+        ----------
+        step
+            Environment steps done.
+        episodes
+            Those of this run that ended, in order.
+        figures
+            What the learner thinks worth a curve; may be empty.
+
+        Raises
+        ------
+        OptionError
+            If it cannot be written.
+        ValueError
+            If an episode's figures are not finite.
+        """
+        self._count(episodes)
+        lines = [metrics_line(episode) for episode in episodes]
+        lines += [metrics_line(FiguresRecord(step, figures))] if figures else []
+        if lines:
+            self._append(self._metrics, "".join(f"{line}\n" for line in lines).encode())
+        scalars = {
+            f"learner/{name}": float(value)
+            for name, value in figures.items()
+            if abs(value) < _MOST_SINGLE
+        }
+        if episodes:
+            scalars["episode/success_rate"] = sum(self.recent) / len(self.recent)
+            scalars["episode/reward"] = sum(one.reward for one in episodes) / len(episodes)
+            costs = [one.cost for one in episodes if one.success]
+            if costs:
+                scalars["episode/cost_of_success"] = sum(costs) / len(costs)
+        if scalars:
+            self._append(self._events, scalars_record(time.time(), step, scalars))
+
+    def sync(self) -> dict[str, int]:
+        """Force all to disk; return how long the files are [bytes], by path from the folder.
+
+        Raises
+        ------
+        OptionError
+            If they cannot be written.
+        """
+        lengths = {}
+        for name, file in self._files.items():
+            with writing(self._folder, name):
+                file.sync()
+                lengths[name] = file.length
+        return lengths
+
+    def close(self) -> None:
+        """Let go of the files."""
+        for file in self._files.values():
+            file.close()
+        self._files.clear()
+
+    def _open(self, name: str, length: int) -> None:
+        path = self._folder / name
+        with writing(self._folder, name):
+            make_folder(path.parent, within=self._folder)
+            file = self._files[name] = GrowingFile(path, self._folder)
+            if file.length < length:
+                raise OptionError(
+                    f"{path}: is damaged: it is shorter than the checkpoint says. Bring it back "
+                    "from a copy, or train again in another folder."
+                )
+            file.cut(length)
+
+    def _append(self, name: str, content: bytes) -> None:
+        with writing(self._folder, name):
+            self._files[name].append(content)
+
+    def _count(self, episodes: Sequence[Episode]) -> None:
+        self.episodes += len(episodes)
+        self.recent += [episode.success for episode in episodes]
+        costs = [episode.cost for episode in episodes if episode.success]
+        if costs:
+            self.best_cost = min(costs if self.best_cost is None else [*costs, self.best_cost])
