@@ -276,28 +276,6 @@ class TestCheck:
         assert ["heads-1", "heads-2", "heads-3", "goals", "base-1"] == names[:5]
         assert document["valid"]
 
-    def test_errata_of_the_paper_are_listed(self, cli: Any) -> None:
-        """Seven cells of its Table 1, each with what geometry says instead."""
-        document = cli("check", CASES, "--explain-errata", "--format", "json").document
-        assert 7 == len(document["errata"])
-        assert {"action", "position", "column", "printed", "by geometry", "note"} == set(
-            document["errata"][0]
-        )
-        assert ["B1", "B2", "B4", "B5", "B6", "B8", "B9"] == [
-            erratum["action"] for erratum in document["errata"]
-        ]
-        assert "7 cells are printed wrongly" in cli("check", CASES, "--explain-errata").out
-
-    def test_a_kind_without_errata_says_so(self, cli: Any, board: str) -> None:
-        outcome = cli("check", board, "--explain-errata")
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "No errata are known of the paper behind 'assembly' tasks." in outcome.err
-
-    def test_a_bench_unlike_the_paper_s_has_no_errata(self, cli: Any) -> None:
-        outcome = cli("check", CASES, "--explain-errata", "--set", "bench.cols=15")
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "Table 1 is for benches of 13 columns, not of 15." in outcome.err
-
 
 class TestExitCodes:
     @pytest.mark.slow(

@@ -37,7 +37,7 @@ COMMANDS: dict[str, tuple[int, tuple[str, ...]]] = {
     "compare solvers of the bench": (0, ("compare", OPEN_CURVE, "--solvers", "exact,csp")),
     "compare detectors": (0, ("compare", BOARD, "--detectors", "aabb,precedence", "--staged", "8")),
     "check": (0, ("check", BOARD)),
-    "check of a chain with errata": (0, ("check", BENCH, "--explain-errata")),
+    "check of a chain": (0, ("check", BENCH)),
     "explain": (1, ("explain", BOARD, "place(brace)", "--collision", "aabb")),
     "explain by position": (
         1,

@@ -174,7 +174,7 @@ PRINTED = [
     f"explain {BOARD} place(transformer) --after 0,1,10,11,8 --collision aabb",
     f"chart {BOARD}",
     f"check {BOARD}",
-    f"check {BENCH} --explain-errata",
+    f"check {BENCH}",
     "check configs/missing.yaml",
     "cache show",
     f"cache fill {BOARD}",

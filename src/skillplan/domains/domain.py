@@ -319,16 +319,6 @@ class Domain(ABC):
         """Return whether a file describes a family of layouts, of which its task is one."""
         return False
 
-    def errata(self, config: Any) -> Listing | None:
-        """Return what the published source prints wrongly, by this file's geometry.
-
-        Raises
-        ------
-        OptionError
-            If the file differs too much from the source to say.
-        """
-        return None
-
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the file's entry that a fact comes from; the root by default."""
         return ()

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
 from skillplan.records import schemas
 from skillplan.records.preview import Preview
@@ -22,8 +21,6 @@ class Checked:
         What was loaded.
     back_ends
         Names of the back ends that each of its tasks will query.
-    errata
-        What the published source prints wrongly, where that was wanted.
     preview
         What is known of it before anything is solved.
     not_checked
@@ -32,19 +29,12 @@ class Checked:
 
     problem: Problem
     back_ends: Sequence[Sequence[str]]
-    errata: Listing | None = None
     preview: Preview = field(default_factory=Preview)
     not_checked: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.check/1``."""
         problem = self.problem
-        errata = self.errata
-        found = (
-            {}
-            if errata is None
-            else {"errata": [dict(zip(errata.columns, row, strict=True)) for row in errata.rows]}
-        )
         return {
             "schema": schemas.CHECK,
             "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
@@ -62,5 +52,4 @@ class Checked:
             ],
             "not_checked": list(self.not_checked),
             **self.preview.document(),
-            **found,
         }

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
-from skillplan.domains.domain import Account, Domain, Listing, Overview, Recheck
-from skillplan.errors import ChainBroken, Issue, OptionError
+from skillplan.domains.domain import Account, Domain, Overview, Recheck
+from skillplan.errors import ChainBroken, Issue
 from skillplan.task.task import Task
 from skillplan_swarmitfix.account import account, recheck_reach
 from skillplan_swarmitfix.base.goals import UnreachableSupport
-from skillplan_swarmitfix.bench.table_errata import table_errata
 from skillplan_swarmitfix.faults import issues
 from skillplan_swarmitfix.job import Job
-from skillplan_swarmitfix.machine_settings import bench_of
 from skillplan_swarmitfix.multiagent.multi_agent import (
     MultiAgentProblem,
     NotMultiAgent,
@@ -103,23 +101,6 @@ class SwarmitfixDomain(Domain):
     def default_solver(self, config: Any) -> str:
         """Return ``fleet`` for several bases, else ``exact``."""
         return "exact" if config.robots is None else "fleet"
-
-    def errata(self, config: Any) -> Listing:
-        """Return where Table 1 of the paper and the rotated triangle disagree."""
-        try:
-            found = table_errata(bench=bench_of(config))
-        except ValueError as error:
-            raise OptionError(f"Table 1 cannot be held against this bench: {error}") from None
-        return Listing(
-            "Table 1 of Veeramani and Muthuswamy (2022) against rotated triangles",
-            ("action", "position", "column", "printed", "by geometry", "note"),
-            tuple((e.action, e.parity, e.column, e.printed, e.geometric, e.note) for e in found),
-            (
-                f"{len(found)} cells are printed wrongly; skillplan goes by geometry",
-                "Fig. 2 draws C54 to C41 as a swing about P17 (leg 3, CW 60 deg); Table 1's B1, "
-                "which skillplan takes, swings about P16 (leg 1, CCW 60 deg). Both end on C41.",
-            ),
-        )
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the section that a goal comes from."""

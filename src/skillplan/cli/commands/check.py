@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.shared import BackEnds, Caching, Reading
 from skillplan.cli.options.single import Style, TaskFile
 
@@ -18,15 +13,6 @@ def command(
     reading: Reading,
     caching: Caching,
     limits: CommandLimits,
-    explain_errata: Annotated[
-        bool,
-        typer.Option(
-            "--explain-errata",
-            help="Also list what the paper behind this kind of task prints wrongly, by its "
-            "geometry.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = False,
     style: Style = "table",
 ) -> int:
     """Validate TASK: faults of YAML, keys, references, order and geometry.
@@ -43,7 +29,6 @@ def command(
     from skillplan.checks.feasibility import introduced
     from skillplan.checks.single_check import list_not_checked
     from skillplan.cli.output import emit
-    from skillplan.errors import OptionError
     from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
     from skillplan.views.tables.questions import checked_tables
@@ -56,13 +41,10 @@ def command(
     ]
     names = [[back_end.name for back_end in used] for used in back_ends_of]
     not_checked = list_not_checked(tuple(chain.from_iterable(back_ends_of)))
-    errata = problem.domain.errata(problem.config) if explain_errata else None
-    if explain_errata and errata is None:
-        raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
     first = setups[0]
     # Verdicts of what is instant are not worth a file each.
     cache = caching.cache() if back_ends.named() else None
     found = preview(problem, first.physics, first.collision, first.options, cache)
-    checked = Checked(problem, names, errata, found, not_checked)
+    checked = Checked(problem, names, found, not_checked)
     emit(style, checked.document(), checked_tables(checked))
     return 0

@@ -17,7 +17,6 @@ from skillplan.records.stored.product_relation import Obstacle
 from skillplan.task.skill import Outcome
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.installation import listing_table
 from skillplan.views.tables.results import not_checked_notes, step_rows, times_note
 from skillplan.views.text.table import Column, ItemList, Table
 from skillplan.views.text.wording import (
@@ -230,9 +229,8 @@ def _bound_notes(evaluation: Evaluation) -> list[str]:
 
 
 def checked_tables(checked: Checked) -> list[Table]:
-    """Return a row for every task of the file, and the errata."""
-    errata = [] if checked.errata is None else [listing_table(checked.errata)]
-    return [*errata, _tasks(checked)]
+    """Build the table of a file's tasks, one row per task."""
+    return [_tasks(checked)]
 
 
 def _tasks(checked: Checked) -> Table:

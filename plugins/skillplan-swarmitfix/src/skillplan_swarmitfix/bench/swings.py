@@ -200,7 +200,7 @@ SWING_ACTIONS: tuple[SwingAction, ...] = (
     SwingAction(11, Turn(3, _CCW, 180), Turn(1, _CCW, 180)),
     SwingAction(12, Turn(1, _CCW, 180), Turn(3, _CCW, 180)),
 )
-"""B1 to B12 (paper, Table 1; B9 of even positions corrected, see `table_errata`).
+"""B1 to B12 (paper, Table 1; B9 of even positions corrected, see docs/explanation/reproduction.md).
 
 Of B11 and B12 the paper gives only where they lead: on 13 columns +11 and +15 from odd positions,
 -11 and -15 from even ones. Each of these shares one pin with the start and lies opposite across
