@@ -107,7 +107,7 @@ MUTANTS = [
     Mutant(
         "reused verdicts are not asked again",
         "checks/audit.py",
-        "                if contradicts(kept, fresh):\n",
+        "                if _contradicts(kept, fresh):\n",
         "                if False:\n",
         "lies",
     ),
@@ -194,7 +194,7 @@ MUTANTS = [
     ),
     Mutant(
         "kept verdicts are believed without their checksum",
-        "checks/verdict_file.py",
+        "checks/verdict_files.py",
         'if content["format"] != FORMAT or checksum != content_hash(content):',
         'if content["format"] != FORMAT:',
         "inputs",

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.checks.audit import audit
+from audits import audit
 from skillplan.checks.feasibility import Feasibility
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError

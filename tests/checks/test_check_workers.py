@@ -27,9 +27,9 @@ from expensive_back_ends import (
 )
 from processes_in_any_order import AnyOrder
 from situations import fake_back_end, small_tasks
+from skillplan.checks import check_workers
+from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import CheckCount, Feasibility
-from skillplan.checks.parallel import check_workers
-from skillplan.checks.parallel.check_workers import CheckWorkers
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, SkillplanError

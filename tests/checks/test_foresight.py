@@ -12,8 +12,8 @@ from example_count import examples
 from expensive_back_ends import CheapDetector, ExpensiveDetector, ExpensiveEngine
 from processes_in_any_order import AnyOrder, AnyOrderOfMortals, Silent
 from situations import small_tasks
+from skillplan.checks import check_workers
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.parallel import check_workers
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.errors import BackEndError
 from skillplan.model.skill_model import SkillModel

@@ -6,10 +6,10 @@ import pytest
 
 from expensive_back_ends import ExpensiveEngine
 from situations import fake_back_end
+from skillplan.checks.audit import draw_kept, recheck_kept
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.recheck import draw, put_to_the_test
 from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.checks.verdict_folder import VerdictFolder
+from skillplan.checks.verdict_files import VerdictFolder
 from skillplan.errors import BackEndError
 from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.task.verdict import Verdict
@@ -40,13 +40,13 @@ def folder(answered, tmp_path):
 def test_a_sample_depends_on_the_seed_only(folder):
     """Without repetition, in the order of the files; all where there are fewer."""
     kept = folder.kept_for([engine()])
-    drawn = draw(kept, 3, seed=4)
-    assert drawn == draw(kept, 3, seed=4)
+    drawn = draw_kept(kept, 3, seed=4)
+    assert drawn == draw_kept(kept, 3, seed=4)
     assert len({one.path for _, one in drawn}) == 3
-    assert {tuple(one.path for _, one in draw(kept, 3, seed=s)) for s in range(8)} != {
+    assert {tuple(one.path for _, one in draw_kept(kept, 3, seed=s)) for s in range(8)} != {
         tuple(one.path for _, one in drawn)
     }
-    assert [one for _, one in draw(kept, 10_000, seed=0)] == kept[0]
+    assert [one for _, one in draw_kept(kept, 10_000, seed=0)] == kept[0]
 
 
 @pytest.mark.parametrize(
@@ -54,9 +54,9 @@ def test_a_sample_depends_on_the_seed_only(folder):
 )
 def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
     """Of every skill, in one process or several."""
-    drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
+    drawn = draw_kept(folder.kept_for([engine()]), 10_000, seed=0)
     done = []
-    trials = put_to_the_test(
+    trials = recheck_kept(
         Feasibility(TASK, [engine()]), drawn, jobs=jobs, on_trial=lambda: done.append(1)
     )
     assert len(trials) == len(drawn) == len(done) > 3
@@ -87,7 +87,7 @@ def test_a_difference_says_in_what(folder, change, differs_in):
     feasible = [one for one in kept[0] if one.record.status == "feasible"]
     said = feasible[0].record.verdict(TASK.facts)
     fresh = Feasibility(TASK, [answering(change(said))])
-    (trial,) = put_to_the_test(fresh, [(0, feasible[0])])
+    (trial,) = recheck_kept(fresh, [(0, feasible[0])])
     parts = differs_in if isinstance(differs_in, tuple) else tuple(differs_in.split("|"))
     assert trial.differs_in == (("status", "reason") if parts == ("status reason",) else parts)
     assert trial.same == (not differs_in)
@@ -98,9 +98,9 @@ def test_a_difference_says_in_what(folder, change, differs_in):
 )
 def test_a_trial_can_be_ended_early(folder, jobs):
     """What has been tried by then is returned."""
-    drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
+    drawn = draw_kept(folder.kept_for([engine()]), 10_000, seed=0)
     done = []
-    trials = put_to_the_test(
+    trials = recheck_kept(
         Feasibility(TASK, [engine()]),
         drawn,
         jobs=jobs,
@@ -117,9 +117,7 @@ def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
     """It is no difference."""
     log = tmp_path / "log"
     log.mkdir()
-    (index, one), *_ = draw(folder.kept_for([engine()]), 1, seed=0)
+    (index, one), *_ = draw_kept(folder.kept_for([engine()]), 1, seed=0)
     options = ExpensiveEngine.Options(log=str(log), fail_on=one.record.skill, how="raise")
     with pytest.raises(BackEndError, match="the simulator has gone away"):
-        put_to_the_test(
-            Feasibility(TASK, [ExpensiveEngine(TASK, options)]), [(index, one)], jobs=jobs
-        )
+        recheck_kept(Feasibility(TASK, [ExpensiveEngine(TASK, options)]), [(index, one)], jobs=jobs)

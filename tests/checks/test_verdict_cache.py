@@ -18,8 +18,7 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Checked
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_file import VerdictRecord, read_record
-from skillplan.checks.verdict_key import content_hash, verdict_key
+from skillplan.checks.verdict_files import VerdictRecord, content_hash, read_record, verdict_key
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
 from skillplan.pipeline.run import make_model, solve, warm_cache
@@ -90,7 +89,7 @@ def test_another_process_finds_the_same_file(tmp_path):
     aabb = AabbDetector(TASK)
     code = (
         "from skillplan.testing import lid_task; from skillplan.collision.aabb import "
-        "AabbDetector; from skillplan.checks.verdict_key import verdict_key; "
+        "AabbDetector; from skillplan.checks.verdict_files import verdict_key; "
         "task = lid_task(); print(verdict_key(AabbDetector(task), task.skills[3]))"
     )
     keys = {

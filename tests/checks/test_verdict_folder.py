@@ -3,7 +3,7 @@
 from expensive_back_ends import ExpensiveDetector, ExpensiveEngine
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.checks.verdict_folder import VerdictFolder
+from skillplan.checks.verdict_files import VerdictFolder
 from skillplan.model.skill_model import SkillModel
 from skillplan.testing import lid_task, reachable_states
 

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from audits import audit
 from example_count import examples
 from expensive_back_ends import CheapDetector, ExpensiveDetector, ExpensiveEngine
 from situations import imagined_state
-from skillplan.checks.audit import audit
+from skillplan.checks.audit import recheck_kept
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.recheck import put_to_the_test
+from skillplan.checks.variants import list_queried_skills
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_folder import VerdictFolder
-from skillplan.checks.ways import asked_about
+from skillplan.checks.verdict_files import VerdictFolder
 from skillplan.errors import NotASequencing
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
@@ -103,14 +103,14 @@ def test_what_is_asked_of_back_ends_has_one_motion_and_a_name_of_its_own():
         "place(drawer) along +x",
         "place(drawer) along -x",
     ]
-    assert all(not skill.ways for skill in asked_about(task))
-    assert len(asked_about(task)) == len(task.skills) + 1
+    assert all(not skill.ways for skill in list_queried_skills(task))
+    assert len(list_queried_skills(task)) == len(task.skills) + 1
 
 
 def test_a_task_without_ways_is_asked_about_its_own_skills():
     """The very same objects."""
     task = drawer_task(insert_along=[0, 0, -1])
-    assert asked_about(task) is task.skills
+    assert list_queried_skills(task) is task.skills
 
 
 def test_a_grasp_counts_only_if_it_is_free_at_start_and_goal():
@@ -229,7 +229,7 @@ def test_exact_search_by_time_proves_what_brute_force_over_all_sequences_finds(s
     """Whatever each way takes, whatever closes it, with grasps and directions to choose from."""
     rng = random.Random(seed)
     task = drawer_task(cost="time", grasp=GRASPS[:2])
-    asked = [one.name for one in asked_about(task)]
+    asked = [one.name for one in list_queried_skills(task)]
     seconds = {name: rng.choice([1.0, 2.0, 3.5, 9.0]) for name in asked}
     stops = ("placed(left)", "placed(right)")
     closed = {
@@ -341,6 +341,6 @@ def test_kept_verdicts_are_found_and_tried_again_by_the_way(tmp_path):
     kept = VerdictFolder(tmp_path).kept_for(again.back_ends)
     names = sorted(one.record.skill for own in kept for one in own)
     assert names == ["place(drawer) along +x", "place(drawer) along -x"]
-    trials = put_to_the_test(checks, [(0, one) for own in kept for one in own])
+    trials = recheck_kept(checks, [(0, one) for own in kept for one in own])
     assert [trial.same for trial in trials] == [True, True]
     assert audit(checks, 4, 0, expensive=True) == 2

@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.partial_order import ClosedRelation
-from skillplan.checks.precondition import PRECONDITION
+from skillplan.checks.feasibility import PRECONDITION
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus

@@ -1,4 +1,4 @@
-"""One query to one back end: whatever it does wrong is said in words that name it."""
+"""One query to one back end; every fault of it becomes an error that names the back end."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from skillplan.workers.supervised import doing
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What a back end said, and how long it took.
+    """The answer of a back end.
 
     Parameters
     ----------
     verdict
-        Named after the back end and resting on facts; its evidence as JSON gives it back.
+        Names the back end as its stage and rests on facts; its evidence is plain JSON.
     took_s
-        Time of the check [s], >= 0.
+        Duration of the check [s], >= 0.
 
     Raises
     ------
     ValueError
-        If the time is negative.
+        If the duration is negative.
     """
 
     verdict: Verdict
@@ -47,19 +47,18 @@ class Checked:
             raise ValueError(f"A check cannot take {self.took_s} s.")
 
 
-@dataclass(frozen=True, slots=True)
-class CheckRequest:
-    """A check to be made.
+class CheckRequest(NamedTuple):
+    """A check for a worker.
 
     Parameters
     ----------
     back_end
-        Index of the back end.
+        Number of the back end.
     skill, state
-        What it is queried about.
+        The query.
     goes_on
-        Whether another back end has just been queried about the same: then the process that did it
-        is the one to query, for what it may remember.
+        Whether the last check was about the same skill and state. Then the same worker should
+        check, because it may have kept intermediate results.
     """
 
     back_end: int
@@ -69,20 +68,22 @@ class CheckRequest:
 
 
 class IntroducedBackEnds(tuple[BackEnd, ...]):
-    """Back ends that have been introduced to each other, which is done once."""
+    """Back ends that know each other."""
 
     __slots__ = ()
 
 
 class Recipe(NamedTuple):
-    """What it takes to make a back end again in another process.
+    """The class and settings with which another process makes a back end again.
 
     Parameters
     ----------
-    plugin, options
-        Its class, and how it is made.
+    plugin
+        Class of the back end.
+    options
+        Options of the back end.
     screens
-        As of the back end.
+        As in `BackEnd`.
     """
 
     plugin: type[BackEnd]
@@ -91,40 +92,49 @@ class Recipe(NamedTuple):
 
     @classmethod
     def of(cls, back_end: BackEnd) -> Recipe:
-        """Return that of a back end."""
+        """Return the recipe of a back end."""
         return cls(type(back_end), back_end.options, back_end.screens)
 
 
-def construct(task: Task, wanted: Iterable[Recipe]) -> list[BackEnd]:
-    """Return back ends, made in a process of their own.
+def construct(task: Task, recipes: Iterable[Recipe]) -> list[BackEnd]:
+    """Return back ends made from recipes, in a worker process.
 
     Raises
     ------
     BackEndError
-        If one fails to start.
+        If a back end fails to start.
     """
-    made = []
-    for recipe in wanted:
+    back_ends = []
+    for recipe in recipes:
         try:
-            made.append(recipe.plugin(task, recipe.options))
+            back_end = recipe.plugin(task, recipe.options)
         except BaseException as error:
             _blame(error, recipe.plugin, " to start in a process of its own")
-        made[-1].screens = recipe.screens
-    return made
+        back_end.screens = recipe.screens
+        back_ends.append(back_end)
+    return back_ends
+
+
+def introduce_back_ends(back_ends: Iterable[BackEnd]) -> IntroducedBackEnds:
+    """Return back ends that know each other, the cheapest first.
+
+    Raises
+    ------
+    BackEndError
+        If two back ends are incompatible.
+    """
+    if isinstance(back_ends, IntroducedBackEnds):
+        return back_ends
+    return introduce(sorted(back_ends, key=lambda back_end: back_end.expected_s))
 
 
 def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
-    """Introduce the back ends that are queried together to each other.
-
-    Returns
-    -------
-    IntroducedBackEnds
-        The back ends in the given order.
+    """Return back ends that know each other, in the given order.
 
     Raises
     ------
     BackEndError
-        If one raises, or what its answers depend on is not JSON.
+        If a back end raises, or its basis is not JSON.
     """
     for back_end in back_ends:
         try:
@@ -138,12 +148,12 @@ def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
 
 
 def list_not_checked(back_ends: Sequence[BackEnd]) -> tuple[str, ...]:
-    """Return the sentences of all back ends about what they leave unchecked, each once.
+    """Return the sentences about what back ends leave unchecked, without duplicates.
 
     Raises
     ------
     BackEndError
-        If one raises.
+        If a back end raises.
     """
     sentences: dict[str, None] = {}
     for back_end in back_ends:
@@ -155,17 +165,22 @@ def list_not_checked(back_ends: Sequence[BackEnd]) -> tuple[str, ...]:
 
 
 def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
-    """Query a back end about a skill that is applicable in a state.
+    """Return the answer of a back end on an applicable skill.
 
     Raises
     ------
     BackEndError
-        If it raises instead of checking, returns something else than a verdict, or its verdict
-        rests on facts that do not hold.
+        If the back end raises, does not return a verdict, or returns one that rests on facts
+        that do not hold.
     """
     begin_s = time.perf_counter()
     try:
-        verdict = _query(back_end, skill, state)
+        if type(back_end).__module__.startswith("skillplan"):
+            verdict = back_end.check(skill, state)
+        else:
+            # If the process crashes or hangs, its supervisor names this back end.
+            with doing(f"a check of {skill.name} by the back end {back_end.name!r}"):
+                verdict = back_end.check(skill, state)
     except BaseException as error:
         _blame(error, back_end, f" on {skill.name} in {state}")
     took_s = time.perf_counter() - begin_s
@@ -180,7 +195,7 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
             raise BackEndError(
                 f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {fault}."
             )
-        # As a file or another process gives it back: lists for tuples, plain numbers.
+        # The same values as from a file or another process: lists for tuples, plain numbers.
         verdict = replace(verdict, evidence=json.loads(json.dumps(dict(verdict.evidence))))
     verdict = verdict.grounded(state, back_end.name)
     if not verdict.applies_in(state):
@@ -191,21 +206,13 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     return Checked(verdict, took_s)
 
 
-def _query(back_end: BackEnd, skill: Skill, state: State) -> Verdict:
-    """Return the verdict; a process that crashes or hangs meanwhile names a back end of others."""
-    if type(back_end).__module__.startswith("skillplan"):
-        return back_end.check(skill, state)
-    with doing(f"a check of {skill.name} by the back end {back_end.name!r}"):
-        return back_end.check(skill, state)
-
-
 def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | None:
-    """Return how long a back end says that a skill takes from a state [s], or None.
+    """Return the execution time of a skill by a back end [s], or None if it cannot time it.
 
     Raises
     ------
     BackEndError
-        If it raises, or says what is no time.
+        If the back end raises or returns no time.
     """
     try:
         duration_s = back_end.duration_s(skill, state)
@@ -223,12 +230,12 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
 def least_execution_time_s(
     back_end: BackEnd, skill: Skill, true_bits: int, false_bits: int
 ) -> float:
-    """Return a back end's lower bound on how long a skill takes [s]; see `least_duration_s`.
+    """Return the lower bound of a back end on an execution time [s]; see `least_duration_s`.
 
     Raises
     ------
     BackEndError
-        If it raises, or says what is no time.
+        If the back end raises or returns no time.
     """
     try:
         least_s = back_end.least_duration_s(skill, true_bits, false_bits)
@@ -242,15 +249,15 @@ def least_execution_time_s(
 
 
 def tells_time(back_end: type[BackEnd]) -> bool:
-    """Whether back ends of a class may know how long skills take."""
+    """Whether back ends of a class can time skills."""
     return back_end.duration_s is not BackEnd.duration_s
 
 
-def _blame(error: BaseException, back_end: BackEnd | type[BackEnd], on: str = "") -> NoReturn:
+def _blame(error: BaseException, back_end: BackEnd | type[BackEnd], attempt: str = "") -> NoReturn:
     blame(
         error,
         back_end if isinstance(back_end, type) else type(back_end),
-        lambda words: f"Back end {back_end.name!r} failed{on}: {words}",
+        lambda message: f"Back end {back_end.name!r} failed{attempt}: {message}",
         BackEndError,
         BackEndError,
     )

@@ -1,9 +1,8 @@
-"""Verdicts kept for reuse: in memory for a run, on disk between runs.
+"""Caches of verdicts: in memory for a run, on disk between runs.
 
-A verdict serves every state that agrees on the facts it rests on. On disk each has a file of its
-own, in a folder named by a hash of everything that could change the answer, so that nothing
-stale is ever found. A file that is not exactly as it was written is dropped and its verdict made
-again.
+A verdict applies in every state that agrees on the facts it rests on. On disk, the folder of a
+verdict is named by a hash of everything that could change it, so no outdated verdict is ever
+found. A damaged file is dropped, and its verdict is made again.
 """
 
 from __future__ import annotations
@@ -15,26 +14,30 @@ from contextlib import suppress
 from pathlib import Path
 
 from skillplan.checks.single_check import Checked
-from skillplan.checks.verdict_file import VerdictRecord, is_verdict_file, read_record
-from skillplan.checks.verdict_key import verdict_key
-from skillplan.checks.ways import asked_about
+from skillplan.checks.variants import list_queried_skills
+from skillplan.checks.verdict_files import (
+    VerdictRecord,
+    is_verdict_file,
+    key_folder,
+    read_record,
+)
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# Class of the back end, its options and basis, the task as an object, and the skill.
+# Class of the back end, its options and basis, identity of the task, and the skill.
 _ShelfKey = tuple[type[BackEnd], str, str, int, str]
 
 
 class _Shelf:
-    """The verdicts on one skill by one back end, grouped by the facts they rest on.
+    """Verdicts of a back end on one skill, grouped by the facts they rest on.
 
-    Within a group a look-up is a dictionary's, however many verdicts it holds.
+    A look-up takes constant time per group.
     """
 
     def __init__(self, verdicts: Iterable[tuple[Verdict, State]] = ()) -> None:
-        # Each with the state in which it was made.
+        # By the bits of these facts, then by those of them that hold: verdict and its state.
         self._groups: dict[int, dict[int, tuple[Verdict, State]]] = {}
         for verdict, state in verdicts:
             self.add(verdict, state)
@@ -44,10 +47,10 @@ class _Shelf:
             yield from group.values()
 
     def made_in(self, verdict: Verdict) -> State | None:
-        """Return the state in which a verdict was made, or None for one that is not kept."""
+        """Return the state in which a verdict was made, or None if it is not kept."""
         basis, present = _basis(verdict)
-        kept = self._groups.get(basis, {}).get(present)
-        return None if kept is None else kept[1]
+        entry = self._groups.get(basis, {}).get(present)
+        return None if entry is None else entry[1]
 
     def add(self, verdict: Verdict, state: State) -> None:
         basis, present = _basis(verdict)
@@ -55,21 +58,21 @@ class _Shelf:
 
     def find(self, bits: int) -> Verdict | None:
         for basis, group in self._groups.items():
-            kept = group.get(bits & basis)
-            if kept is not None:
-                return kept[0]
+            entry = group.get(bits & basis)
+            if entry is not None:
+                return entry[0]
         return None
 
 
 class VerdictCache:
-    """Verdicts by back end, task and skill, found by the facts they rest on.
+    """Verdicts by back end, task and skill.
 
-    Back ends of one class with equal options, made for the same task, share what they said.
+    Back ends of one class with equal options on the same task share their verdicts.
     """
 
     def __init__(self) -> None:
         self._shelves: dict[_ShelfKey, _Shelf] = {}
-        # By back end as an object, for speed; the back end is held so that its id stays its own.
+        # By identity of the back end, for speed. The reference keeps the identity unique.
         self._by_object: dict[tuple[int, str], tuple[BackEnd, _Shelf]] = {}
 
     def find(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict | None:
@@ -77,33 +80,33 @@ class VerdictCache:
         return self._shelf(back_end, skill).find(state.bits)
 
     def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
-        """Keep what was said of a skill in a state; the verdict names the facts it rests on."""
+        """Keep the answer to a query; its verdict names the facts it rests on."""
         self._shelf(back_end, skill).add(checked.verdict, state)
 
     def made_in(self, back_end: BackEnd, skill: Skill, verdict: Verdict) -> State | None:
-        """Return the state in which a verdict of this cache was made, or None."""
+        """Return the state in which a verdict was made, or None if it is not kept."""
         return self._shelf(back_end, skill).made_in(verdict)
 
     def made(self, back_end: BackEnd, skill: Skill) -> Iterator[tuple[Verdict, State]]:
-        """Yield the verdicts on a skill, each with the state in which it was made."""
+        """Yield the verdicts on a skill with the states in which they were made."""
         yield from self._shelf(back_end, skill)
 
     def only(self, back_ends: Iterable[BackEnd]) -> VerdictCache:
-        """Return a cache in memory that starts with the verdicts of some back ends."""
+        """Return a new cache in memory with the verdicts of some back ends."""
         copy = VerdictCache()
         for back_end in back_ends:
-            for skill in asked_about(back_end.task):
+            for skill in list_queried_skills(back_end.task):
                 shelf = self._shelves.get(_shelf_key(back_end, skill))
                 if shelf is not None:
                     copy._shelves[_shelf_key(back_end, skill)] = _Shelf(shelf)
         return copy
 
     def take_over(self, other: VerdictCache) -> None:
-        """Take over what another cache has in memory, of the same tasks as objects."""
+        """Add the verdicts that another cache holds in memory, on the same task objects."""
         for key, shelf in other._shelves.items():
-            mine = self._shelves.setdefault(key, _Shelf())
+            own = self._shelves.setdefault(key, _Shelf())
             for verdict, state in shelf:
-                mine.add(verdict, state)
+                own.add(verdict, state)
 
     def _shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         known = self._by_object.get((id(back_end), skill.name))
@@ -121,12 +124,12 @@ class VerdictCache:
 
 
 class AskingCache(VerdictCache):
-    """Answers nothing, so that every query is put to a back end; keeps what is said elsewhere.
+    """A cache that finds nothing, so that back ends check every query again.
 
     Parameters
     ----------
     kept
-        Where verdicts are kept.
+        Cache that keeps the answers.
     """
 
     def __init__(self, kept: VerdictCache) -> None:
@@ -138,21 +141,21 @@ class AskingCache(VerdictCache):
         return None
 
     def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
-        """Keep what was said where others find it."""
+        """Keep an answer in the other cache."""
         self._kept.keep(back_end, skill, checked, state)
 
 
 class _DiskShelf(_Shelf):
-    """A shelf with a folder, in which other processes may put verdicts, too.
+    """A shelf with a folder, to which other processes may add verdicts.
 
     Parameters
     ----------
     folder
-        Where the verdicts are; need not be there.
+        Folder of the verdicts; it need not exist.
     facts
-        The vocabulary of the task.
+        Facts of the task.
     dropped
-        Where files are noted that could not be read or trusted.
+        List to which unreadable and damaged files are added.
     """
 
     def __init__(self, folder: Path, facts: Facts, dropped: list[Path]) -> None:
@@ -163,12 +166,12 @@ class _DiskShelf(_Shelf):
         self._dropped = dropped
 
     def find(self, bits: int) -> Verdict | None:
-        found = super().find(bits)
-        # Looking again costs microseconds, another check a second.
-        return super().find(bits) if found is None and self._read() else found
+        verdict = super().find(bits)
+        # Reading the folder again takes microseconds, a check a second.
+        return super().find(bits) if verdict is None and self._read() else verdict
 
     def _read(self) -> bool:
-        """Read what is new in the folder; return whether there was anything."""
+        """Read new files, and return whether there were any."""
         try:
             names = set(os.listdir(self.folder))
         except OSError:
@@ -183,7 +186,6 @@ class _DiskShelf(_Shelf):
             except FileNotFoundError:
                 continue
             except (OSError, ValueError):
-                # What cannot be trusted is queried again.
                 self._dropped.append(path)
                 with suppress(OSError):
                     path.unlink()
@@ -191,20 +193,20 @@ class _DiskShelf(_Shelf):
 
 
 class DiskVerdictCache(VerdictCache):
-    """A cache that also keeps verdicts of expensive back ends in a folder, each in its own file.
+    """A cache that also writes verdicts of expensive back ends to a folder, one file each.
 
-    Several processes may use one folder at a time, and be killed: what one has kept, all find.
-    A folder that cannot be written costs reuse between runs and a warning, never a run.
+    Several processes may share the folder, and may be killed. If the folder cannot be written,
+    a warning is logged and the run goes on.
 
     Parameters
     ----------
     folder
-        Created when first needed.
+        The folder; created when first needed.
 
     Attributes
     ----------
     dropped
-        Files that could not be read or trusted.
+        Unreadable and damaged files.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -214,11 +216,11 @@ class DiskVerdictCache(VerdictCache):
         self._writable = True
 
     def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
-        """Keep what was said in memory and, of an expensive back end, on disk."""
+        """Keep an answer in memory and, if the back end is expensive, on disk."""
         super().keep(back_end, skill, checked, state)
         shelf = self._shelf(back_end, skill)
-        decided = checked.verdict.status is not VerdictStatus.UNKNOWN
-        if isinstance(shelf, _DiskShelf) and self._writable and decided:
+        is_decided = checked.verdict.status is not VerdictStatus.UNKNOWN
+        if isinstance(shelf, _DiskShelf) and self._writable and is_decided:
             try:
                 record = VerdictRecord.of(back_end, skill, checked, state)
                 shelf.seen.add(record.write(shelf.folder))
@@ -231,7 +233,7 @@ class DiskVerdictCache(VerdictCache):
                 )
 
     def take_over(self, other: VerdictCache) -> None:
-        """Do nothing: what was worth a check is found in the folder."""
+        """Do nothing: the folder already holds the expensive verdicts."""
 
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         if not back_end.expensive:
@@ -241,15 +243,10 @@ class DiskVerdictCache(VerdictCache):
 
 
 def _basis(verdict: Verdict) -> tuple[int, int]:
-    """Return the bits of the facts that a verdict rests on, and of those among them that hold."""
+    """Return the bits of the facts that a verdict rests on, and of those of them that hold."""
     assert verdict.present is not None
     assert verdict.absent is not None
     return verdict.present.bits | verdict.absent.bits, verdict.present.bits
-
-
-def key_folder(root: Path, back_end: BackEnd, skill: Skill) -> Path:
-    """Return the folder below `root` of what a back end says about a skill."""
-    return root / back_end.name / verdict_key(back_end, skill)
 
 
 def _shelf_key(back_end: BackEnd, skill: Skill) -> _ShelfKey:

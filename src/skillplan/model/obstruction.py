@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import Relation
-from skillplan.checks.precondition import PRECONDITION
+from skillplan.checks.feasibility import PRECONDITION
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

@@ -19,7 +19,7 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
 if TYPE_CHECKING:
-    from skillplan.checks.parallel.foresight import Likely
+    from skillplan.checks.foresight import Likely
 
 # Transitions are kept for solvers that come back to a state; beyond this, memory counts more.
 _KEPT_STATES = 200_000
@@ -144,7 +144,7 @@ class SkillModel:
             checks=self.feasibility.checks,
             cache_hits=self.feasibility.hits,
             unknown=self._unknown,
-            trajectories=self._times.told,
+            trajectories=self._times.computed,
             left_open=self._left_open,
         )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from skillplan.checks.feasibility import introduced
+from skillplan.checks.single_check import introduce_back_ends
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
@@ -232,7 +232,7 @@ class Chain:
 
     def _back_ends(self, task: Task) -> Sequence[BackEnd]:
         """Return the back ends for a task, spare ones where they fit."""
-        return introduced(self.setup.back_ends(task, self.spare))
+        return introduce_back_ends(self.setup.back_ends(task, self.spare))
 
     def _judged(self, task: Task, made: Attempt) -> ChainPart:
         result = grade(task, made, self.setup, self.cache, jobs=self.jobs)

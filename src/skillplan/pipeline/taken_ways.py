@@ -53,7 +53,7 @@ def by_ways(
             if label not in labels:
                 hint = name_hint(label, labels)
                 raise OptionError(f"Step {index + 1}: {skill.name} has no way {label!r}. {hint}")
-            found.append(feasibility.ways.variant(skill, label))
+            found.append(feasibility.variants.by_label(skill, label))
         elif stopped():
             found.append(skill.by(skill.ways[0]))
         else:

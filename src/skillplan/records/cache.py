@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skillplan.checks.recheck import Trial
-from skillplan.checks.verdict_folder import KeptVerdict
+from skillplan.checks.audit import Trial
+from skillplan.checks.verdict_files import KeptVerdict
 from skillplan.model.enumeration import Enumeration
 from skillplan.records import schemas
 from skillplan.task.task import Task

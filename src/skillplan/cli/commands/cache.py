@@ -27,8 +27,8 @@ def show(
     """Show what is kept by back end and task; of TASK only what it would use now."""
     import time
 
-    from skillplan.checks.feasibility import introduced
-    from skillplan.checks.verdict_folder import VerdictFolder
+    from skillplan.checks.single_check import introduce_back_ends
+    from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
     from skillplan.pipeline.run import warm_cache
@@ -44,7 +44,7 @@ def show(
         survey = CacheSurvey(root, kept, time.time(), len(others))
     else:
         loaded, _, made = reading.set_up(task, back_ends)
-        found = folder.kept_for(introduced(made))
+        found = folder.kept_for(introduce_back_ends(made))
         every = [one for own in found for one in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
     emit(style, survey.document(), [survey_table(survey)])
@@ -82,9 +82,14 @@ def verify(
     exit code is 3. With --elsewhere a verdict that does not hold where it claims to shows that the
     back end names too few facts: it is said which one is missing.
     """
-    from skillplan.checks.reachable_sample import reachable_sample
-    from skillplan.checks.recheck import draw, first_contradiction, other_states, put_to_the_test
-    from skillplan.checks.verdict_folder import VerdictFolder
+    from skillplan.checks.audit import (
+        choose_other_states,
+        draw_kept,
+        explain_first_difference,
+        recheck_kept,
+        sample_reachable_states,
+    )
+    from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
@@ -96,14 +101,14 @@ def verify(
     feasibility = make_feasibility(loaded, setup, back_ends=made)
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
-    drawn = draw(kept, sample, seed)
+    drawn = draw_kept(kept, sample, seed)
     chosen, states = drawn, None
     with counting("verifying", len(drawn)) as count:
         if elsewhere:
             known = make_feasibility(loaded, setup, warm_cache(), back_ends=made)
-            found = reachable_sample(known, seed, stopped=lambda: count.interrupted)
-            chosen, states = other_states(loaded, drawn, found, seed)
-        trials = put_to_the_test(
+            found = sample_reachable_states(known, seed, stopped=lambda: count.interrupted)
+            chosen, states = choose_other_states(loaded, drawn, found, seed)
+        trials = recheck_kept(
             feasibility,
             chosen,
             elsewhere=states,
@@ -113,7 +118,7 @@ def verify(
         )
     dropped = sum(folder.drop(trial.kept) for trial in trials if not trial.same)
     if elsewhere and not all(trial.same for trial in trials):
-        raise first_contradiction(feasibility.back_ends, trials)
+        raise explain_first_difference(feasibility.back_ends, trials)
     every = sum(map(len, kept))
     test = CacheTest(
         loaded,
@@ -189,7 +194,7 @@ def clear(
 
     Waits for consent where there is a terminal. Files that are not the cache's own stay.
     """
-    from skillplan.checks.verdict_folder import VerdictFolder
+    from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
     from skillplan.pipeline.run import warm_cache

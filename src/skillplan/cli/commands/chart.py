@@ -23,7 +23,7 @@ def command(
     from contextlib import closing
 
     from skillplan.chart.precedence_chart import derive_chart
-    from skillplan.checks.verdict_sample import SampleSize, draw_sample
+    from skillplan.checks.audit import SampleSize, draw_sample
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
     from skillplan.cli.writing import tell

@@ -26,8 +26,7 @@ def command(
     """
     from itertools import chain
 
-    from skillplan.checks.feasibility import introduced
-    from skillplan.checks.single_check import list_not_checked
+    from skillplan.checks.single_check import introduce_back_ends, list_not_checked
     from skillplan.cli.output import emit
     from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
@@ -37,7 +36,8 @@ def command(
     problem = reading.problem(task, back_ends, warn=False)
     setups = [back_ends.setup(task) for task in problem.tasks]
     back_ends_of = [
-        introduced(setup.back_ends(task)) for setup, task in zip(setups, problem.tasks, strict=True)
+        introduce_back_ends(setup.back_ends(task))
+        for setup, task in zip(setups, problem.tasks, strict=True)
     ]
     names = [[back_end.name for back_end in used] for used in back_ends_of]
     not_checked = list_not_checked(tuple(chain.from_iterable(back_ends_of)))

@@ -9,12 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from skillplan.checks.single_check import Recipe
-from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_sample import (
+from skillplan.checks.audit import (
     SampleSize,
     VerdictSample,
 )
+from skillplan.checks.single_check import Recipe
+from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import BackEndError, SolverError
 from skillplan.model.skill_model import ModelStats
 from skillplan.pipeline.search.found import Found

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from skillplan.checks.audit import ask_again
+from skillplan.checks.audit import SampleSize, VerdictSample, ask_again, draw_sample
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.checks.verdict_sample import SampleSize, VerdictSample, draw_sample
 from skillplan.judge.untouched import Untouched
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline.search.found import Found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skillplan.checks.verdict_sample import VerdictSample
+from skillplan.checks.audit import VerdictSample
 from skillplan.model.skill_model import ModelStats
 from skillplan.solvers.solution import Solution
 

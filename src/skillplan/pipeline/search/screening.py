@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skillplan.checks.audit import VerdictSample
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
-from skillplan.checks.verdict_sample import VerdictSample
-from skillplan.checks.ways import asked_by_name
+from skillplan.checks.variants import map_queried_skills
 from skillplan.errors import SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
@@ -125,7 +125,7 @@ def executed_sample(
         If a back end fails.
     """
     others = [one for one in back_ends if not one.screens]
-    skills = asked_by_name(back_ends[0].task) if sample.refused else {}
+    skills = map_queried_skills(back_ends[0].task) if sample.refused else {}
     executed = 0
     for refusal in sample.refused:
         if stop is not None and (stop.interrupted or stop()):

@@ -13,10 +13,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from skillplan.checks.audit import DrawnVerdict, SampleSize, draw_reused, draw_sample
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Recipe, construct
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_sample import DrawnVerdict, SampleSize, draw_reused, draw_sample
 from skillplan.errors import BackEndError, SkillplanError, SolverError
 from skillplan.judge.plain_solution import plain_plan
 from skillplan.model.skill_model import ModelStats, SkillModel
