@@ -9,9 +9,11 @@ import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import trimesh
 
 from skillplan.files.companion_file import CompanionFileError, companion_in, read_companion
 from skillplan.task.motion import Point
@@ -112,14 +114,18 @@ def polyhedron_of(
         raise MeshFileError(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
-    faces = _outward(corners, faces)
-    _check_volume(corners, faces, float(size.max()))
+    surface = _closed_outward(corners, faces)
+    faces = np.asarray(surface.faces)
+    longest_m = float(size.max())
+    volume_m3 = float(surface.volume)
+    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * LEAST_EXTENT_M**2):
+        raise MeshFileError("It encloses no volume; give it a thickness.")
     return Polyhedron(
         tuple((float(x), float(y), float(z)) for x, y, z in corners),
         tuple((int(a), int(b), int(c)) for a, b, c in faces),
         (float(size[0]), float(size[1]), float(size[2])),
         sha256,
-        _is_convex(corners, faces, float(size.max())),
+        _is_convex(corners, faces, longest_m),
         (0.0, 0.0, 0.0)
         if middle is None
         else (float(middle[0]), float(middle[1]), float(middle[2])),
@@ -139,59 +145,20 @@ def _merged(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
     return unique[used], compact.reshape(-1, 3)
 
 
-def _outward(corners: Floats, faces: Indices) -> Indices:
-    """Return the faces of closed surfaces, turned outward."""
-    neighbours: dict[tuple[int, int], list[int]] = {}
-    for index, face in enumerate(faces.tolist()):
-        for a, b in zip(face, [*face[1:], face[0]], strict=True):
-            neighbours.setdefault((min(a, b), max(a, b)), []).append(index)
-    if any(len(owners) != 2 for owners in neighbours.values()):
+def _closed_outward(corners: Floats, faces: Indices) -> trimesh.Trimesh:
+    """Return the surface with its faces turned outward, each connected body by itself."""
+    surface = trimesh.Trimesh(corners, faces, process=False)
+    if not surface.is_watertight:
         raise MeshFileError(
             "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
             "out what lies inside."
         )
-    faces = faces.copy()
-    done = np.zeros(len(faces), dtype=bool)
-    for first in range(len(faces)):
-        if done[first]:
-            continue
-        # All that hangs together is turned like the first.
-        members, waiting = [first], [first]
-        done[first] = True
-        while waiting:
-            own = waiting.pop()
-            for a, b in _sides(faces[own]):
-                pair = neighbours[min(a, b), max(a, b)]
-                other = pair[0] if pair[1] == own else pair[1]
-                if (a, b) in _sides(faces[other]):
-                    if done[other]:
-                        raise MeshFileError(
-                            "It has no outside: its faces cannot all be turned outward. Repair it."
-                        )
-                    faces[other] = faces[other][::-1]
-                if not done[other]:
-                    done[other] = True
-                    members.append(other)
-                    waiting.append(other)
-        if _volume_m3(corners, faces[members]) < 0:
-            faces[members] = faces[members][:, ::-1]
-    return faces
-
-
-def _sides(face: Indices) -> list[tuple[int, int]]:
-    a, b, c = face.tolist()
-    return [(a, b), (b, c), (c, a)]
-
-
-def _volume_m3(corners: Floats, faces: Indices) -> float:
-    a, b, c = (corners[faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
-
-
-def _check_volume(corners: Floats, faces: Indices, longest_m: float) -> None:
-    volume_m3 = _volume_m3(corners, faces)
-    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * LEAST_EXTENT_M**2):
-        raise MeshFileError("It encloses no volume; give it a thickness.")
+    repair: Any = trimesh.repair  # parts of trimesh have no types
+    repair.fix_winding(surface)
+    if not surface.is_winding_consistent:
+        raise MeshFileError("It has no outside: its faces cannot all be turned outward. Repair it.")
+    repair.fix_inversion(surface, multibody=True)
+    return surface
 
 
 def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
@@ -329,8 +296,6 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
 
 def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
     """Return corners and triangles as the file has them."""
-    import trimesh
-
     unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
         with warnings.catch_warnings(action="ignore"):
@@ -433,15 +398,10 @@ def _pieces(
 
 
 def _components(faces: Indices, count: int) -> list[Indices]:
-    """Return faces by what hangs together, in the order of the file."""
-    owner = np.arange(count)
-    while True:
-        least = owner[faces].min(axis=1)
-        before = owner.copy()
-        for column in range(3):
-            np.minimum.at(owner, faces[:, column], least)
-        if (owner == before).all():
-            break
-    labels = owner[faces[:, 0]]
+    """Return the faces of each connected body, in the order of the file."""
+    geometry: Any = trimesh.geometry
+    graph: Any = trimesh.graph
+    edges = geometry.faces_to_edges(faces)
+    labels = graph.connected_component_labels(edges, node_count=count)[faces[:, 0]]
     _, first = np.unique(labels, return_index=True)
     return [faces[labels == labels[index]] for index in np.sort(first)]
