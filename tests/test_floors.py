@@ -37,7 +37,7 @@ OPENS = {
     "domains/domain.py": "the starter that lies in the package of a domain",
     "views/report/page.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",
-    "pipeline/warm_up.py": "a board of its own, in a folder of its own",
+    "cli/commands/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
     "cli/writing.py": "the null device, once stdout or stderr is gone; a copy of stdout",
     "cli/standard_streams.py": "the null device, where a standard stream is closed",

@@ -14,25 +14,25 @@ from typing import Any
 import pytest
 
 from skillplan.cli.app import main
-from skillplan.cli.compilation_notice import NOTICE, compilation_announced
-from skillplan.pipeline import registry, warm_up
-from skillplan.solvers import compilation
+from skillplan.cli.commands import warm_up
+from skillplan.cli.commands.warm_up import NOTICE, compilation_announced
+from skillplan.pipeline import registry
+from skillplan.solvers import kernels
 
 SUFFIXES = {"assembly": ".yaml", "swarmitfix": ".yaml", "sop": ".yaml"}
 # Compiles one kernel of this project anew, in a process of its own.
 COMPILING = """
 import sys
-import numba
-from skillplan.cli.compilation_notice import compilation_announced
-from skillplan.solvers import compiled
+from skillplan.cli.commands.warm_up import compilation_announced
+from skillplan.solvers.kernels import compiled
 
 def kernel(x):
     return x + 1
 
 kernel.__module__ = "skillplan.solvers.kernel"
 with compilation_announced():
-    numba.njit(kernel)(1)
-    numba.njit(kernel)(1.0)
+    compiled(kernel)(1)
+    compiled(kernel)(1.0)
 """
 
 
@@ -103,8 +103,8 @@ class TestWarmUp:
     ) -> None:
         """Progress on stderr, one line on stdout."""
         steps = [
-            ("this", lambda: compilation.notify("a")),
-            ("that", lambda: compilation.notify("b")),
+            ("this", lambda: kernels.notify("a")),
+            ("that", lambda: kernels.notify("b")),
         ]
         monkeypatch.setattr(warm_up, "warm_up_steps", lambda: iter(steps))
         outcome = cli("warm-up")
@@ -127,7 +127,7 @@ class TestWarmUp:
     def test_all_solvers_find_their_kernels(self, cli: Any, board: str) -> None:
         """On a board, with and without chance, and on a bench."""
         told: list[str] = []
-        done = compilation.on_compilation(told.append)
+        done = kernels.on_compilation(told.append)
         grasps = board.replace("inverter_board", "inverter_grasps")
         for task, solvers in {
             board: "value-iteration,policy-iteration,q-learning,sarsa,monte-carlo,local-search",
@@ -154,5 +154,5 @@ class TestNotice:
     def test_nobody_else_is(self, capsys: pytest.CaptureFixture[str]) -> None:
         """A log is no terminal."""
         with compilation_announced():
-            compilation.notify("kernel")
+            kernels.notify("kernel")
         assert ("", "") == tuple(capsys.readouterr())

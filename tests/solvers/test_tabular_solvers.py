@@ -13,8 +13,7 @@ from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.records.result import Status
-from skillplan.solvers import compiled as compiled_module
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.learning.episode_kernels import random_bits
 from skillplan.solvers.mdp.tabular_solver import learner_rewards
 from skillplan.solvers.stop import Stop
@@ -221,12 +220,14 @@ class TestCompiled:
     def test_without_a_place_for_the_cache_it_compiles_all_the_same(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        njit = numba.njit
+
         def fails_to_cache(*args: object, **options: object) -> object:
             if options.get("cache"):
                 raise RuntimeError("cannot cache function 'f': no locator available")
-            return numba.njit(*args, **options)
+            return njit(*args, **options)
 
-        monkeypatch.setattr(compiled_module, "njit", fails_to_cache)
+        monkeypatch.setattr(numba, "njit", fails_to_cache)
 
         def twice(x: int) -> int:
             return 2 * x
@@ -237,6 +238,6 @@ class TestCompiled:
         def fails(*args: object, **options: object) -> object:
             raise RuntimeError("something else")
 
-        monkeypatch.setattr(compiled_module, "njit", fails)
+        monkeypatch.setattr(numba, "njit", fails)
         with pytest.raises(RuntimeError, match="something else"):
             compiled(len)

@@ -16,7 +16,7 @@ from typer.main import get_command
 
 from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
-from skillplan.cli.compilation_notice import compilation_announced
+from skillplan.cli.commands.warm_up import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.cli.writing import restored_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code

@@ -1,6 +1,18 @@
-"""``skillplan warm-up``."""
+"""``skillplan warm-up``, and the notice of commands that compile kernels themselves."""
 
 from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+from skillplan.cli.writing import tell
+from skillplan.solvers.kernels import on_compilation
+
+NOTICE = (
+    "skillplan: compiling kernels, once on this machine: up to half a minute "
+    "('skillplan warm-up' compiles them all ahead)"
+)
 
 
 def command() -> int:
@@ -10,23 +22,79 @@ def command() -> int:
     """
     import time
 
-    from skillplan.cli.writing import tell, write_out
-    from skillplan.pipeline.warm_up import warm_up_steps
-    from skillplan.solvers.compilation import on_compilation
+    from skillplan.cli.writing import write_out
 
     kernels: list[str] = []
     steps = list(warm_up_steps())
     begin_s = time.perf_counter()
-    done = on_compilation(kernels.append)
+    remove_listener = on_compilation(kernels.append)
     try:
-        for number, (what, compile_it) in enumerate(steps, 1):
-            tell(f"compiling {number} of {len(steps)}: {what}")
-            compile_it()
+        for number, (name, compile_kernels) in enumerate(steps, 1):
+            tell(f"compiling {number} of {len(steps)}: {name}")
+            compile_kernels()
     finally:
-        done()
+        remove_listener()
     wall_s = time.perf_counter() - begin_s
     if kernels:
         write_out(f"{len(kernels)} kernels compiled in {wall_s:.1f} s; they are kept\n")
     else:
         write_out("nothing to compile: all kernels are kept already\n")
     return 0
+
+
+def warm_up_steps() -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield names of groups of kernels, and functions that compile them."""
+    from skillplan.solvers.ordering.portfolio import warm_up
+
+    yield "searches over orders", warm_up
+    yield "dynamic programming", _compile_dynamic_programming
+    yield "tabular reinforcement learning", lambda: _solve({}, "q-learning", "monte-carlo")
+
+
+def _compile_dynamic_programming() -> None:
+    import numpy as np
+
+    from skillplan.solvers.mdp.label_setting import costs_to_go
+
+    for changes in ({}, {"parts.part_1.grasp_failure": "0.1"}):
+        _solve(changes, "value-iteration", "policy-iteration")
+    # If all skills cost the same, another search finds the cheapest paths.
+    costs_to_go(np.array([0, 1, 1]), np.array([1]), np.array([False, True]))
+
+
+def _solve(changes: Mapping[str, str], *solvers: str) -> None:
+    """Solve a small board, so that the kernels of the solvers are compiled."""
+    import tempfile
+    from pathlib import Path
+
+    from skillplan.domains.assembly.board_generator import BoardGenerator
+    from skillplan.pipeline.run import solve
+    from skillplan.pipeline.setup import load_problem
+
+    board = BoardGenerator(parts=4, density=0.5, tools=2, name="warm-up")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "board.yaml"
+        path.write_text(board.text("any"), "utf-8")
+        task = load_problem(path, None, changes).task
+    for solver in solvers:
+        solve(task, solver)
+
+
+@contextmanager
+def compilation_announced() -> Iterator[None]:
+    """Print a notice on a terminal before the first kernel is compiled."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    announced: list[str] = []
+
+    def announce(kernel: str) -> None:
+        if not announced:
+            tell(NOTICE)
+        announced.append(kernel)
+
+    remove_listener = on_compilation(announce)
+    try:
+        yield
+    finally:
+        remove_listener()

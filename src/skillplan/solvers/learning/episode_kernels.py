@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

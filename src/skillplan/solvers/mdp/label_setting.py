@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 
 Integers = NDArray[np.int32]
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 
 Words = NDArray[np.uint64]
 Integers = NDArray[np.int64]

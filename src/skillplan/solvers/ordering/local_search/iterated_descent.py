@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers
 
 Randoms = NDArray[np.uint64]

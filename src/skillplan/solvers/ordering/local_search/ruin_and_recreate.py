@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import (
     NO_ARC,
     Booleans,

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import highspy
 import numpy as np
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import Booleans, Floats, Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.cut_relaxation import (
     CutRelaxation,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import (
     NO_FAMILY,
     Booleans,

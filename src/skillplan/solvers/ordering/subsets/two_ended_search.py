@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skillplan.solvers.compiled import compiled
+from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.cut_relaxation import Duals, charges_of
 from skillplan.solvers.ordering.subsets.held_karp import (
