@@ -23,8 +23,8 @@ import numpy as np
 
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

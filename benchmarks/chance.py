@@ -23,8 +23,8 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.errors import ModelTooLarge, SearchStopped
 from skillplan.model.policy_sample import sample_policy
 from skillplan.model.policy_value import evaluate_policy
-from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
 from skillplan.solvers.chance.replan import Replanning, orders_ahead
 from skillplan.solvers.chance.retries import retried

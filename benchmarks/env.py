@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model
 
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
 BUDGET_PER_S = 100_000

@@ -142,7 +142,7 @@ def run_here(trial: Trial) -> Outcome:
 
     from skillplan import Setup, Stop, load_problem
     from skillplan.checks.verdict_cache import VerdictCache
-    from skillplan.pipeline.run import attempt, grade
+    from skillplan.pipeline.solving import SearchRequest, grade, search
     from skillplan.solvers import stop as clocked
 
     task, cache = load_problem(trial.path).task, VerdictCache()
@@ -154,10 +154,11 @@ def run_here(trial: Trial) -> Outcome:
         vars(clocked)["time"] = SimpleNamespace(monotonic=clock)
     begin_s = clock()
     stop = Stop(time_limit_s=trial.limit_s)
-    made = attempt(task, trial.plugin, setup, seed=trial.seed, stop=stop, cache=cache)
+    request = SearchRequest(task, trial.plugin, setup, trial.seed, stop, cache)
+    made = search(request)
     taken_s = clock() - begin_s
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    result = grade(task, made, setup, cache)
+    result = grade(request, made)
     return Outcome(
         str(result.status),
         result.cost,
@@ -173,7 +174,7 @@ def run_here(trial: Trial) -> Outcome:
 def warm_up(solver: str) -> None:
     """Solve small tasks, so that what is imported and compiled on demand is there."""
     from skillplan import Stop, load_problem, solve
-    from skillplan.pipeline.run import make_solver
+    from skillplan.pipeline.solving import make_solver
 
     for path in WARM_TASKS:
         task = load_problem(path).task

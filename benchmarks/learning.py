@@ -267,8 +267,8 @@ def work(
 def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     """Train runs side by side, as `skillplan train` does."""
     from skillplan.env.skill_vector_env import SkillVectorEnv
-    from skillplan.pipeline.run import make_model, make_solver
     from skillplan.pipeline.setup import load_problem
+    from skillplan.pipeline.solving import make_model, make_solver
 
     env = SkillVectorEnv(make_model(load_problem(BOARD).task), runs, **setting.presentation)
     learner = make_solver("dqn", setting.presentation)

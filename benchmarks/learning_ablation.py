@@ -24,8 +24,8 @@ import learning_boards
 
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.training.policies import greedy_roll_out
 
 STRIDE_STEPS = 100

@@ -25,8 +25,8 @@ import numpy as np
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records import interval
 from skillplan.solvers.learning.network_policy import allowing
 from skillplan.solvers.stop import Stop

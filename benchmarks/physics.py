@@ -18,7 +18,7 @@ from skillplan.checks.single_check import introduce
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

@@ -17,7 +17,7 @@ import numpy as np
 from timing import against_baseline
 
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import make_model, make_solver
+from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.solvers.mdp.label_setting import costs_to_go
 from skillplan_swarmitfix.base.task import BaseGrounding
 from skillplan_swarmitfix.bench.bench import Bench

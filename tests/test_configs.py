@@ -19,7 +19,7 @@ from skillplan.chart.precedence_chart import derive_chart
 from skillplan.cli.app import main
 from skillplan.model.replay import Replay, replay
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.robots.panda import FINGER_PROFILE_M
 from skillplan.task.motion import Point
 from skillplan.task.shape import Box, Cylinder, Mesh

@@ -8,7 +8,7 @@ import pytest
 
 from skillplan import Setup, Status, Task, load_problem, make_model, solve
 from skillplan.chart.precedence_chart import derive_chart
-from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.task.scene import ToolKind
 from skillplan.testing import reachable_states
 

@@ -140,7 +140,11 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes} a file",
         ["checks.code_origin:_MOST_BYTES"],
     ),
-    ("a solver that does not poll", "{} s beyond its limits", ["pipeline.search.apart:GRACE_S"]),
+    (
+        "a solver that does not poll",
+        "{} s beyond its limits",
+        ["pipeline.separate_process:GRACE_S"],
+    ),
     ("errors of a file on stderr", "{}", ["cli.error_report:_MOST_LINES"]),
 ]
 _UNITS = [(1024**3, "GiB"), (1024**2, "MiB"), (1024, "KiB")]

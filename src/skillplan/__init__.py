@@ -45,10 +45,10 @@ _HOMES = {
     "Transition": "skillplan.model.skill_model",
     "Verdict": "skillplan.task.verdict",
     "load_problem": "skillplan.pipeline.setup",
-    "make_model": "skillplan.pipeline.run",
-    "solve": "skillplan.pipeline.run",
+    "make_model": "skillplan.pipeline.solving",
+    "solve": "skillplan.pipeline.solving",
     "solve_chain": "skillplan.pipeline.chain",
-    "solve_problem": "skillplan.pipeline.solve_problem",
+    "solve_problem": "skillplan.pipeline.solving",
 }
 
 __all__ = sorted(_HOMES)
@@ -66,11 +66,11 @@ if TYPE_CHECKING:
     from skillplan.model.skill_model import Transition as Transition
     from skillplan.physics.engine import Engine as Engine
     from skillplan.pipeline.chain import solve_chain as solve_chain
-    from skillplan.pipeline.run import make_model as make_model
-    from skillplan.pipeline.run import solve as solve
     from skillplan.pipeline.setup import Setup as Setup
     from skillplan.pipeline.setup import load_problem as load_problem
-    from skillplan.pipeline.solve_problem import solve_problem as solve_problem
+    from skillplan.pipeline.solving import make_model as make_model
+    from skillplan.pipeline.solving import solve as solve
+    from skillplan.pipeline.solving import solve_problem as solve_problem
     from skillplan.records.chain_result import ChainResult as ChainResult
     from skillplan.records.result import Result as Result
     from skillplan.records.result import Status as Status

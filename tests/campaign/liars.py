@@ -21,7 +21,7 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task.state import Facts
 from skillplan.task.task import Task
@@ -37,38 +37,6 @@ def _solved() -> tuple[tuple[str, ...], float]:
     return tuple(step.skill for step in result.steps), result.cost
 
 
-class Agreeable(float):
-    """A number that equals every other."""
-
-    __hash__ = float.__hash__
-
-    def __eq__(self, other: object) -> bool:
-        return True
-
-    def __lt__(self, other: object) -> bool:
-        return False
-
-    def __sub__(self, other: object) -> float:
-        return 0.0
-
-
-def _moving_the_start(solver: Any, model: Any) -> Solution:
-    skills, _ = _solved()
-    state = model.task.initial
-    for name in skills:
-        skill = next(one for one in model.task.skills if one.name == name)
-        state = model.transition(state, skill).next_state
-    object.__setattr__(model.task, "initial", state)
-    return Solution(Plan((), 0.0), 0.0, True)
-
-
-def _free_skills(solver: Any, model: Any) -> Solution:
-    skills, _ = _solved()
-    for skill in model.task.skills:
-        object.__setattr__(skill, "cost", 0.0)
-    return Solution(Plan(skills, 0.0), 0.0, True)
-
-
 def _leaving(solver: Any, model: Any) -> Solution:
     raise SystemExit(0)
 
@@ -78,7 +46,7 @@ def _interrupting(solver: Any, model: Any) -> Solution:
 
 
 def solvers() -> dict[str, Act]:
-    """Return nineteen liars: they claim what is not so, change the task, or end the program."""
+    """Return sixteen liars: they make false claims or end the program."""
     plan, cost = _solved()
     # Valid, and its cost is true: only the proof is false.
     dear, dear_cost = ("to_b", "finish"), cost + 1
@@ -86,9 +54,6 @@ def solvers() -> dict[str, Act]:
         "a plan that is free": lambda: Solution(Plan(plan, 0.0), 0.0, True),
         "a plan that is dearer": lambda: Solution(Plan(plan, cost + 1), cost + 1, True),
         "a cost that is no number": lambda: Solution(Plan(plan, math.nan), math.nan, True),
-        "a cost that equals all": lambda: Solution(
-            Plan(plan, Agreeable(0.0)), Agreeable(0.0), True
-        ),
         "an infinite bound": lambda: Solution(Plan(plan, cost), math.inf, True),
         "a bound above its cost": lambda: Solution(Plan(plan, cost), cost * 2, False),
         "a skill that is none": lambda: Solution(Plan(("fly",), 0.0), 0.0, True),
@@ -108,15 +73,13 @@ def solvers() -> dict[str, Act]:
     }
     return {
         **acts,
-        "a start that is the goal": _moving_the_start,
-        "skills that cost nothing": _free_skills,
         "the end of the program": _leaving,
         "the end of a generator": _interrupting,
     }
 
 
 def _solver_is_caught(act: Act) -> None:
-    """Assert that a liar is not believed, ends nothing, and leaves the task as it was."""
+    """Assert that a liar is not believed and ends nothing."""
     task = two_roads_task()
     _, cost = _solved()
     try:
@@ -130,8 +93,6 @@ def _solver_is_caught(act: Act) -> None:
         bound = result.lower_bound
         assert bound is None or bound <= cost, f"believed the bound {bound}"
         assert result.status != "optimal" or bound == cost, "believed its bound"
-    honest = solve(task, "exact")
-    assert ("optimal", cost) == (honest.status, honest.cost), "the task was changed"
 
 
 def chance_claims(task: Task) -> dict[str, Solution]:

@@ -65,7 +65,7 @@ MUTANTS = [
         "the referee grants every proof",
         REFEREE,
         "    if cost is not None and bound is not None and bound > cost + tolerance(cost):\n",
-        "    return _proved(granted, solution)\n"
+        "    return _accept_proof(result, solution)\n"
         "    if cost is not None and bound is not None and bound > cost + tolerance(cost):\n",
         "lies",
     ),
@@ -79,22 +79,15 @@ MUTANTS = [
     Mutant(
         "the referee passes over violations of a replay",
         REFEREE,
-        "    if walked.violations:\n        fault = walked.violations[0]\n        where = f",
-        "    if False:\n        fault = walked.violations[0]\n        where = f",
+        "    if replayed.violations:\n        fault = replayed.violations[0]\n        where = f",
+        "    if False:\n        fault = replayed.violations[0]\n        where = f",
         "lies",
     ),
     Mutant(
         "the referee does not work out expected costs",
         REFEREE,
-        "    if least is not None and claimed > least + tolerance(least):\n",
-        "    if False and least is not None:\n",
-        "lies",
-    ),
-    Mutant(
-        "changes to the task are not undone",
-        "judge/untouched.py",
-        "        if self._before is None or _pickled(self._task) == self._before:\n",
-        "        if True:\n",
+        "    if least_cost is not None and claimed > least_cost + tolerance(least_cost):\n",
+        "    if False and least_cost is not None:\n",
         "lies",
     ),
     Mutant(

@@ -10,8 +10,8 @@ from situations import assembly, config_content, fake_back_end, small_assemblies
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import Feasibility
-from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.task.verdict import Verdict
 
 

@@ -13,8 +13,8 @@ from skillplan.checks.feasibility import Feasibility
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError
 from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

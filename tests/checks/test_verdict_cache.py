@@ -21,7 +21,7 @@ from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.checks.verdict_files import VerdictRecord, content_hash, read_record, verdict_key
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
-from skillplan.pipeline.run import make_model, solve, warm_cache
+from skillplan.pipeline.solving import make_model, solve, warm_cache
 from skillplan.task import back_end as back_ends
 from skillplan.task.task import Precedence
 from skillplan.task.verdict import Verdict, VerdictStatus

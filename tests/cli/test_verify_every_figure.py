@@ -327,7 +327,7 @@ class TestWhatWasAsked:
         self, cli: Any, run: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Nothing on disk is even opened."""
-        from skillplan.pipeline import run as pipeline
+        from skillplan.pipeline import solving as pipeline
 
         opened = []
         real = pipeline.warm_cache

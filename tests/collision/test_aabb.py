@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from situations import assembly, config_content, fetching_board
 from skillplan.collision.aabb import AabbDetector
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.testing import DetectorSuite, lid_content, reachable_states
 
 

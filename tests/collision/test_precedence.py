@@ -4,8 +4,8 @@ import pytest
 
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 
 

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Status
 from transcripts import PAGES, ROOT, fences
 

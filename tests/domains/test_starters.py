@@ -10,8 +10,8 @@ from skillplan.errors import OptionError
 from skillplan.files.yaml import parse
 from skillplan.pipeline import registry
 from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import solve
 
 KINDS = ("assembly", "sop", "swarmitfix")
 

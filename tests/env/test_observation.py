@@ -9,7 +9,7 @@ from board_situations import OPTIMAL, state_after
 from situations import graph_of, model_of
 from skillplan.env.observation import Observation
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 from swarm_situations import base_task
 

@@ -11,7 +11,7 @@ from board_situations import OPTIMAL
 from situations import fake_back_end, model_of, retry_task, two_roads_task
 from skillplan.env.skill_env import SkillEnv
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 

@@ -28,8 +28,8 @@ from skillplan.exporters.pddl.exporter import ActionNames, PddlExporter, Plannin
 from skillplan.judge import fast_downward
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.export import exported, handed_over
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 from skillplan.task.condition import Condition
 from skillplan.task.task import Task

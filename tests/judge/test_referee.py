@@ -28,8 +28,8 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.judge import referee
 from skillplan.judge.referee import counterexample, cross_examine
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Result, Status
 from skillplan.solvers import stop as stops
 from skillplan.solvers.solution import Plan, Policy, Solution

@@ -23,7 +23,7 @@ from situations import (
 from skillplan.errors import NotASequencing
 from skillplan.judge.second_proof import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 from skillplan.task.verdict import Verdict
 

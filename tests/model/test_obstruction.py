@@ -7,8 +7,8 @@ from typing import Any
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.model.obstruction import obstruction
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 from skillplan.testing import lid_content, lid_task, shut_box_task
 

@@ -4,8 +4,8 @@ import pytest
 
 from situations import fake_back_end, model_of, two_roads_task
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.task.reward import RewardScheme
 from skillplan.task.verdict import Verdict
 

@@ -26,8 +26,8 @@ from skillplan.chart.precedence_chart import derive_chart
 from skillplan.errors import NotASequencing, OptionError
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.task.condition import Condition
 from skillplan.task.skill import Outcome
 from skillplan.task.verdict import Verdict

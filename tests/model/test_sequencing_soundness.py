@@ -10,8 +10,8 @@ from situations import FakeSetup, assembly, crowded_assemblies, small_assemblies
 from skillplan.errors import NotASequencing
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from skillplan.errors import ModelTooLarge
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.testing import lid_task
 
 

@@ -11,9 +11,9 @@ from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.chain import (
     solve_chain,
 )
-from skillplan.pipeline.comparing.comparison import solve_chain_with_all
+from skillplan.pipeline.comparison import solve_chain_with_all
 from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solver_choice import solver_names, solvers_by_stage
+from skillplan.pipeline.solving import solver_names, solvers_by_stage
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop

@@ -14,8 +14,7 @@ import pytest
 
 from skillplan import load_problem
 from skillplan.errors import OptionError
-from skillplan.pipeline.comparing.comparison import compare_solvers
-from skillplan.pipeline.comparing.comparison_workers import Terms, rows_side_by_side
+from skillplan.pipeline.comparison import Terms, compare_solvers, rows_side_by_side
 from skillplan.pipeline.setup import Setup
 from skillplan.solvers.stop import Stop
 from skillplan.workers.local_processes import LocalProcesses

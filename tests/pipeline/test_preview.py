@@ -6,9 +6,9 @@ import pytest
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
-from skillplan.pipeline import preview as stage
+from skillplan.pipeline import obstacles as stage
 from skillplan.pipeline import registry
-from skillplan.pipeline.preview import preview
+from skillplan.pipeline.obstacles import preview
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.preview import DerivedOrder
 

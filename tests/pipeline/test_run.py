@@ -11,9 +11,9 @@ from skillplan.collision.aabb import AabbDetector
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
 from skillplan.pipeline import registry
-from skillplan.pipeline.comparing.comparison import solve_all
-from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve
+from skillplan.pipeline.comparison import solve_all
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import cache_folder, make_model, make_solver, solve
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import BackEndChoice
@@ -164,7 +164,7 @@ def test_a_comparison_holds_the_claims_together(monkeypatch):
     monkeypatch.setattr("skillplan.judge.referee.AUDIT_STATES", 0)
     task, setup = two_roads_task(), FakeSetup()
     monkeypatch.setattr(
-        "skillplan.pipeline.run.make_solver",
+        "skillplan.pipeline.solving.make_solver",
         lambda name, *rest: {"liar": liar, "honest": honest}[name],
     )
     assert solve(task, "liar", setup).status == "optimal"

@@ -8,7 +8,7 @@ import pytest
 
 from situations import FakeSetup, fake_back_end, two_roads_task
 from skillplan.physics.engine import Engine
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Result, Status
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill

@@ -15,8 +15,8 @@ import pytest
 from situations import FakeSetup
 from skillplan.errors import BackEndError, SearchStopped, SolverError
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_solver, solve
-from skillplan.pipeline.search.apart import GRACE_S
+from skillplan.pipeline.separate_process import GRACE_S
+from skillplan.pipeline.solving import make_solver, solve
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.testing import lid_task

@@ -10,12 +10,9 @@ from typing import Any
 
 import pytest
 
-from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account, Listing
-from skillplan.pipeline.run import attempt, grade, make_draft, solve
-from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import SearchRequest, describe, grade, search, solve
 from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status
 from skillplan.task.task import Task
 from skillplan.views.tables.chain import (
@@ -55,8 +52,8 @@ def result(task: Task, status: Status = Status.OPTIMAL, **changes: Any) -> Resul
         }
     else:
         figures = {"reason": "told"}
-    granted = Grade(status, **figures)
-    return replace(make_draft(task, "made", Setup(), 0).graded(granted), **changes)
+    ungraded = describe(SearchRequest(task, "made"))
+    return replace(replace(ungraded, status=status, **figures), **changes)
 
 
 def part(
@@ -266,6 +263,6 @@ class TestTables:
 
     def test_a_graded_attempt_makes_a_part(self) -> None:
         """End to end, without anything made up."""
-        cache = VerdictCache()
-        graded = grade(TWO, attempt(TWO, "exact", cache=cache), Setup(), cache)
+        request = SearchRequest(TWO, "exact")
+        graded = grade(request, search(request))
         assert Status.OPTIMAL is chain(ChainPart(TWO, graded, graded.cost)).status

@@ -8,8 +8,8 @@ import pytest
 
 from situations import make_skill, make_task
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.evaluation import Evaluation
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Plan, Solution

@@ -12,7 +12,7 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.model.policy_value import roll_out
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Result
 from skillplan.records.stored import policy_file
 from skillplan.records.stored.policy_file import policy_document, read_policy, start_state

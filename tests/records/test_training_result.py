@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.published_runs import TABLE_III, published_runs
 from skillplan.records.training.result import (

@@ -19,8 +19,8 @@ from situations import (
 )
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_solver, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_solver, solve
 from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import make_skill, make_task, retry_task
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.search.csp import CspSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.condition import Condition

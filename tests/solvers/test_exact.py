@@ -25,8 +25,8 @@ from situations import (
 )
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts

@@ -20,8 +20,8 @@ from situations import (
     two_roads_task,
 )
 from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.search.exhaustive import ExhaustiveSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import cheapest_by_length, make_skill, make_task, model_of, optimum, small_tasks
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 from skillplan.solvers.mdp.bellman_solver import BellmanSolver
 from skillplan.solvers.mdp.policy_iteration import PolicyIterationSolver

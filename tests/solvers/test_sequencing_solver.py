@@ -24,9 +24,9 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import NotASequencing
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.run import make_model, solve
-from skillplan.pipeline.run import make_solver as made_solver
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, solve
+from skillplan.pipeline.solving import make_solver as made_solver
 from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop

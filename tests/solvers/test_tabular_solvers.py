@@ -10,8 +10,8 @@ from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.records.result import Status
 from skillplan.solvers.kernels import compiled
 from skillplan.solvers.learning.episode_kernels import random_bits

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.mdp.label_setting import costs_to_go
 from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 from skillplan.task.reward import DistanceReward

@@ -5,7 +5,7 @@ from hypothesis import given
 
 from situations import make_skill, make_task, retry_task, small_tasks, two_roads_task
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver

@@ -8,8 +8,8 @@ from pathlib import Path
 from skillplan.exporters.exporter import Handover
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.export import handed_over
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.task.task import Task
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -16,8 +16,8 @@ from skillplan.domains.load import Problem
 from skillplan.env.observation import Observation
 from skillplan.files.json_file import json_text
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.task_difference import resolved_config
 from skillplan.records.training.network_policy_file import write_network

@@ -12,7 +12,7 @@ from skillplan.errors import NotASequencing
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.reachability import unreachable_facts

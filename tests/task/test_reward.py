@@ -6,8 +6,8 @@ import math
 import pytest
 
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.task.condition import Condition
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.state import Facts

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.scene import Body, Box, Placement, Pose, Robot, Scene
 from skillplan.task.state import Facts
 from skillplan.testing import reachable_states

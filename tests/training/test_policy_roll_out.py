@@ -13,8 +13,8 @@ from run_folders import HOPELESS, OPTIMAL, SWITCHED, lookup_network
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task

@@ -9,8 +9,8 @@ import pytest
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, problem_of, write_runs
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.result import RunStatus, Sampling, Tally, TrainingResult
 from skillplan.records.training.run_folder import RunFolder

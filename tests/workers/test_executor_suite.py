@@ -11,9 +11,9 @@ import pytest
 
 from same_process import SameProcess
 from skillplan.pipeline import registry
-from skillplan.pipeline.comparing.comparison import compare_solvers
-from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.comparison import compare_solvers
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.sweep.parameter_study import do_study, plan_study
 from skillplan.testing import ExecutorSuite, lid_task
 from skillplan.testing.executor_suite import ExpensiveBoxes

@@ -10,8 +10,8 @@ import pytest
 
 from board_situations import BOARD
 from skillplan.chart.precedence_chart import derive_chart
-from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.plugins import installed
 from skillplan.task.task import Task
 from skillplan.testing import lid_task

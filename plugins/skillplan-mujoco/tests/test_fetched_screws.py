@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from situations import assembly, fetching_board
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.task.verdict import Verdict
 
 BACK_ENDS = {

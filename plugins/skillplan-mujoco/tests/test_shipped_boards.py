@@ -17,8 +17,8 @@ import pytest
 from skillplan.chart.partial_order import closure
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.single_check import introduce
-from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan.records.result import Result
 from skillplan.task.skill import Skill

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from skillplan.physics.kinematic import straight_down
-from skillplan.pipeline import never_feasible
-from skillplan.pipeline.preview import preview
+from skillplan.pipeline import obstacles
+from skillplan.pipeline.obstacles import preview
 from skillplan.pipeline.setup import load_problem
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.scene import Robot
@@ -93,5 +93,5 @@ def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(
     """Asked of all skills, it warns of the same."""
     problem = load_problem(path)
     found = preview(problem).warnings
-    monkeypatch.setattr(never_feasible, "surely_reached", lambda *_: False)
+    monkeypatch.setattr(obstacles, "surely_reached", lambda *_: False)
     assert preview(problem).warnings == found

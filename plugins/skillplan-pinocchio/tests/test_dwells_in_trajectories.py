@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly
 from skillplan.cli.app import main
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import solve
 from skillplan.testing.tasks import lid_content
 from skillplan_pinocchio.swept import SweptDetector
 

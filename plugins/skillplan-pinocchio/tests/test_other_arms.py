@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.robots.arm_description import Capsule, Rod
 from skillplan.robots.catalogue import ARMS, STANDARD_HAND
 from skillplan.robots.panda import PANDA, PANDA_HAND

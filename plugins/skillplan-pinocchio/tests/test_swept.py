@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.task.grasp import AXES
 from skillplan.task.scene import Cylinder, Grasp, GraspKind
 from skillplan.task.verdict import VerdictStatus

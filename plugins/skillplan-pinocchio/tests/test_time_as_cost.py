@@ -7,8 +7,8 @@ import pytest
 from skillplan import load_problem
 from skillplan.cli.app import main
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 
 SWEPT = Setup(collision=("swept",))
 BOARD = "configs/inverter_board.yaml"

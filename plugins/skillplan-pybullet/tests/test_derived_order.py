@@ -16,8 +16,8 @@ from situations import config_content
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.records.result import Result, Status
 from skillplan.task.task import Precedence, Task
 from thinned import thinned

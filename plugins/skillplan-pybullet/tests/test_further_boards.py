@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import solve
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))

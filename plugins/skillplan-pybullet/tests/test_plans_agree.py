@@ -17,8 +17,8 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_simulation.contact_pairs import ContactPairsDetector

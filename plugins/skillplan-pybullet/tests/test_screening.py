@@ -9,8 +9,8 @@ import pytest
 
 from board_situations import BOARD
 from skillplan.cli.app import main
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Status
 from skillplan.task.task import Task
 

@@ -11,8 +11,8 @@ from board_situations import BOARD
 from skillplan.checks.single_check import introduce
 from skillplan.collision.boxes import world_boxes
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.task.scene import WORLD
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

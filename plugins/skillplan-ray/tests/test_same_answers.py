@@ -18,8 +18,8 @@ import pytest
 from ray_clusters import places
 from skillplan.checks.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.testing import reachable_states
 from skillplan.workers.executor_choice import ExecutorChoice
 

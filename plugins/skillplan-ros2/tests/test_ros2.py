@@ -20,8 +20,8 @@ from skillplan.exporters.exporter import Handover
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.task.skill import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task
 from skillplan.testing.exporter_suite import solved_lid

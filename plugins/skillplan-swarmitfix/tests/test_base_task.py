@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task
 from skillplan_swarmitfix.base.task import BaseGrounding, at

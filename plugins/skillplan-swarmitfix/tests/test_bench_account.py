@@ -11,8 +11,8 @@ import pytest
 from skillplan.domains.domain import Account
 from skillplan.files.plain_json import json_fault
 from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import solve
 from skillplan_swarmitfix.account import account
 from skillplan_swarmitfix.job import Job
 from skillplan_swarmitfix.schema import SwarmitfixConfig

@@ -14,7 +14,7 @@ from example_count import examples
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
 from skillplan.judge import referee
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import SWING_S, fewest, pins_are_disjoint, random_robots, task_of
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.task.task import Task
 from skillplan.testing import reachable_states
 from skillplan_swarmitfix.bench.bench import Bench

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan_swarmitfix.base.goal_choice import GoalRule, choose
 from skillplan_swarmitfix.base.goals import GoalSet, How
 from skillplan_swarmitfix.base.goals_task import goal_of, goals_task, serve

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan_swarmitfix.heads.geometry import SupportedStretch, overlap
 from skillplan_swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
 from skillplan_swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault

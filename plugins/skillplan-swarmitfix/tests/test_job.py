@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan.task.task import BackEndChoice, Task
 from skillplan_swarmitfix.bench.step_timings import Timings
 from skillplan_swarmitfix.domain import SwarmitfixDomain

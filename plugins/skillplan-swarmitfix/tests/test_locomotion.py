@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.solving import solve
 from skillplan_swarmitfix.base.locomotion import (
     Agent,
     FiveStep,

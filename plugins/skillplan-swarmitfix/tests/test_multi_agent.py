@@ -9,7 +9,7 @@ import pytest
 
 from fleet_instances import random_robots, task_of
 from situations import make_skill, make_task
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.skill import Case, Outcome, Skill

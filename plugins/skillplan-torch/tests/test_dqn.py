@@ -15,7 +15,7 @@ from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.solvers.learning.network_policy import NetworkPolicy

@@ -11,8 +11,8 @@ import pytest
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE
-from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.solvers.learning.network_policy import allowing
 from skillplan_torch.observation_counts import ObservationCounts
 from skillplan_torch.planned.planned_episodes import PlannedEpisodes

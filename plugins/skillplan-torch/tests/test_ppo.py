@@ -15,8 +15,8 @@ from situations import model_of, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch.ppo import PpoSolver

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.training.relational_file import write_relational
 from skillplan.solvers.learning.family_learner import FamilyLesson
 from skillplan.training.family_training import GeneratedFamily, followed, read_policy

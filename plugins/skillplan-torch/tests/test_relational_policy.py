@@ -13,8 +13,8 @@ import yaml
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.errors import OptionError
 from skillplan.model.policy_value import roll_out
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 from skillplan_torch.relational.elements import ElementOrder, ElementPaths, ElementView, Sight
 from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork

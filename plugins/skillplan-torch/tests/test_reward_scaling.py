@@ -10,7 +10,7 @@ from situations import two_roads_task
 from skillplan import load_problem
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.reward import DistanceReward
 from skillplan_torch.reward_scaling import RewardScaling
 

@@ -18,8 +18,8 @@ from skillplan.errors import OptionError, exit_code
 from skillplan.files.output_path import output_folder
 from skillplan.physics.performance import Performer
 from skillplan.pipeline.presentation.performing import contact_detectors
-from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.records.execution.comparisons import agreement_document
 from skillplan.task.task import Task
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines

@@ -22,9 +22,8 @@ from skillplan.physics.performance import MOST_PLAYED_S, PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
 from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan
 from skillplan.pipeline.presentation.planning_motion import plan_motion
-from skillplan.pipeline.run import warm_cache
 from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solve_problem import solve_problem
+from skillplan.pipeline.solving import solve_problem, warm_cache
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate

@@ -103,7 +103,7 @@ def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError
     from skillplan.pipeline.certification import certify
-    from skillplan.pipeline.run import warm_cache
+    from skillplan.pipeline.solving import warm_cache
 
     limit_s = min(_VERIFICATION_S, time_limit_s or _VERIFICATION_S)
     with stoppable(limit_s, label="verifying") as stop:

@@ -13,7 +13,6 @@ from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.plugins.blame import ends_program
-from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task.skill import Skill
@@ -27,72 +26,82 @@ CHANCE_STATES = 20_000
 
 
 def judge(
+    ungraded: Result,
     solution: Solution,
     model: SkillModel,
     *,
     unknown_met: bool,
     audit: bool = True,
     left_open: str = "",
-) -> Grade:
-    """Return what the referee grants a solution.
+) -> Result:
+    """Grade a solution: replay its plan or policy, and try to refute its claims.
 
     Parameters
     ----------
+    ungraded
+        An unsolved result that names task and solver.
     solution
-        What the solver claims.
+        The claims of the solver.
     model
-        A fresh model, not the one that the solver has used.
+        A fresh model that the solver has not used.
     unknown_met
-        Whether the solver's model left out skills because a back end could not decide.
+        Whether the solver left out skills because a back end could not decide.
     audit
-        Whether the referee may search the model for a counterexample; not where checks are
-        expensive.
+        Whether to search the model for a counterexample; not if checks are expensive.
     left_open
-        About which skill a back end could not decide first, and why.
+        The first skill that a back end could not decide, and why.
     """
-    found = solution.found
-    if isinstance(found, Plan):
-        granted = _judge_plan(found, model)
-    elif found is not None:
-        granted = _judge_policy(found, model)
+    answer = solution.found
+    if isinstance(answer, Plan):
+        result = _judge_plan(ungraded, answer, model)
+    elif answer is not None:
+        result = _judge_policy(ungraded, answer, model)
     elif solution.proved:
-        granted = Grade(Status.INFEASIBLE)
+        result = replace(ungraded, status=Status.INFEASIBLE)
     else:
-        granted = Grade(Status.UNSOLVED, reason="no plan was found")
-    if granted.status is not Status.WRONG:
+        result = replace(ungraded, reason="no plan was found")
+    if result.status is not Status.WRONG:
         such_as = f": {left_open}" if left_open else ""
         unknown = f"some verdicts are unknown, so that nothing is proved{such_as}"
-        granted = _judge_proof(granted, solution, model, unknown if unknown_met else "", audit)
-    return granted
+        result = _judge_proof(result, solution, model, unknown if unknown_met else "", audit)
+    return result
 
 
-def _judge_plan(plan: Plan, model: SkillModel) -> Grade:
+def _judge_plan(ungraded: Result, plan: Plan, model: SkillModel) -> Result:
     task = model.task
     if not task.deterministic:
-        return _wrong("a fixed sequence was returned for a task with chance; needs a policy")
+        reason = "a fixed sequence was returned for a task with chance; needs a policy"
+        return _refute(ungraded, reason)
     try:
         skills = [task.skills[task.action(name)] for name in plan.skills]
     except SkillplanError as error:
-        return _wrong(f"the plan is not one of this task: {error}")
-    walked = replay(model, skills)
-    if walked.violations:
-        fault = walked.violations[0]
+        return _refute(ungraded, f"the plan is not one of this task: {error}")
+    replayed = replay(model, skills)
+    if replayed.violations:
+        fault = replayed.violations[0]
         where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
-        return _wrong(f"the plan fails at {where}: {fault.stage}: {fault.reason}")
-    if plan.cost is not None and not abs(plan.cost - walked.cost) <= tolerance(walked.cost):
-        return _wrong(f"the solver says its plan costs {plan.cost!r}; it costs {walked.cost!r}")
-    return _solved(walked)
+        return _refute(ungraded, f"the plan fails at {where}: {fault.stage}: {fault.reason}")
+    if plan.cost is not None and not abs(plan.cost - replayed.cost) <= tolerance(replayed.cost):
+        reason = f"the solver says its plan costs {plan.cost!r}; it costs {replayed.cost!r}"
+        return _refute(ungraded, reason)
+    return _accept(ungraded, replayed)
 
 
-def _solved(walked: Replay) -> Grade:
-    return Grade(Status.SOLVED, cost=walked.cost, steps=walked.steps, makespan_s=walked.duration_s)
+def _accept(ungraded: Result, replayed: Replay) -> Result:
+    return replace(
+        ungraded,
+        status=Status.SOLVED,
+        cost=replayed.cost,
+        steps=replayed.steps,
+        makespan_s=replayed.duration_s,
+    )
 
 
-def _judge_policy(policy: Mapping[State, Skill], model: SkillModel) -> Grade:
+def _judge_policy(ungraded: Result, policy: Mapping[State, Skill], model: SkillModel) -> Result:
     task = model.task
 
     def choose(state: State) -> Skill | None:
-        # By name: the task's own skill counts, not what a solver may have made of it.
+        # By name, as the solver may return skills of its own making.
         try:
             skill = policy.get(state)
             return None if skill is None else task.skills[task.action(skill)]
@@ -107,106 +116,108 @@ def _judge_policy(policy: Mapping[State, Skill], model: SkillModel) -> Grade:
         skills = roll_out(model, choose)
         value = None if task.deterministic else evaluate_policy(model, choose)
     except _NotOfThisTask as error:
-        return _wrong(f"the policy is not one of this task: {error}")
+        return _refute(ungraded, f"the policy is not one of this task: {error}")
     except ModelTooLarge as error:
-        return Grade(Status.UNSOLVED, reason=f"cannot be judged: {error}")
-    walked = replay(model, skills)
-    if not walked.feasible or (value is not None and value.infeasible):
-        problem = value.problem if value is not None and value.infeasible else _fault(walked)
-        return _wrong(f"the policy takes a step that is infeasible: {problem}")
+        return replace(ungraded, reason=f"cannot be judged: {error}")
+    replayed = replay(model, skills)
+    if not replayed.feasible or (value is not None and value.infeasible):
+        problem = value.problem if value is not None and value.infeasible else _fault(replayed)
+        return _refute(ungraded, f"the policy takes a step that is infeasible: {problem}")
     if value is None:
-        if walked.complete:
-            return _solved(walked)
-        reason = f"the policy does not complete the task: {_fault(walked)}"
-        return Grade(Status.UNSOLVED, reason=reason)
+        if replayed.complete:
+            return _accept(ungraded, replayed)
+        reason = f"the policy does not complete the task: {_fault(replayed)}"
+        return replace(ungraded, reason=reason)
     if value.cost is None:
-        return Grade(Status.UNSOLVED, reason=value.problem or "")
-    granted = _solved(walked)
-    return replace(granted, cost=value.cost, makespan_s=value.duration_s)
+        return replace(ungraded, reason=value.problem or "")
+    return replace(_accept(ungraded, replayed), cost=value.cost, makespan_s=value.duration_s)
 
 
 class _NotOfThisTask(Exception):
-    """Raised where a policy's answer is no skill of the task."""
+    """A policy chose something that is not a skill of the task."""
 
 
-def _fault(walked: Replay) -> str:
-    fault = walked.violations[0]
+def _fault(replayed: Replay) -> str:
+    fault = replayed.violations[0]
     where = f"step {fault.step + 1} ({fault.skill}): " if fault.skill else ""
     return f"{where}{fault.stage}: {fault.reason}"
 
 
 def _judge_proof(
-    granted: Grade, solution: Solution, model: SkillModel, unknown: str, audit: bool
-) -> Grade:
-    """Grant the claimed bound and proof, or not; `unknown` says what was left open, if anything."""
-    bound, cost = solution.lower_bound, granted.cost
+    result: Result, solution: Solution, model: SkillModel, unknown: str, audit: bool
+) -> Result:
+    """Check the claimed bound and proof; `unknown` names the verdicts left open, if any."""
+    bound, cost = solution.lower_bound, result.cost
     if cost is not None and bound is not None and bound > cost + tolerance(cost):
-        return _wrong(f"the solver claims the bound {bound!r} for a plan of {cost!r}")
+        return _refute(result, f"the solver claims the bound {bound!r} for a plan of {cost!r}")
     if cost is not None and solution.proved and (bound is None or cost - bound > tolerance(cost)):
-        return _wrong(f"the solver claims a proof with the bound {bound!r}, not {cost!r}")
+        return _refute(result, f"the solver claims a proof with the bound {bound!r}, not {cost!r}")
     if unknown:
         status = Status.UNSOLVED if cost is None else Status.SOLVED
-        return replace(granted, status=status, reason=unknown)
-    # Whatever is cheaper than the claimed bound refutes it.
-    claimed = math.inf if granted.status is Status.INFEASIBLE else bound
+        return replace(result, status=status, reason=unknown)
+    # Any plan that is cheaper than the claimed bound refutes it.
+    claimed = math.inf if result.status is Status.INFEASIBLE else bound
     if claimed is not None and not model.task.deterministic:
-        return _judge_expectation(granted, solution, model, claimed, audit)
+        return _judge_expectation(result, solution, model, claimed, audit)
     if audit and claimed is not None:
         cheaper = counterexample(model, claimed)
         if cheaper is not None:
-            text = ",".join(str(model.task.action(skill)) for skill in cheaper)
-            return _wrong(
-                f"the solver claims that no plan costs less than {claimed!r}, but: {text}"
-            )
-    return _proved(granted, solution)
+            actions = ",".join(str(model.task.action(skill)) for skill in cheaper)
+            reason = f"the solver claims that no plan costs less than {claimed!r}, but: {actions}"
+            return _refute(result, reason)
+    return _accept_proof(result, solution)
 
 
-def _proved(granted: Grade, solution: Solution) -> Grade:
-    """Return a grade with a bound, and a proof if one is claimed, against which nothing stands."""
-    bound, cost = solution.lower_bound, granted.cost
-    if bound is None or granted.status is Status.INFEASIBLE:
-        return granted
+def _accept_proof(result: Result, solution: Solution) -> Result:
+    """Return a result with the claimed bound, and with the proof if one is claimed."""
+    bound, cost = solution.lower_bound, result.cost
+    if bound is None or result.status is Status.INFEASIBLE:
+        return result
     if cost is None:
-        return replace(granted, lower_bound=bound)
+        return replace(result, lower_bound=bound)
     if solution.proved:
-        return replace(granted, status=Status.OPTIMAL, lower_bound=cost)
-    return replace(granted, lower_bound=min(bound, cost))
+        return replace(result, status=Status.OPTIMAL, lower_bound=cost)
+    return replace(result, lower_bound=min(bound, cost))
 
 
 def _judge_expectation(
-    granted: Grade, solution: Solution, model: SkillModel, claimed: float, audit: bool
-) -> Grade:
-    """Hold what is claimed of every policy's expected cost against the least that there is.
+    result: Result, solution: Solution, model: SkillModel, claimed: float, audit: bool
+) -> Result:
+    """Compare a claimed bound on expected costs with the least expected cost.
 
-    A sequence of skills cannot refute such a claim, only another policy can.
+    Only another policy can refute such a claim, a sequence of skills cannot.
     """
-    least, doubt = None, "where checks are expensive, a proof under chance is not audited"
+    least_cost, doubt = None, "where checks are expensive, a proof under chance is not audited"
     if audit:
-        least, doubt = _least(model)
-    if least is not None and claimed > least + tolerance(least):
-        return _wrong(
+        least_cost, doubt = _find_least_cost(model)
+    if least_cost is not None and claimed > least_cost + tolerance(least_cost):
+        return _refute(
+            result,
             f"the solver claims that no policy costs less than {claimed!r}; the best costs "
-            f"{least!r}",
+            f"{least_cost!r}",
         )
-    if least is not None or not solution.proved:
-        return _proved(granted, solution)
-    if granted.status is Status.INFEASIBLE:
-        return replace(granted, status=Status.UNSOLVED, reason=doubt)
-    return replace(_proved(granted, replace(solution, proved=False)), reason=doubt)
+    if least_cost is not None or not solution.proved:
+        return _accept_proof(result, solution)
+    if result.status is Status.INFEASIBLE:
+        return replace(result, status=Status.UNSOLVED, reason=doubt)
+    return replace(_accept_proof(result, replace(solution, proved=False)), reason=doubt)
 
 
-def _least(model: SkillModel) -> tuple[float | None, str]:
-    """Return the least expected cost, or None and why the referee cannot work it out."""
-    # Takes numpy, which nothing needs that is judged without chance.
+def _find_least_cost(model: SkillModel) -> tuple[float | None, str]:
+    """Return the least expected cost, or None and why the referee cannot calculate it."""
+    # Imports numpy, which a task without chance does not need.
     from skillplan.model.least_expected_cost import least_expected_cost
 
     try:
-        least = least_expected_cost(model, CHANCE_STATES)
+        least_cost = least_expected_cost(model, CHANCE_STATES)
     except ModelTooLarge:
         return None, f"a proof under chance is audited up to {CHANCE_STATES:,} states"
     if model.stats.unknown:
         return None, "some verdicts are unknown, so that nothing is proved"
-    return least, "" if least is not None else "the audit of the proof did not come to an end"
+    return (
+        least_cost,
+        "" if least_cost is not None else "the audit of the proof did not come to an end",
+    )
 
 
 def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
@@ -264,16 +275,12 @@ def cross_examine(results: Sequence[Result]) -> list[Result]:
                 f"claims that no plan costs less than {claimed!r}; {best.solver} found one of "
                 f"{best.cost!r}"
             )
-            result = _refuted(result, reason)
+            result = _refute(result, reason)
         judged.append(result)
     return judged
 
 
-def _wrong(reason: str) -> Grade:
-    return Grade(Status.WRONG, reason=reason)
-
-
-def _refuted(result: Result, reason: str) -> Result:
+def _refute(result: Result, reason: str) -> Result:
     cleared: dict[str, Any] = {"cost": None, "steps": (), "makespan_s": None, "lower_bound": None}
     return replace(result, status=Status.WRONG, reason=reason, **cleared)
 

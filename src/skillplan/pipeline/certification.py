@@ -29,8 +29,8 @@ from skillplan.pipeline.derivation import (
 from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
 from skillplan.pipeline.record_check import RecordCheck, SavedTables
 from skillplan.pipeline.result_origin import found_origin, origin_problem, restored_setup
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status, tolerance

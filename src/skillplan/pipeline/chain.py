@@ -1,4 +1,4 @@
-"""Chains of tasks: each solved in turn, the later ones grounded from what the earlier ones gave.
+"""Chains of tasks: each solved in turn, the later ones grounded from the plans of the earlier ones.
 
 The hierarchical planner of Veeramani and Muthuswamy (section 4.1) is such a chain: heads along
 the trajectory, goals of the base, paths of the base.
@@ -9,22 +9,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from skillplan.checks.single_check import introduce_back_ends
+from skillplan.checks.single_check import introduce_back_ends, list_not_checked
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, SkillplanError
-from skillplan.pipeline.run import attempt, grade, make_draft, make_solver, solve
-from skillplan.pipeline.search.attempt import Attempt
 from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solver_choice import REFERENCE, made_for, solvers_by_stage
+from skillplan.pipeline.solving import (
+    REFERENCE,
+    SearchOutcome,
+    SearchRequest,
+    describe_failure,
+    grade,
+    made_for,
+    make_solver,
+    search,
+    solvers_by_stage,
+)
 from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.grading import failed_grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
+
+# Time limit of the exact search whose optimum stands beside a solver's plan [s].
+_REFERENCE_S = 5.0
 
 
 def solve_chain(
@@ -40,31 +50,23 @@ def solve_chain(
 ) -> ChainResult:
     """Solve the tasks of a problem in turn and have each judged.
 
-    A task whose plan the domain has by a rule of its own is not searched, unless it is of the
-    one stage that the solver is for; the other stages of such a solver are left to exact
-    search, and where it fails it may request finer plans of the levels above, as often as its
-    ``replans`` says. A policy answers later tasks with the same goal without planning again.
-    Beside every plan stands the optimum that exact search proves.
+    A task whose plan the domain has by a rule of its own is not searched, unless the solver is
+    made for its stage. Exact search solves the other stages of such a solver. If the solver fails,
+    it may request finer plans of the levels above, as often as its ``replans`` says. A policy
+    answers later tasks with the same goal without planning again. Beside each plan stands the
+    optimum that exact search proves.
 
     Parameters
     ----------
     problem
         A loaded file of one or several tasks.
     solver
-        The solver's name; or one for every stage, as ``heads=monte-carlo,base=sarsa``, where
-        ``exact`` takes the stages that are not named.
-    setup
-        Back ends and options.
-    seed
-        Governs all randomness.
+        A solver's name; or one for each stage, as ``heads=monte-carlo,base=sarsa``, where
+        ``exact`` solves the stages that are not named.
+    setup, seed, cache, jobs, audit
+        As in `SearchRequest`.
     stop
-        When to stop; its time limit is for the whole chain.
-    cache
-        Where verdicts are kept; a fresh one in memory by default.
-    jobs
-        In how many processes expensive back ends are queried; 1 for this one.
-    audit
-        As in `solve`, for each search.
+        Limits; the time limit is for the whole chain.
 
     Raises
     ------
@@ -73,9 +75,9 @@ def solve_chain(
     BackEndError
         If a back end fails.
     """
-    stop = Stop() if stop is None else stop
-    spare = problem.spare_back_ends
-    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare, audit=audit).run()
+    stop, cache = stop or Stop(), VerdictCache() if cache is None else cache
+    request = SearchRequest(problem.tasks[0], solver, setup, seed, stop, cache, jobs, audit=audit)
+    return Chain(problem, request, problem.spare_back_ends).run()
 
 
 class Chain:
@@ -83,54 +85,42 @@ class Chain:
 
     Parameters
     ----------
-    problem, solver, setup, seed, stop, cache, jobs, audit
-        As in `solve_chain`.
+    problem
+        A loaded file of one or several tasks.
+    request
+        The request for each search; its task is replaced, and its solver, which is a name or one
+        for each stage as in `solve_chain`.
     spare
         Back ends constructed already; those that are used are taken out.
 
     Attributes
     ----------
     tasks
-        As they stand, given the parts solved so far.
+        The tasks, grounded with the plans so far.
     parts
-        What became of the first of them.
+        The tasks that are solved, with their results.
     plans
         Names of skills by the name of the task that they solve.
     replans
-        How often the upper levels were planned again because a lower one had failed.
+        Number of times that the upper levels were planned again because a lower one had failed.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        solver: str,
-        setup: Setup,
-        seed: int,
-        stop: Stop,
-        cache: VerdictCache | None,
-        jobs: int,
-        *,
-        spare: list[BackEnd],
-        audit: int | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, request: SearchRequest, spare: list[BackEnd]) -> None:
         self.problem = problem
-        self.solver = solver
-        self.setup = setup
-        self.seed = seed
-        self.stop = stop
-        self.cache = VerdictCache() if cache is None else cache
-        self.jobs = jobs
-        self.audit = audit
+        self.request = request
+        self.setup, self.stop = request.setup, request.stop
         self.spare = spare
         self.tasks = problem.tasks
         self.parts: list[ChainPart] = []
         self.plans: dict[str, tuple[str, ...]] = {}
         self.replans = 0
         stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
-        self.solvers = solvers_by_stage(solver, dict.fromkeys(stages))
-        # A solver that is made for a stage searches even what has a plan by rule.
+        assert isinstance(request.solver, str)
+        self.solver = request.solver
+        self.solvers = solvers_by_stage(self.solver, dict.fromkeys(stages))
+        # A solver that is made for a stage searches even the tasks that have a plan by rule.
         self.searched = {stage for stage, name in self.solvers.items() if made_for(name) == stage}
-        self.policies: dict[tuple[object, ...], Attempt] = {}
+        self.policies: dict[tuple[object, ...], SearchOutcome] = {}
         self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
 
     def run(self) -> ChainResult:
@@ -159,13 +149,11 @@ class Chain:
                 break
         return self._result()
 
-    def failed(self, error: SkillplanError) -> ChainResult:
-        """Return the chain as far as it came before a solver or back end raised."""
+    def end_with(self, error: SkillplanError) -> ChainResult:
+        """Return the chain so far, ended by a solver or back end that raised."""
         task = self.tasks[len(self.parts)]
-        solver = self.solvers[task.stage]
-        granted = failed_grade(error)
-        result = make_draft(task, solver, self.setup, self.seed).graded(granted)
-        self.parts.append(ChainPart(task, result))
+        request = replace(self.request, task=task, solver=self.solvers[task.stage])
+        self.parts.append(ChainPart(task, describe_failure(request, error)))
         return self._result()
 
     def _result(self, broken: str = "") -> ChainResult:
@@ -175,7 +163,7 @@ class Chain:
             problem.kind,
             problem.sha256,
             self.solver,
-            self.seed,
+            self.request.seed,
             tuple(self.parts),
             len(self.tasks),
             Account() if broken else problem.account(self.plans, self.replans),
@@ -196,77 +184,73 @@ class Chain:
         by_rule = self.rule_solution(task)
         if by_rule is not None:
             back_ends = self._back_ends(task)
-            draft = make_draft(task, "rule", self.setup, self.seed, back_ends)
-            return self._judged(task, Attempt(draft, by_rule, back_ends=back_ends))
+            outcome = SearchOutcome(
+                by_rule,
+                solver="rule",
+                back_ends=back_ends,
+                not_checked=list_not_checked(back_ends),
+            )
+            return self._judge(task, outcome)
         key = policy_key(task)
         stored = self.policies.get(key)
         if stored is not None and _answers(stored.solution, task):
-            # What was claimed for the other start does not hold for this one.
+            # The claims about the other start do not hold for this one.
             answer = Solution(stored.solution.policy, trace=stored.solution.trace)
-            return replace(self._judged(task, replace(stored, solution=answer)), reused=True)
-        made = self._attempt(task, self.solvers[task.stage])
-        if made.solution.policy is not None and not made.stopped and not made.touched:
-            self.policies[key] = made
-        return self._judged(task, made)
+            return replace(self._judge(task, replace(stored, solution=answer)), reused=True)
+        outcome = search(
+            replace(
+                self.request,
+                task=task,
+                solver=self.solvers[task.stage],
+                back_ends=self._back_ends(task),
+            )
+        )
+        if outcome.solution.policy is not None and not outcome.stopped:
+            self.policies[key] = outcome
+        return self._judge(task, outcome)
 
     def rule_solution(self, task: Task) -> Solution | None:
-        """Return what the domain's own rule says of a task; None if a solver is to search it."""
+        """Return the solution by the domain's own rule; None if a solver has to search."""
         if task.infeasible:
             return Solution(proved=True)
         if task.preset is None or task.stage in self.searched:
             return None
         return Solution(Plan(task.preset))
 
-    def _attempt(self, task: Task, solver: str) -> Attempt:
-        return attempt(
-            task,
-            solver,
-            self.setup,
-            seed=self.seed,
-            stop=self.stop,
-            cache=self.cache,
-            jobs=self.jobs,
-            back_ends=self._back_ends(task),
-            audit=self.audit,
-        )
-
     def _back_ends(self, task: Task) -> Sequence[BackEnd]:
-        """Return the back ends for a task, spare ones where they fit."""
+        """Return the back ends for a task, spare ones if they fit."""
         return introduce_back_ends(self.setup.back_ends(task, self.spare))
 
-    def _judged(self, task: Task, made: Attempt) -> ChainPart:
-        result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
-        optimum, method = self._optimum(task, result, made.back_ends_of(task))
+    def _judge(self, task: Task, outcome: SearchOutcome) -> ChainPart:
+        request = replace(self.request, task=task)
+        result = grade(request, outcome)
+        optimum, method = self._optimum(task, result, outcome.back_ends_for(task))
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
             result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
-        # Where nothing was searched, or only the optimum beside it, no result mentions it.
+        # An interruption outside of the part's own search is in no result yet.
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 
     def _optimum(
-        self, task: Task, result: Result, back_ends: Sequence[BackEnd] | None
+        self, task: Task, result: Result, back_ends: Sequence[BackEnd]
     ) -> tuple[float | None, str]:
-        """Return the proved optimum of a task and what proved it.
-
-        By exact search where the solver gave no bound.
-        """
+        """Return the proved optimum of a task and its method, by exact search if need be."""
         if result.status is Status.OPTIMAL:
             return result.cost, result.bound_method
         if result.lower_bound is not None or not task.deterministic or self.stop():
             return None, ""
         key = (task.initial, task.goal, task.facts.names, task.skills)
         if key not in self.optima:
-            stop = self.stop.within(_REFERENCE_S)
-            best = solve(
+            request = SearchRequest(
                 task,
                 REFERENCE,
                 self.setup,
-                stop=stop,
-                cache=VerdictCache(),
-                jobs=self.jobs,
-                back_ends=back_ends,
+                stop=self.stop.within(_REFERENCE_S),
+                jobs=self.request.jobs,
+                back_ends=back_ends or None,
             )
+            best = grade(request, search(request))
             proved = best.status is Status.OPTIMAL
             self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
         return self.optima[key]
@@ -281,7 +265,3 @@ def _answers(solution: Solution, task: Task) -> bool:
     """Whether a stored policy knows what to do at the start of a task with the same goal."""
     policy = solution.policy
     return policy is not None and (task.goal.holds(task.initial) or task.initial in policy)
-
-
-# Exact search of one task, to stand beside a solver's plan, takes no longer than this.
-_REFERENCE_S = 5.0

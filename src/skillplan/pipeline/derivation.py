@@ -13,11 +13,11 @@ from skillplan.model.policy_value import PolicyValue
 from skillplan.model.replay import Replay
 from skillplan.pipeline.chain import Chain, policy_key
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import SearchRequest
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status
 from skillplan.records.stored.result_file import StoredClaims, StoredPart, StoredResult
-from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
 UNCHECKED = {
@@ -194,7 +194,8 @@ def derived_chain(
 def _solvers(problem: Problem, stored: StoredResult, setup: Setup) -> Any:
     """Return who solves a task of a chain by the name of the whole; None where that is unknown."""
     try:
-        chain = Chain(problem, stored.solver, setup, stored.seed, Stop(), None, 1, spare=[])
+        request = SearchRequest(problem.tasks[0], stored.solver, setup, stored.seed)
+        chain = Chain(problem, request, spare=[])
     except (PluginError, OptionError):
         return None
 

@@ -10,8 +10,8 @@ from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError, name_hint
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 
 Options = Mapping[str, Mapping[str, Any]]

@@ -13,8 +13,8 @@ from skillplan.errors import ChainBroken, OptionError, name_hint
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
 from skillplan.pipeline.result_origin import found_origin, origin_problem, restored_setup
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import solve
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from skillplan.files.plain_json import json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
@@ -94,6 +95,26 @@ class Solution:
         if self.lower_bound is not None and math.isnan(self.lower_bound):
             raise ValueError("A lower bound must be a number.")
 
+    def with_plain_numbers(self) -> Solution:
+        """Return the solution with Python's own numbers in place of scalars such as NumPy's.
+
+        Raises
+        ------
+        ValueError
+            If the cost or bound is not a number, the proof not a bool, or the trace not JSON.
+        """
+        if not isinstance(self.proved, bool):
+            raise ValueError(f"its claim of a proof is {self.proved!r}, neither True nor False")
+        trace = dict(self.trace)
+        fault = json_fault(trace)
+        if fault is not None:
+            raise ValueError(f"its trace is not JSON: {fault}")
+        found = self.found
+        if isinstance(found, Plan):
+            found = Plan(found.skills, _plain_number(found.cost, "cost"))
+        bound = _plain_number(self.lower_bound, "lower bound")
+        return Solution(found, bound, self.proved, trace)
+
     @property
     def plan(self) -> Plan | None:
         """The plan, where there is one."""
@@ -103,3 +124,11 @@ class Solution:
     def policy(self) -> Mapping[State, Skill] | None:
         """The policy, where there is one."""
         return self.found if isinstance(self.found, Mapping) else None
+
+
+def _plain_number(value: Any, name: str) -> float | None:
+    if value is None:
+        return None
+    if not hasattr(value, "__float__"):
+        raise ValueError(f"its {name} is a {type(value).__name__}, not a number")
+    return float(value)

@@ -11,8 +11,8 @@ from typing import Any
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.records.sweep.plan import (
     ONE_AT_A_TIME,
     SAMPLED,

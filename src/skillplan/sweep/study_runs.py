@@ -8,8 +8,8 @@ from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError, SkillplanError
-from skillplan.pipeline.run import attempt, grade, solve, warm_cache
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import SearchRequest, grade, search, solve, warm_cache
 from skillplan.plugins.blame import ends_program
 from skillplan.records.result import Result, Status
 from skillplan.records.stored.policy_file import start_state
@@ -140,10 +140,11 @@ def _run(
     setup = replace(job.setup, options={**job.setup.options, job.solver: {**known, **options}})
     (first, task), *others = job.tasks.items()
     cache = job.cache()
-    made = attempt(task, job.solver, setup, seed=seed, stop=stop, cache=cache)
+    request = SearchRequest(task, job.solver, setup, seed, stop or Stop(), cache)
+    made = search(request)
     if made.refusal is not None:
         return SweepRecord(setting, seed, error=f"refused: {made.refusal}")
-    result = grade(task, made, setup, cache)
+    result = grade(request, made)
     outcomes = [_outcome(first, result)]
     shared = made.solution.policy is not None
     if shared:
@@ -152,7 +153,7 @@ def _run(
         made = replace(made, solution=solution)
     for name, task in others:
         other = (
-            grade(task, made, setup, cache)
+            grade(replace(request, task=task), made)
             if shared
             else solve(task, job.solver, setup, seed=seed, stop=stop, cache=job.cache())
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

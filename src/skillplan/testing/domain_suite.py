@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from skillplan.domains.domain import Domain
 from skillplan.files.plain_json import json_fault
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.task.task import Task
 from skillplan.testing.tasks import reachable_states
 

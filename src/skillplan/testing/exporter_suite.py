@@ -15,8 +15,8 @@ from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
 from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.task.task import Task
 from skillplan.testing.options import assert_options_described
 from skillplan.testing.tasks import chance_task, hostile_task, lid_task

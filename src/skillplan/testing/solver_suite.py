@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop
 from skillplan.testing.options import assert_options_described

@@ -12,8 +12,8 @@ from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.records.optimum import Optimum
 from skillplan.records.task_difference import resolved_config, what_changed
 from skillplan.records.training.network_policy_file import StoredNetwork

@@ -21,8 +21,8 @@ from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.records.result import Status
 from skillplan.records.training.relational_file import (
     FamilyTrial,

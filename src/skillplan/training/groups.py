@@ -38,7 +38,7 @@ from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.registry import load
-from skillplan.pipeline.run import make_model, warm_cache
+from skillplan.pipeline.solving import make_model, warm_cache
 from skillplan.plugins.blame import debugging, ends_program, raised_by
 from skillplan.records import schemas
 from skillplan.records.training.result import GreedyRollOut

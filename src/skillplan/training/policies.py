@@ -18,8 +18,8 @@ from skillplan.errors import ModelTooLarge
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import DEFAULT_SOLVER, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import DEFAULT_SOLVER, solve
 from skillplan.records.optimum import Optimum
 from skillplan.records.result import Status
 from skillplan.records.stored.policy_file import fingerprint
@@ -201,7 +201,7 @@ def prove_optimum(
     Parameters
     ----------
     task, setup, cache, jobs
-        As for `skillplan.pipeline.run.solve`.
+        As for `skillplan.pipeline.solving.solve`.
     stop
         When to give up.
 

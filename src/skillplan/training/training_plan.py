@@ -13,8 +13,8 @@ from skillplan.domains.load import Problem
 from skillplan.env.observation import Observation
 from skillplan.errors import OptionError, PluginError, name_hint
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.records.stored.result_folder import is_relational
 from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.records.training.run_folder import Family, RunFolder, WarmStartRecord

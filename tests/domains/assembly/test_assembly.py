@@ -6,8 +6,8 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.testing import DomainSuite, lid_content, reachable_states
 
 

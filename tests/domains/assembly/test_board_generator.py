@@ -19,8 +19,8 @@ from skillplan.chart.partial_order import closure, cycle
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, solve
 from skillplan.records.result import Status
 from skillplan.task.task import Task
 from yaml_data import yaml_text

@@ -13,8 +13,8 @@ from skillplan.domains.assembly.overview import hints
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.load import _content_hash
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import solve
 from skillplan.testing.tasks import lid_content
 
 PLAN = (

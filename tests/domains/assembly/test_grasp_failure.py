@@ -14,8 +14,8 @@ from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import TaskError
 from skillplan.model.policy_value import evaluate_policy
-from skillplan.pipeline.run import make_feasibility, make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, make_model, solve
 from skillplan.task.task import Task
 from skillplan.testing import DomainSuite, lid_content, reachable_states
 

@@ -20,8 +20,8 @@ from skillplan.domains.assembly.layout import goal_of, hole_of, start_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, TaskError
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import solve
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"

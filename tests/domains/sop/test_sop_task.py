@@ -19,8 +19,8 @@ from skillplan.domains.sop import SopDomain
 from skillplan.domains.sop.problem import NodeOrder, SopConfig, nodes_of
 from skillplan.errors import TaskError
 from skillplan.model.replay import replay
-from skillplan.pipeline.run import make_feasibility, make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solving import make_feasibility, make_model, solve
 from skillplan.records.result import Status
 from skillplan.task.task import Task
 from skillplan.testing import DomainSuite, reachable_states
@@ -306,7 +306,7 @@ def test_a_sop_file_needs_no_arrays() -> None:
     path = FOLDER / "ESC07.sop"
     code = (
         "import sys\nfrom skillplan.pipeline.setup import load_problem\n"
-        "from skillplan.pipeline.run import solve\n"
+        "from skillplan.pipeline.solving import solve\n"
         f"assert solve(load_problem({str(path)!r}).task, 'exact').cost == 2125\n"
         "assert 'numpy' not in sys.modules and 'skillplan.domains.assembly' not in sys.modules"
     )

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import solve
 from skillplan.records.result import Status
 from skillplan.solvers.chance.job_values_solver import JobValuesSolver
 from skillplan.solvers.mdp.value_iteration import ValueIterationSolver

@@ -19,8 +19,8 @@ from skillplan.model.component_jobs import ComponentJobs
 from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
 from skillplan.solvers.chance.job_sets import feasible_sets
 from skillplan.solvers.chance.job_values import JobValues, Ways, tried_once, values_of_sets

@@ -19,8 +19,8 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.errors import NotASequencing
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
 from skillplan.solvers.chance.job_sets import (
     CertainModel,

@@ -16,8 +16,8 @@ from situations import make_skill, make_task, model_of, retry_task
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.policy_value import evaluate_policy
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline.solving import make_model
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
 from skillplan.solvers.chance.replan import ReplanSolver
 from skillplan.solvers.chance.retries import relaxed, retried, why_not_retried

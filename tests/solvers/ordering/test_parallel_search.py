@@ -19,7 +19,7 @@ from example_count import examples
 from ordering_instances import instance_of, least_cost, orderings
 from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.ordering import parallel_search, portfolio, search_worker
 from skillplan.solvers.ordering.instance import JobOrders, OrderingInstance
 from skillplan.solvers.ordering.parallel_search import Helpers

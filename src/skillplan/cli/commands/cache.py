@@ -31,7 +31,7 @@ def show(
     from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.run import warm_cache
+    from skillplan.pipeline.solving import warm_cache
     from skillplan.records.cache import CacheSurvey
     from skillplan.views.tables.installation import survey_table
 
@@ -93,7 +93,7 @@ def verify(
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
-    from skillplan.pipeline.run import make_feasibility, warm_cache
+    from skillplan.pipeline.solving import make_feasibility, warm_cache
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.installation import cache_test_table
 
@@ -157,7 +157,7 @@ def fill(
     from skillplan.cli.waiting import showing_checks
     from skillplan.errors import exit_code
     from skillplan.model.enumeration import enumerate_feasibility
-    from skillplan.pipeline.run import make_feasibility
+    from skillplan.pipeline.solving import make_feasibility
     from skillplan.records.cache import CacheFilling
     from skillplan.views.tables.installation import filling_table
 
@@ -197,8 +197,8 @@ def clear(
     from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.run import warm_cache
     from skillplan.pipeline.setup import load_problem
+    from skillplan.pipeline.solving import warm_cache
     from skillplan.records.cache import clearing_document
     from skillplan.views.tables.installation import clearing_table
 

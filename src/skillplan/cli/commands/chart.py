@@ -28,8 +28,8 @@ def command(
     from skillplan.cli.waiting import showing_checks
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
-    from skillplan.pipeline.run import make_feasibility
-    from skillplan.pipeline.search.screening import executed_sample
+    from skillplan.pipeline.screening import execute_sample
+    from skillplan.pipeline.solving import make_feasibility
     from skillplan.records.chart import chart_document
     from skillplan.views.tables.questions import chart_table
 
@@ -48,7 +48,7 @@ def command(
         )
         with closing(feasibility):
             chart = derive_chart(feasibility)
-            sample = executed_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
+            sample = execute_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
     names = [back_end.name for back_end in feasibility.back_ends]
     emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
     if sample.overruled:

@@ -176,9 +176,8 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from contextlib import ExitStack
 
     from skillplan.cli.output import emit, exit_code
-    from skillplan.pipeline.comparing.comparison import compare_solvers
-    from skillplan.pipeline.run import check_solver
-    from skillplan.pipeline.solver_choice import solver_names
+    from skillplan.pipeline.comparison import compare_solvers
+    from skillplan.pipeline.solving import check_solver, solver_names
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
     from skillplan.views.tables.results import comparison_tables

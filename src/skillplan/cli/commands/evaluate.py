@@ -205,7 +205,7 @@ def _evaluate(
     from skillplan.errors import exit_code
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
-    from skillplan.pipeline.run import make_model, solve
+    from skillplan.pipeline.solving import make_model, solve
     from skillplan.records.evaluation import Evaluation
     from skillplan.solvers.solution import Plan, Policy
     from skillplan.views.tables.questions import evaluation_table

@@ -91,7 +91,7 @@ def command(
     from skillplan.files.output_path import output_file, output_folder
     from skillplan.model.replay import replay
     from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
-    from skillplan.pipeline.run import make_model
+    from skillplan.pipeline.solving import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
     exporter = make_exporter(to, setup.options.get(to, {}))

@@ -316,7 +316,7 @@ def _deriver(problem: Problem, part: str | None, back_ends: BackEnds) -> Any:
     Detectors that the command line names are asked in any case.
     """
     from skillplan.pipeline.presentation.geometric_chart import geometric_chart
-    from skillplan.pipeline.run import warm_cache
+    from skillplan.pipeline.solving import warm_cache
 
     names = split_names(back_ends.collision or "")
     task = None if problem.is_chain and part is None else problem.part(part)
@@ -330,7 +330,7 @@ def _answer(
 ) -> Any:
     """Return what comes of a run: what a result holds of it, or else a search."""
     from skillplan.pipeline.chain import solve_chain
-    from skillplan.pipeline.run import solve
+    from skillplan.pipeline.solving import solve
 
     problem, name = request.problem, request.solver
     if kept is not None and not run.options and not run.may_fail:

@@ -76,8 +76,7 @@ def command(
 
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.writing import as_json
-    from skillplan.pipeline.solve_problem import solve_problem
-    from skillplan.pipeline.solver_choice import solver_names
+    from skillplan.pipeline.solving import solve_problem, solver_names
     from skillplan.views.tables.results import solved_tables
 
     part = reading.part

@@ -42,14 +42,6 @@ def command(
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
-    no_cache: Annotated[
-        bool,
-        typer.Option(
-            "--no-cache",
-            hidden=True,
-            help="As without --warm; kept for scripts that say so.",
-        ),
-    ] = False,
     time_limit_s: Annotated[
         float,
         time_limit_option("Prove nothing a second time that takes longer than S seconds in all."),
@@ -91,14 +83,12 @@ def command(
 
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
-    from skillplan.errors import OptionError, exit_code
+    from skillplan.errors import exit_code
     from skillplan.pipeline.certification import certify
     from skillplan.pipeline.exchange.second_referee import check_referee, referee_claims
-    from skillplan.pipeline.run import warm_cache
+    from skillplan.pipeline.solving import warm_cache
     from skillplan.views.tables.results import certificate_summary, certificate_table, csv_files
 
-    if warm and no_cache:
-        raise OptionError("--warm and --no-cache exclude each other.")
     if referee is not None:
         check_referee(referee)
     with stoppable(time_limit_s, label="verifying", memory_limit_bytes=memory_limit_bytes) as stop:

@@ -68,8 +68,8 @@ def _solve(changes: Mapping[str, str], *solvers: str) -> None:
     from pathlib import Path
 
     from skillplan.domains.assembly.board_generator import BoardGenerator
-    from skillplan.pipeline.run import solve
     from skillplan.pipeline.setup import load_problem
+    from skillplan.pipeline.solving import solve
 
     board = BoardGenerator(parts=4, density=0.5, tools=2, name="warm-up")
     with tempfile.TemporaryDirectory() as folder:

@@ -306,7 +306,7 @@ class Caching:
 
     def cache(self) -> DiskVerdictCache | None:
         """Return the cache of verdicts on disk, or None where it is to be left alone."""
-        from skillplan.pipeline.run import warm_cache
+        from skillplan.pipeline.solving import warm_cache
 
         return None if self.no_cache else warm_cache()
 

@@ -166,7 +166,7 @@ def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]
 
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.pipeline.run import make_model
+    from skillplan.pipeline.solving import make_model
     from skillplan.records.training.result import Sampling
     from skillplan.training.evaluation import RunsEvaluation, unseen_layouts
     from skillplan.training.policies import prove_optimum

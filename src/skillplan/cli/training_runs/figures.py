@@ -248,8 +248,8 @@ class _Drawn:
         from contextlib import suppress
 
         from skillplan.cli.waiting import stoppable
-        from skillplan.pipeline.run import warm_cache
         from skillplan.pipeline.setup import CHART, Setup, load_problem
+        from skillplan.pipeline.solving import warm_cache
         from skillplan.training.policies import prove_optimum
 
         manifest = self.folder.manifest

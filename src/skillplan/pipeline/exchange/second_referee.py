@@ -12,7 +12,7 @@ from skillplan.judge.fast_downward import NAME, driver
 from skillplan.judge.planner_claims import planner_claims
 from skillplan.pipeline.exchange.export import charted
 from skillplan.pipeline.restoration import Override, load_result
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.solving import make_model
 from skillplan.records.certificate import Claim
 from skillplan.solvers.stop import Stop
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError
-from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import BOXES, DEFAULT_PHYSICS, SCREEN, Setup
+from skillplan.pipeline.solving import make_feasibility
 from skillplan.task.task import Task
 
 

@@ -10,8 +10,8 @@ from skillplan.checks.single_check import introduce
 from skillplan.errors import BackEndError, OptionError
 from skillplan.physics.performance import MotionPlans, PlannedMotion
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
+from skillplan.pipeline.solving import make_model
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan.plugins.blame import blame
 from skillplan.records.execution.simulation import PlannedTimes

@@ -1,1 +1,0 @@
-"""Several solvers on one problem, in turn or side by side, and their claims held together."""
