@@ -155,7 +155,8 @@ class TestEvaluate:
     ) -> None:
         outcome = cli("evaluate", str(runs), *words)
         assert 2 == outcome.code
-        assert f"{words[0]} is for a task file, not for a folder of runs." in outcome.err
+        assert f"{words[0]} is for a task file" in outcome.err
+        assert ", not for a folder of runs." in outcome.err
 
     @pytest.mark.parametrize(
         "words",

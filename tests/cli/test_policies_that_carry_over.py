@@ -54,7 +54,7 @@ def test_a_task_that_it_cannot_act_on_is_refused(cli: Any, run: str) -> None:
     [
         ((), "name the task to try it on by --task"),
         (("--task", BOARD, "--sequence", "0"), "--sequence is for a task file"),
-        (("--task", BOARD, "--episodes", "3"), "--episodes is for runs of training"),
+        (("--task", BOARD, "--episodes", "3"), "--episodes is for a folder of runs, not for a"),
     ],
 )
 def test_what_does_not_go_with_it_is_named(
@@ -69,8 +69,8 @@ def test_what_does_not_go_with_it_is_named(
     ("words", "message"),
     [
         ((BOARD, *FAMILY), "no TASK goes with --family generated:3-4"),
-        ((*FAMILY, "--runs", "2"), "--runs does not go with --family generated:3-4"),
-        ((*FAMILY, "--resume"), "--resume does not go with --family generated:3-4"),
+        ((*FAMILY, "--runs", "2"), "--runs is for a task file, not for --family generated:3-4"),
+        ((*FAMILY, "--resume"), "--resume is for a task file, not for --family generated:3-4"),
         ((*FAMILY, "--solver", "exact"), "'exact' learns no policy that carries over"),
         ((*FAMILY, "--solver", "exat"), "Unknown solver 'exat'"),
         (("--family", "generated:4-3"), "1 <= LEAST <= MOST"),

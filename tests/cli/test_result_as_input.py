@@ -105,8 +105,8 @@ class TestEvaluate:
     @pytest.mark.parametrize(
         ("words", "message"),
         [
-            (("--sequence", "0"), "--sequence is for a task file; a result holds its own plan."),
-            (("--policy", "p.json"), "--policy is for a task file; a result holds its own plan."),
+            (("--sequence", "0"), "--sequence is for a task file, not for a result."),
+            (("--policy", "p.json"), "--policy is for a task file, not for a result."),
             (("--episodes", "3"), "--episodes is for a folder of runs, not for a result."),
             (("-O", "aab.tolerance_m=1"), "No plugin 'aab' takes part in this run."),
         ],

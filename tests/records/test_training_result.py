@@ -271,6 +271,16 @@ class TestTable:
         ):
             assert part in text, part
 
+    @pytest.mark.parametrize(("steps", "shown"), [(600, "600"), (2_000, "2,000"), (9_000, "2,000")])
+    def test_a_training_counts_no_more_steps_than_it_had(
+        self, board: Task, steps: int, shown: str
+    ) -> None:
+        """Its success is that of the last 2,000 steps, or of all if there were fewer."""
+        episodes = [an_episode(steps // 2, BEST), an_episode(steps, BEST)]
+        run = a_run(training=training_record(episodes, steps))
+        text = as_markdown(training_tables(a_result(board, run))[0])
+        assert f"that ended in the last {shown} steps of a run completed the task" in text
+
     def test_csv_has_a_line_for_every_run(self, board: Task) -> None:
         text = as_csv(training_tables(a_result(board, a_run(), a_run(1)))[0])
         assert 3 == len(text.splitlines())

@@ -14,7 +14,7 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.training.relational_file import write_relational
 from skillplan.solvers.learning.family_learner import FamilyLesson
-from skillplan.training.family_training import GeneratedFamily, followed, read_policy
+from skillplan.training.family_training import GeneratedFamily, follow_policy, read_policy
 from skillplan_torch.relational import RelationalSolver
 from skillplan_torch.relational.learning import Board, Lessons, TorchNetwork
 from skillplan_torch.relational.network import NetworkSize
@@ -110,7 +110,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
     tasks = list(GeneratedFamily(8, 10).tasks(4, 9))
     tasks.append(load_problem(CONFIGS / "inverter_board.yaml").task)
     for task in tasks:
-        _, walked = followed(policy, task)
+        _, walked = follow_policy(policy, task)
         assert walked.complete, task.name
         best = solve(task, "auto").cost
         assert best is not None

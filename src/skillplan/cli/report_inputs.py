@@ -97,7 +97,7 @@ class Reporter:
         """
         folder = run_folder(path)
         if folder is not None:
-            from skillplan.cli.training_runs.report_chapter import training_chapter_of
+            from skillplan.cli.training_runs.figures import training_chapter_of
             from skillplan.records.training.run_folder import RunFolder
 
             limit_s = self.deadline.share_s(_SEARCH_SHARE * share)

@@ -270,7 +270,7 @@ def unseen_layouts(evaluation: RunsEvaluation, problem: Problem, count: int) -> 
     return problem.variants(seed, seen + count)[seen:]
 
 
-def layout_outcomes(
+def evaluate_layouts(
     evaluation: RunsEvaluation,
     layouts: tuple[Task, ...],
     setup: Setup,

@@ -1,4 +1,4 @@
-"""Training of one policy on generated boards, and its trial on others of the same family."""
+"""Training of one policy on random boards, and its test on other boards of the same family."""
 
 from __future__ import annotations
 
@@ -37,26 +37,32 @@ from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
 _FORM = re.compile(r"generated:(\d{1,3})(?:-(\d{1,3}))?")
-# The boards of issue-wide tables: one to four tools, a tenth to half of all pairs ordered.
+# The range of random boards: number of tools, and fraction of all pairs that are ordered.
 _TOOLS = (1, 4)
 _DENSITIES = (0.1, 0.5)
+TEST_BOARDS = 20
+"""Number of unseen boards that a policy is tested on."""
+# Time limit for proving the optimum of a test board [s].
+_PROOF_S = 5.0
+# Offset between the seeds of training and test boards, larger than any seed a user would give.
+_TEST_SEED = 2**32
 
 
 @dataclass(frozen=True)
 class GeneratedFamily:
-    """Boards of `skillplan generate assembly`, of so many parts.
+    """Random boards as `skillplan generate assembly` writes them.
 
-    Tools and density are drawn for every board, evenly, from 1 to 4 and from 0.1 to 0.5.
+    Every board has 1 to 4 tools and a density of 0.1 to 0.5, both drawn uniformly.
 
     Parameters
     ----------
     least, most
-        How many parts, 1 <= least <= most.
+        Range of the number of parts, 1 <= least <= most.
 
     Raises
     ------
     OptionError
-        If there are no such boards.
+        If the range is empty, or exceeds the generator's limit.
     """
 
     least: int
@@ -74,31 +80,26 @@ class GeneratedFamily:
 
     @classmethod
     def parse(cls, text: str) -> GeneratedFamily:
-        """Return the family of a text such as ``generated:6-12`` or ``generated:8``.
+        """Read a family such as ``generated:6-12`` or ``generated:8``.
 
         Raises
         ------
         OptionError
-            If it is none.
+            If the text has another form.
         """
-        found = _FORM.fullmatch(text)
-        if found is None:
+        match = _FORM.fullmatch(text)
+        if match is None:
             raise OptionError(
                 f"--family {text}: is neither a number of layouts nor generated:LEAST-MOST, such "
                 "as generated:6-12."
             )
-        least = int(found[1])
-        return cls(least, int(found[2] or least))
+        least = int(match[1])
+        return cls(least, int(match[2] or least))
 
     def boards(self, count: int, seed: int) -> Iterator[BoardGenerator]:
-        """Yield so many boards; the same arguments yield the same, and other seeds others.
+        """Yield `count` boards.
 
-        Parameters
-        ----------
-        count
-            How many.
-        seed
-            >= 0; of two seeds no two boards are the same.
+        The same arguments yield the same boards; different seeds yield different boards.
         """
         draw = random.Random(f"{self} {seed}").random
         for number in range(count):
@@ -116,27 +117,16 @@ class GeneratedFamily:
                 yield load_problem(str(path)).task
 
 
-# On so many unseen boards of the family a policy is tried, and so long their optimum is sought.
-TRIED_BOARDS = 20
-_PROOF_S = 5.0
-# Boards that are tried are drawn apart from those of any seed that a user would give.
-_APART = 2**32
-
-
 @dataclass(frozen=True)
 class FamilyPlan:
-    """What is learned on what.
+    """A training on random boards.
 
     Parameters
     ----------
-    family
-        The boards.
-    solver
-        The learner's name.
-    options
-        Its options.
+    solver, options
+        The learner and its options.
     seed
-        Governs all randomness, >= 0.
+        Seed of the boards and of the learner, >= 0.
     """
 
     family: GeneratedFamily
@@ -145,7 +135,7 @@ class FamilyPlan:
     seed: int
 
     def learner(self, stop: Stop) -> FamilyLearner:
-        """Return the solver.
+        """Make the learner.
 
         Raises
         ------
@@ -154,13 +144,13 @@ class FamilyPlan:
         PluginError
             If the solver is unknown, not installed or broken.
         """
-        family_learner(self.solver)
+        load_family_learner(self.solver)
         learner = make_solver(self.solver, self.options, stop)
         assert isinstance(learner, FamilyLearner)
         return learner
 
 
-def family_learner(name: str) -> type[FamilyLearner]:
+def load_family_learner(name: str) -> type[FamilyLearner]:
     """Return the class of a solver that learns on families of boards.
 
     Raises
@@ -179,23 +169,13 @@ def family_learner(name: str) -> type[FamilyLearner]:
     return plugin
 
 
-def read_policy(folder: Path) -> StoredRelational:
-    """Return the policy in a folder; raises what `read_relational` raises."""
-    return read_relational(folder, family_learner)
-
-
 class FamilyFolder(HeldFolder):
-    """A new folder for the policy; a context manager.
-
-    Parameters
-    ----------
-    out
-        The folder.
+    """A new folder for a policy, as a context manager.
 
     Raises
     ------
     OptionError
-        If it is there and not empty, or cannot be used.
+        If the folder is not empty, or cannot be used.
     """
 
     def __init__(self, out: str) -> None:
@@ -208,23 +188,19 @@ class FamilyFolder(HeldFolder):
 def train_family(
     plan: FamilyPlan, folder: FamilyFolder, stop: Stop, on_step: Callable[[], None]
 ) -> RelationalContent:
-    """Learn, try what was learned on boards of the family that were not seen, and keep it.
+    """Train a policy, test it on unseen boards of the family, and store it.
 
     Parameters
     ----------
-    plan
-        What is learned on what.
-    folder
-        Where it is kept.
     stop
-        Ends the learning early; what was learned is kept, and not tried.
+        Ends the training early; the policy is then stored without a test.
     on_step
         Called after every step of the learner.
 
     Raises
     ------
     OptionError
-        If the boards cannot be learned on, or something cannot be written.
+        If the learner refuses a board, or the policy cannot be written.
     """
     begin_s = time.perf_counter()
     learner = plan.learner(stop)
@@ -235,7 +211,7 @@ def train_family(
             yield make_model(task)
 
     lesson = learner.learn(models(), plan.seed, on_step)
-    trial = None if stop() else tried(lesson.policy, plan.family, TRIED_BOARDS, plan.seed, stop)
+    trial = None if stop() else _try_policy(lesson.policy, plan.family, plan.seed, stop)
     with refusing("--out", folder.path):
         return write_relational(
             folder.path,
@@ -251,22 +227,22 @@ def train_family(
         )
 
 
-def tried(
-    policy: FamilyPolicy, family: GeneratedFamily, count: int, seed: int, stop: Stop
+def _try_policy(
+    policy: FamilyPolicy, family: GeneratedFamily, seed: int, stop: Stop
 ) -> FamilyTrial:
-    """Follow a policy greedily on boards that the seed has not drawn to learn on."""
+    """Follow a policy greedily on boards that it was not trained on."""
     completed, deviations, boards = 0, [], 0
-    for task in family.tasks(count, seed + _APART):
+    for task in family.tasks(TEST_BOARDS, seed + _TEST_SEED):
         if stop():
             break
         boards += 1
-        _, walked = followed(policy, task)
-        if not walked.complete:
+        _, replayed = follow_policy(policy, task)
+        if not replayed.complete:
             continue
         completed += 1
         best = solve(task, "auto", stop=Stop(time_limit_s=_PROOF_S))
         if best.status is Status.OPTIMAL and best.cost:
-            deviations.append(max(0.0, walked.cost / best.cost - 1))
+            deviations.append(max(0.0, replayed.cost / best.cost - 1))
     return FamilyTrial(
         boards=boards,
         completed=completed,
@@ -276,12 +252,17 @@ def tried(
     )
 
 
-def followed(
+def read_policy(folder: Path) -> StoredRelational:
+    """Read the policy in a folder; raises the errors of `read_relational`."""
+    return read_relational(folder, load_family_learner)
+
+
+def follow_policy(
     policy: FamilyPolicy, task: Task, setup: Setup = Setup()
 ) -> tuple[Sequence[Skill], Replay]:
-    """Return the skills that a policy takes greedily on a task, and what becomes of them.
+    """Follow a policy greedily on a task; return its skills and their replay.
 
-    Under chance every outcome is the nominal one.
+    Under chance, every skill has its nominal outcome.
 
     Raises
     ------

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.fit import refuse_given
+from skillplan.cli.options.fit import Mode, check_options
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Reading
 from skillplan.cli.options.single import Seed, Style
+from skillplan.cli.options.values import count_option, positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
-from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -22,37 +22,41 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
 
-OF_TASK = "Of a task: what is replayed"
-# What only a task file takes, what it does not, and what only a folder of runs takes.
-_REPLAYED = ("sequence", "policy_file", "start")
-_RECORDED = ("task_file", "changed_task")
-_TRIED = ("episodes", "temperature", "seed", "layouts", "changed_task")
-_RUN_ONLY = ("episodes", "temperature", "seed", "layouts")
-# Whoever proves the optimum beside a sequence; its options need not name it.
+OF_TASK, OF_RESULT, OF_RUN = "Of a task", "Of a result or a run", "Of a run"
+# Proves the optimum to compare with; options without a plugin name belong to it.
 DEFAULT_SOLVER = "auto"
+
+TaskOfResult = Annotated[
+    str | None,
+    typer.Option(
+        "--task",
+        metavar="FILE",
+        autocompletion=task_files,
+        help="Task file to use instead of the one that was solved or learned.",
+        rich_help_panel=OF_RESULT,
+    ),
+]
+ChangedTask = Annotated[
+    bool,
+    typer.Option(
+        "--changed-task",
+        help="Evaluate although the task has changed since it was solved or learned.",
+        rich_help_panel=OF_RESULT,
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What is replayed on a task, and from where.
-
-    Parameters
-    ----------
-    sequence
-        Action numbers or skill names, with commas.
-    policy_file
-        A policies.json to follow instead.
-    start
-        Where to start, if not where the task does.
-    """
+    """The sequence or policy to replay on a task, and its start."""
 
     sequence: Annotated[
         str | None,
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="Action numbers or skill names, separated by commas; or @ and a file with a plan: "
-            "CSV, JSON, a plan of a PDDL planner, a behaviour tree.",
+            help="Action numbers or skill names, separated by commas, or @FILE with a plan: CSV, "
+            "JSON, the plan of a PDDL planner or a behaviour tree.",
             rich_help_panel=OF_TASK,
         ),
     ] = None
@@ -61,8 +65,7 @@ class Replayed:
         typer.Option(
             "--policy",
             metavar="FILE",
-            help="Follow the policy of a policies.json instead, or of the folder that has it, "
-            "without planning again.",
+            help="Follow the policy of a policies.json, or of the folder that contains it.",
             rich_help_panel=OF_TASK,
         ),
     ] = None
@@ -71,38 +74,47 @@ class Replayed:
         typer.Option(
             "--from",
             metavar="PLACE",
-            help="Start elsewhere: a place such as C20, or facts separated by commas.",
+            help="Start elsewhere: at a place such as C20, or with facts separated by commas.",
             rich_help_panel=OF_TASK,
         ),
     ] = None
 
-    def on(self, task: Task, setup: Setup) -> tuple[Task, Sequence[Skill] | Policy]:
-        """Return the task from where it is started, and the sequence or the policy.
 
-        Raises
-        ------
-        OptionError
-            If not just one of them is given, or something does not fit the task.
-        """
-        from skillplan.errors import OptionError
-        from skillplan.pipeline.exchange.plan_input import given_plan
-        from skillplan.records.stored.policy_file import read_policy, start_state
-        from skillplan.records.stored.result_folder import policies_path
+@dataclass(frozen=True, slots=True)
+class RollOuts:
+    """How the policies of training runs are tried."""
 
-        if (self.sequence is None) == (self.policy_file is None):
-            raise OptionError("Give either --sequence or --policy.")
-        stored = None
-        if self.policy_file is not None:
-            path = policies_path(self.policy_file)
-            within = None if path == self.policy_file else self.policy_file
-            stored = read_policy(path, task, within=within).policy
-        if self.start is not None:
-            try:
-                initial = start_state(task, self.start)
-            except OptionError as error:
-                raise OptionError(f"--from {self.start}: {error}") from None
-            task = task.replace(initial=initial, sha256=task.sha256)
-        return task, given_plan(self.sequence or "", task) if stored is None else stored
+    episodes: Annotated[
+        int,
+        count_option(
+            "--episodes",
+            least=1,
+            most=1_000_000,
+            text="Number of sampled roll-outs per run.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 100
+    temperature: Annotated[
+        float,
+        typer.Option(
+            "--temperature",
+            parser=positive_number(),
+            metavar="T",
+            help="Temperature of the sampling; lower is greedier.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 0.05
+    layouts: Annotated[
+        int | None,
+        count_option(
+            "--layouts",
+            least=0,
+            most=10_000,
+            text="Also try N unseen layouts of the task file's family. Default: 20 after a "
+            "training on a family, else none.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = None
 
 
 def command(
@@ -112,83 +124,168 @@ def command(
         typer.Argument(
             metavar="TASK|RESULT|RUN...",
             autocompletion=task_files,
-            help=f"A task file; {RESULT_HELP}; or one or several folders that train has written.",
+            help=f"A task file, {RESULT_HELP}, or one or several folders of train.",
             show_default=False,
         ),
     ],
     replayed: Replayed,
+    task_file: TaskOfResult = None,
+    changed_task: ChangedTask = False,
+    *,
     roll_outs: RollOuts,
     reading: PartReading,
-    *,
     seed: Seed = 0,
     back_ends: BackEnds,
     checking: Checking,
     time_limit_s: TimeLimit = 10.0,
     style: Style = "table",
 ) -> int:
-    """Replay a sequence of skills on TASK or the plan of RESULT, or try the policies of a RUN.
+    """Replay a sequence on TASK or the plan of RESULT, or try the policies of a training RUN.
 
-    Says whether it is feasible and complete, what it costs, how far that is from the proved
-    optimum, or how far it may be at most, and otherwise which condition fails where. The time
-    limit is for proving the optimum. The task of RESULT is read as it was then, with the same
-    back ends, but for what is said otherwise.
+    Prints whether the plan is feasible and complete, its cost, and its deviation from the proved
+    optimum, or the bound on it. If a condition fails, prints which one and where. --time-limit
+    limits the proof. Uses the task and back ends stored in RESULT unless options override them.
 
-    The policy of every run of a RUN is followed greedily and by drawn actions, beside chance
-    alone. Back ends are those of the training. Several are shown side by side.
+    Every policy of a RUN is followed greedily and by sampled actions, and compared with random
+    actions, with the back ends of the training. Several RUNs are compared in one table.
 
-    A RUN of train --family generated:A-B carries over: its policy is followed greedily on any
-    --task FILE, with the applicable mask.
+    The policy of train --family generated:A-B is followed greedily on any --task FILE.
     """
-    from skillplan.cli.training_runs.family import carried_skills
     from skillplan.errors import OptionError
     from skillplan.records.stored.result_folder import is_relational, is_result, run_folder
 
-    if is_relational(inputs[0]):
-        refuse_given(ctx, _REPLAYED, "is for a task file, not for a policy that carries over")
-        refuse_given(ctx, _TRIED, "is for runs of training, not for a policy that carries over")
+    kinds: dict[Mode, str] = {
+        replay_on_task: "a task file",
+        replay_result: "a result",
+        follow_family_policy: "a policy that carries over",
+        evaluate_runs: "a folder of runs",
+    }
+    first, common = inputs[0], (back_ends, checking, time_limit_s, style)
+    if is_relational(first):
+        check_options(ctx, follow_family_policy, kinds)
         if len(inputs) > 1:
-            raise OptionError(
-                f"{inputs[0]} carries over: evaluate takes it alone, with one --task."
-            )
-        if roll_outs.task_file is None:
-            raise OptionError(f"{inputs[0]} carries over: name the task to try it on by --task.")
-        task = reading.task(roll_outs.task_file, back_ends)
-        setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
-        skills = carried_skills(inputs[0], task, setup)
-        return _evaluate(task, setup, skills, checking, time_limit_s, style)
-    folders = [run_folder(one) for one in inputs]
+            raise OptionError(f"{first} carries over: evaluate takes it alone, with one --task.")
+        return follow_family_policy(first, task_file, reading, *common)
+    folders = [run_folder(path) for path in inputs]
+    runs = [folder for folder in folders if folder is not None]
     if len(inputs) > 1 and None in folders:
         odd = inputs[folders.index(None)]
         raise OptionError(f"{odd} is no folder of training runs; of others evaluate takes one.")
-    if folders[0] is not None:
-        refuse_given(ctx, _REPLAYED, "is for a task file, not for a folder of runs")
-        refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
-        wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
-        return evaluate_run_folders([one for one in folders if one is not None], wanted, style)
-    if is_result(inputs[0]):
-        refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a result")
-        refuse_given(ctx, _REPLAYED, "is for a task file; a result holds its own plan")
-        loaded = load(
-            inputs[0],
-            reading,
-            back_ends,
-            solver=DEFAULT_SOLVER,
-            task_file=roll_outs.task_file,
-            changed_task=roll_outs.changed_task,
-            executor=checking.executor,
-        )
-        task, plan = loaded.planned()
-        skills = task.parse_sequence(",".join(plan))
-        return _evaluate(task, loaded.setup, skills, checking, time_limit_s, style)
-    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a task file")
-    refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
-    task = reading.task(inputs[0], back_ends)
+    if runs:
+        check_options(ctx, evaluate_runs, kinds)
+        changes = Reading(reading.changes)
+        return evaluate_runs(runs, task_file, changed_task, roll_outs, changes, seed, *common)
+    if is_result(first):
+        check_options(ctx, replay_result, kinds)
+        return replay_result(first, task_file, changed_task, reading, *common)
+    check_options(ctx, replay_on_task, kinds)
+    return replay_on_task(first, replayed, reading, *common)
+
+
+def replay_on_task(
+    path: str,
+    replayed: Replayed,
+    reading: PartReading,
+    back_ends: BackEnds,
+    checking: Checking,
+    time_limit_s: TimeLimit,
+    style: Style,
+) -> int:
+    """Replay a sequence, or follow a stored policy, on a task."""
+    from skillplan.errors import OptionError
+    from skillplan.pipeline.exchange.plan_input import given_plan
+    from skillplan.records.stored.policy_file import read_policy, start_state
+    from skillplan.records.stored.result_folder import policies_path
+
+    task = reading.task(path, back_ends)
     setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
-    task, skills_or_policy = replayed.on(task, setup)
-    return _evaluate(task, setup, skills_or_policy, checking, time_limit_s, style)
+    if (replayed.sequence is None) == (replayed.policy_file is None):
+        raise OptionError("Give either --sequence or --policy.")
+    policy = None
+    if replayed.policy_file is not None:
+        policy_path = policies_path(replayed.policy_file)
+        within = None if policy_path == replayed.policy_file else replayed.policy_file
+        policy = read_policy(policy_path, task, within=within).policy
+    if replayed.start is not None:
+        try:
+            initial = start_state(task, replayed.start)
+        except OptionError as error:
+            raise OptionError(f"--from {replayed.start}: {error}") from None
+        task = task.replace(initial=initial, sha256=task.sha256)
+    plan = given_plan(replayed.sequence or "", task) if policy is None else policy
+    return _replay(task, setup, plan, checking, time_limit_s, style)
 
 
-def _evaluate(
+def replay_result(
+    path: str,
+    task_file: TaskOfResult,
+    changed_task: ChangedTask,
+    reading: PartReading,
+    back_ends: BackEnds,
+    checking: Checking,
+    time_limit_s: TimeLimit,
+    style: Style,
+) -> int:
+    """Replay the plan of a stored result."""
+    loaded = load(
+        path,
+        reading,
+        back_ends,
+        solver=DEFAULT_SOLVER,
+        task_file=task_file,
+        changed_task=changed_task,
+        executor=checking.executor,
+    )
+    task, plan = loaded.planned()
+    skills = task.parse_sequence(",".join(plan))
+    return _replay(task, loaded.setup, skills, checking, time_limit_s, style)
+
+
+def follow_family_policy(
+    path: str,
+    task_file: TaskOfResult,
+    reading: PartReading,
+    back_ends: BackEnds,
+    checking: Checking,
+    time_limit_s: TimeLimit,
+    style: Style,
+) -> int:
+    """Follow a policy that was trained on random boards greedily on a task."""
+    from pathlib import Path
+
+    from skillplan.errors import OptionError
+    from skillplan.training.family_training import follow_policy, read_policy
+
+    if task_file is None:
+        raise OptionError(f"{path} carries over: name the task to try it on by --task.")
+    task = reading.task(task_file, back_ends)
+    setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
+    skills, _ = follow_policy(read_policy(Path(path)).policy, task, setup)
+    return _replay(task, setup, skills, checking, time_limit_s, style)
+
+
+def evaluate_runs(
+    inputs: Sequence[str],
+    task_file: TaskOfResult,
+    changed_task: ChangedTask,
+    roll_outs: RollOuts,
+    reading: Reading,
+    seed: Seed,
+    back_ends: BackEnds,
+    checking: Checking,
+    time_limit_s: TimeLimit,
+    style: Style,
+) -> int:
+    """Try the policies of training runs."""
+    from skillplan.cli.training_runs.evaluation import RunsRequest, evaluate_run_folders
+
+    request = RunsRequest(
+        task_file, changed_task, roll_outs, reading, back_ends, checking, seed, time_limit_s
+    )
+    return evaluate_run_folders(inputs, request, style)
+
+
+def _replay(
     task: Task,
     setup: Setup,
     plan: Sequence[Skill] | Policy,
@@ -196,7 +293,7 @@ def _evaluate(
     time_limit_s: float | None,
     style: str,
 ) -> int:
-    """Replay a sequence, or what a policy does; print what it comes to and return the exit code."""
+    """Replay a sequence or follow a policy, print the evaluation and return the exit code."""
     from contextlib import closing
 
     from skillplan.checks.verdict_cache import VerdictCache
@@ -215,11 +312,11 @@ def _evaluate(
         model = make_model(task, setup, cache, jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):
             skills = tuple(roll_out(model, plan.get) if isinstance(plan, Policy) else plan)
-            walked = replay(model, skills)
+            replayed = replay(model, skills)
     best = None
-    if walked.complete and task.deterministic:
+    if replayed.complete and task.deterministic:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
-            known = Plan(tuple(skill.name for skill in skills), walked.cost)
+            known = Plan(tuple(skill.name for skill in skills), replayed.cost)
             best = solve(
                 task,
                 DEFAULT_SOLVER,
@@ -229,7 +326,7 @@ def _evaluate(
                 jobs=checking.jobs,
                 start=known,
             )
-    evaluation = Evaluation(task, skills, walked, best)
-    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
+    evaluation = Evaluation(task, skills, replayed, best)
+    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not replayed.complete)
     interrupted = best is not None and best.interrupted
-    return exit_code(interrupted=interrupted, solved=walked.complete)
+    return exit_code(interrupted=interrupted, solved=replayed.complete)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.fit import refuse_given
+from skillplan.cli.options.fit import Mode, check_options
 from skillplan.cli.options.limits import LIMITS, CommandLimits
 from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Workers
@@ -22,34 +19,22 @@ from skillplan.cli.options.single import (
     solver_option,
 )
 from skillplan.cli.options.values import count_option, positive_seconds, whole_number
-from skillplan.cli.writing import tell
-
-if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.cli.deadline import Deadline
-    from skillplan.cli.training_runs.family import Ordered
-    from skillplan.records.training.result import TrainingResult
-    from skillplan.training.trainer import Trainer
 
 TRAINING = "Training"
 
 EPILOG = (
-    "Everything is kept in a folder: manifest.json says what was requested, runs/NN/metrics.jsonl "
-    "what happened, runs/NN/policy.json and policy.safetensors what was learned, tensorboard/ the "
-    "same as curves. Checkpoints are whole or not at all: after Ctrl-C, SIGKILL or a full disk the "
-    "same command with --resume goes on from the last one, bit for bit. 'skillplan evaluate' and "
+    "The folder keeps everything: manifest.json has the settings, runs/NN/metrics.jsonl the "
+    "episodes, runs/NN/policy.json and policy.safetensors the learned policy, and tensorboard/ the "
+    "learning curves. Checkpoints are always complete: after Ctrl-C, SIGKILL or a full disk, the "
+    "same command with --resume continues from the last one, bit for bit. 'skillplan evaluate' and "
     "'skillplan plot' read the folder."
 )
 
 _GENERATED = "generated:"
-# What a training on boards at random has no use for.
-_OF_TASK = (
-    *("part", "changes", "runs", "steps", "checkpoint_steps", "jobs", "executor", "physics"),
-    *("collision", "no_cache", "no_screening", "proof_time_limit_s", "resume", "start"),
-)
 
 
-def family_words(value: str) -> str:
-    """Return a number of layouts as text, or a family of boards at random.
+def parse_family(value: str) -> str:
+    """Check the form of ``--family``: a number of layouts, or a family of random boards.
 
     Raises
     ------
@@ -67,21 +52,7 @@ def family_words(value: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """How much is trained.
-
-    Parameters
-    ----------
-    runs
-        How many runs, >= 1.
-    steps
-        Environment steps of each; None for the learner's option, or else what is derived.
-    family
-        How many layouts are learned on, or a family of boards at random; None for the task's own.
-    checkpoint_steps
-        After how many environment steps a checkpoint is kept.
-    start
-        Folder of a training whose networks the runs begin with; None for drawn ones.
-    """
+    """How long is trained, and from where."""
 
     runs: Annotated[
         int,
@@ -89,8 +60,8 @@ class Amount:
             "--runs",
             least=1,
             most=1_000,
-            text="How many runs, with the seeds from --seed on; up to five learn side by side, and "
-            "two or more as two groups at least.",
+            text="Number of runs, with seeds from --seed on. Up to five runs learn together as a "
+            "group; two or more runs form at least two groups.",
             rich_help_panel=TRAINING,
         ),
     ] = 10
@@ -100,21 +71,8 @@ class Amount:
             "--steps",
             least=1,
             most=1_000_000_000,
-            text="Environment steps of every run; goes before the learner's option steps. Without "
-            "either, the number is derived from the task.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = None
-    family: Annotated[
-        str | None,
-        typer.Option(
-            "--family",
-            parser=family_words,
-            metavar="N|generated:A-B",
-            help="Learn on N layouts drawn from the task file's family, 1 to 10,000, another one "
-            "in every episode, instead of on its own. Or, without a TASK, on boards at random of "
-            "A to B parts, as 'skillplan generate assembly' writes them: one policy for any board, "
-            "which --solver relational learns.",
+            text="Environment steps per run; overrides the learner's option steps. Default: "
+            "derived from the task.",
             rich_help_panel=TRAINING,
         ),
     ] = None
@@ -124,7 +82,7 @@ class Amount:
             "--checkpoint",
             least=1,
             most=1_000_000_000,
-            text="Keep a checkpoint every N environment steps, in hundreds.",
+            text="Write a checkpoint every N environment steps, at the next multiple of 100.",
             rich_help_panel=TRAINING,
         ),
     ] = 1_000
@@ -133,8 +91,8 @@ class Amount:
         typer.Option(
             "--from",
             metavar="RUN",
-            help="Begin with the networks of an earlier training of the same learner, also on "
-            "another task: skills and features of the same name are taken over.",
+            help="Start from the networks of an earlier training of the same learner, on this or "
+            "another task. Skills and features with the same name keep their weights.",
             rich_help_panel=TRAINING,
         ),
     ] = None
@@ -146,6 +104,19 @@ def command(
     *,
     reading: PartReading,
     amount: Amount,
+    family: Annotated[
+        str | None,
+        typer.Option(
+            "--family",
+            parser=parse_family,
+            metavar="N|generated:A-B",
+            help="Train on N layouts drawn from the family of the task file, 1 to 10,000, with a "
+            "new layout in every episode. Or, without TASK, train on random boards of A to B "
+            "parts, such as 'skillplan generate assembly' writes: --solver relational then learns "
+            "one policy for all boards.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
     solver: Annotated[
         str,
         solver_option(
@@ -174,8 +145,8 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="The folder of the runs, a new one; default: the first of runs/TASK-SOLVER-1, "
-            "-2, ... that is not there.",
+            help="Folder of the runs; must be new or empty. Default: the first of "
+            "runs/TASK-SOLVER-1, -2, ... that does not exist.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -183,41 +154,38 @@ def command(
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the training in the folder of --out; with a larger --steps extend it: "
-            "what changed over its steps, such as exploration, stays as it was at their end.",
+            help="Continue the training in the folder of --out. A larger --steps extends it; "
+            "schedules, such as that of exploration, stay at their final values.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",
 ) -> int:
-    """Train a learner on TASK, several runs from several seeds, and hold them to the optimum.
+    """Train a learner on TASK with several seeds and compare the runs with the proved optimum.
 
-    With --family generated:A-B one policy learns on boards at random instead, is tried on others
-    of that family, and 'skillplan evaluate RUN --task FILE' tries it on any.
+    Prints the sequence of every run's policy, its cost and its deviation from the optimum.
+    Ctrl-C and --time-limit keep the runs, print the results so far and show the command that
+    resumes the training.
 
-    Shows for every run the sequence that its policy takes, what it costs and how far that is
-    from the proved optimum. Ctrl-C and --time-limit keep the runs as they stand, print what there
-    is and say how to go on.
+    --family generated:A-B trains one policy on random boards instead and tests it on other boards
+    of the family; 'skillplan evaluate RUN --task FILE' tests it on any board.
     """
-    from skillplan.cli.output import emit
-    from skillplan.cli.training_runs.display import derived_words, displaying
     from skillplan.errors import OptionError
-    from skillplan.training.trainer import Trainer, next_folder
-    from skillplan.training.training_folder import TrainingFolder
-    from skillplan.training.training_plan import plan_training
-    from skillplan.views.tables.training import training_tables
 
+    if family is not None and family.startswith(_GENERATED):
+        inputs: dict[Mode, str] = {command: "a task file", train_on_boards: f"--family {family}"}
+        check_options(ctx, train_on_boards, inputs)
+        if task is not None:
+            raise OptionError(f"{task}: no TASK goes with --family {family}.")
+        return train_on_boards(family, solver, back_ends.options, seed, limits, out, style)
     deadline = limits.begin(graceful=True)
-    if amount.family is not None and amount.family.startswith(_GENERATED):
-        from skillplan.cli.training_runs.family import Ordered
-
-        refuse_given(ctx, _OF_TASK, f"does not go with --family {amount.family}")
-        ordered = (amount.family, solver, back_ends.options, seed, out, deadline.share_s())
-        return _train_on_boards(task, Ordered(*ordered), style)
     if task is None:
         raise OptionError("Missing TASK: a task file, or --family generated:A-B without one.")
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
+    from skillplan.cli.training_runs.training import TrainingSession
+    from skillplan.training.training_plan import plan_training
+
     problem, part = reading.problem(task, back_ends), reading.part
     setup = back_ends.setup(
         problem.part(part), (solver,), screening=not no_screening, executor=workers.executor
@@ -230,59 +198,36 @@ def command(
         runs=amount.runs,
         steps=amount.steps,
         seed=seed,
-        family=int(amount.family or 0),
+        family=int(family or 0),
         checkpoint_steps=amount.checkpoint_steps,
         warm=not caching.no_cache,
         start=amount.start,
     )
-    words = list(sys.argv[1:])
-    if out is None:
-        out = str(next_folder(plan.task.name, solver))
-        words += ["--out", out]
-        tell(f"writing to {out}")
-    with TrainingFolder(
-        out, plan, problem, part=part, changes=reading.settings(), resume=resume, command=words
-    ) as folder:
-        if folder.extended:
-            tell(folder.extended)
-        if not resume:
-            tell(derived_words(plan))
-        trainer = Trainer(folder.plan, folder, jobs=workers.jobs, time_limit_s=proof_time_limit_s)
-        with (
-            displaying(folder.plan, trainer.interrupt) as display,
-            deadline.calling(trainer.end_in_time),
-        ):
-            trainer.on_report, trainer.on_optimum = display.report, display.proved
-            result = trainer.train()
-    code = _exit_code(trainer, result)
-    emit(style, result.document(), training_tables(result), failed=code != 0)
-    if result.interrupted:
-        _tell_how_to_go_on(words, deadline, trainer.timed_out)
-    return code
-
-
-def _train_on_boards(task: str | None, ordered: Ordered, style: str) -> int:
-    from skillplan.cli.training_runs.family import train_on_boards
-    from skillplan.errors import OptionError
-
-    if task is not None:
-        raise OptionError(f"{task}: no TASK goes with --family {ordered.family}.")
-    return train_on_boards(ordered, style)
-
-
-def _tell_how_to_go_on(words: Sequence[str], deadline: Deadline, timed_out: bool) -> None:
-    again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
-    ended = f"ended by --time-limit {deadline.time_limit_s:g}" if timed_out else "interrupted"
-    tell(f"{ended}; go on with: {again} --resume")
-
-
-def _exit_code(trainer: Trainer, result: TrainingResult) -> int:
-    """Return the exit code: whether any run completes the task."""
-    from skillplan.errors import exit_code
-
-    all_failed = len(result.failed) == len(result.outcomes)
-    return exit_code(
-        interrupted=trainer.interrupted and not trainer.timed_out,
-        back_end_failed=all_failed and trainer.back_end_failed,
-        solved=bool(result.completed),
+    session = TrainingSession(
+        problem, plan, part, reading.settings(), workers.jobs, proof_time_limit_s, deadline, style
     )
+    return session.resume(out) if resume and out is not None else session.begin(out)
+
+
+def train_on_boards(
+    family: str,
+    solver: str,
+    options: list[str],
+    seed: int,
+    limits: CommandLimits,
+    out: str | None,
+    style: Style,
+) -> int:
+    """Train one policy on random boards."""
+    from skillplan.cli.options.values import parse_options
+    from skillplan.cli.training_runs.training import train_family_policy
+    from skillplan.errors import OptionError
+    from skillplan.training.family_training import FamilyPlan, GeneratedFamily
+
+    deadline = limits.begin(graceful=True)
+    boards = GeneratedFamily.parse(family)
+    parsed = parse_options(options, solver)
+    for plugin in set(parsed) - {solver}:
+        raise OptionError(f"-O {plugin}.…: {plugin} takes no part in a training on {boards}.")
+    plan = FamilyPlan(boards, solver, dict(parsed.get(solver, {})), seed)
+    return train_family_policy(plan, out, deadline.share_s(), style)

@@ -1,118 +1,67 @@
-"""``skillplan evaluate`` of a folder of training runs."""
+"""``skillplan evaluate`` of folders of training runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from contextlib import closing, nullcontext
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import typer
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.cli.counting import counting
+from skillplan.cli.options.shared import BackEnds, Checking, Reading, warn_of
+from skillplan.cli.output import emit
+from skillplan.cli.waiting import showing_checks, stoppable
+from skillplan.domains.load import Problem
+from skillplan.errors import exit_code
+from skillplan.pipeline.received_task import is_near, unquoted
+from skillplan.pipeline.setup import CHART, Setup
+from skillplan.pipeline.solving import make_model
+from skillplan.records.training.result import (
+    LayoutsResult,
+    Sampling,
+    TrainingResult,
+    trainings_document,
+)
+from skillplan.records.training.run_folder import RunFolder
+from skillplan.solvers.stop import Stop
+from skillplan.task.task import Task
+from skillplan.training.evaluation import (
+    RunsEvaluation,
+    check_same_task,
+    evaluate_layouts,
+    unseen_layouts,
+)
+from skillplan.training.policies import prove_optimum
+from skillplan.views.tables.training import training_tables, trainings_table
 
-from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.values import count_option, positive_number
+if TYPE_CHECKING:
+    from skillplan.cli.commands.evaluate import RollOuts
 
-if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.cli.options.shared import BackEnds, Checking, Reading
-    from skillplan.domains.load import Problem
-    from skillplan.pipeline.setup import Setup
-    from skillplan.records.training.result import LayoutsResult, TrainingResult
-    from skillplan.records.training.run_folder import RunFolder
-    from skillplan.task.task import Task
-    from skillplan.training.evaluation import RunsEvaluation
-
-OF_RUN = "Of a result or a run"
-# Options may be given for whoever proves the optimum.
+# Solvers that prove the optimum; -O may give options for them.
 _PROVERS = ("auto", "value-iteration")
+# Unseen layouts that are tried after a training on a family.
 _LAYOUTS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class RollOuts:
-    """How the policies of training runs are tried.
+class RunsRequest:
+    """What the command line requests for folders of runs.
 
     Parameters
     ----------
     task_file
-        Another file than the one that was learned; None for the same.
+        Task file to use instead of the one that was learned.
     changed_task
         Whether the task may have changed since.
-    episodes
-        How many roll-outs are drawn of every run, >= 1.
-    temperature
-        What scores are divided by, > 0.
-    layouts
-        How many unseen layouts of the family are tried; None for as many as suit the runs.
-    """
-
-    task_file: Annotated[
-        str | None,
-        typer.Option(
-            "--task",
-            metavar="FILE",
-            autocompletion=task_files,
-            help="The task file, where it is not to be the one that was solved or learned.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = None
-    changed_task: Annotated[
-        bool,
-        typer.Option(
-            "--changed-task",
-            help="Evaluate even where the task is another one than was solved or learned.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = False
-    episodes: Annotated[
-        int,
-        count_option(
-            "--episodes",
-            least=1,
-            most=1_000_000,
-            text="Roll-outs of every run, each action drawn by its score.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = 100
-    temperature: Annotated[
-        float,
-        typer.Option(
-            "--temperature",
-            parser=positive_number(),
-            metavar="T",
-            help="What scores are divided by; the lower, the greedier.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = 0.05
-    layouts: Annotated[
-        int | None,
-        count_option(
-            "--layouts",
-            least=0,
-            most=10_000,
-            text="Also try N layouts of the task file's family that no run has seen; default: 20 "
-            "where a family was learned, else none.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = None
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What the command line wants of the runs.
-
-    Parameters
-    ----------
-    roll_outs
-        How their policies are tried.
     reading, back_ends
-        The task and who checks it, where not as in the training.
-    checking
-        How back ends are queried.
-    seed
-        Governs all draws.
+        Changes of the task file and back ends; they override those of the training.
     time_limit_s
-        For proving the optimum [s]; None for as long as it takes.
+        Time limit for proving the optimum [s].
     """
 
+    task_file: str | None
+    changed_task: bool
     roll_outs: RollOuts
     reading: Reading
     back_ends: BackEnds
@@ -121,32 +70,17 @@ class Wanted:
     time_limit_s: float | None
 
 
-def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> int:
-    """Try the policies of folders of runs and print what they come to; return the exit code.
-
-    Parameters
-    ----------
-    paths
-        Of the folders, at least one; several are shown side by side.
-    wanted
-        How the policies are tried.
-    style
-        How to print.
+def evaluate_run_folders(paths: Sequence[str], request: RunsRequest, style: str) -> int:
+    """Try the policies of one or several folders, print the results and return the exit code.
 
     Raises
     ------
     OptionError
-        If the task is another one now, or no policy can act on it.
+        If the task has changed, or no policy can act on it.
     """
-    from skillplan.cli.output import emit
-    from skillplan.errors import exit_code
-    from skillplan.records.training.result import trainings_document
-    from skillplan.records.training.run_folder import RunFolder
-    from skillplan.views.tables.training import training_tables, trainings_table
-
     results, interrupted = [], False
     for folder in [RunFolder(path) for path in paths]:
-        result, interrupted = _evaluated(folder, wanted)
+        result, interrupted = _evaluate_folder(folder, request)
         results.append(result)
         if interrupted:
             break
@@ -159,65 +93,45 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
     return exit_code(interrupted=interrupted, solved=solved)
 
 
-def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]:
-    """Return what the policies of a folder come to, and whether the user interrupted it."""
-    from contextlib import closing
-    from dataclasses import replace
-
-    from skillplan.checks.verdict_cache import VerdictCache
-    from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.pipeline.solving import make_model
-    from skillplan.records.training.result import Sampling
-    from skillplan.training.evaluation import RunsEvaluation, unseen_layouts
-    from skillplan.training.policies import prove_optimum
-
-    problem, setup = _loaded(folder, wanted)
+def _evaluate_folder(folder: RunFolder, request: RunsRequest) -> tuple[TrainingResult, bool]:
+    """Return the result of a folder, and whether the user interrupted its evaluation."""
+    problem, setup = _load_task(folder, request)
     task = problem.part(folder.manifest.task.part)
-    drawn = Sampling(wanted.roll_outs.episodes, wanted.roll_outs.temperature, wanted.seed)
-    evaluation = RunsEvaluation(folder, task, drawn, changed_task=wanted.roll_outs.changed_task)
-    count = _layout_count(folder, wanted)
+    drawn = Sampling(request.roll_outs.episodes, request.roll_outs.temperature, request.seed)
+    evaluation = RunsEvaluation(folder, task, drawn, changed_task=request.changed_task)
+    count = request.roll_outs.layouts
+    if count is None:
+        count = 0 if folder.manifest.family is None else _LAYOUTS
     layouts = unseen_layouts(evaluation, problem, count) if count else ()
-    cache = wanted.checking.cache() or VerdictCache()
-    with stoppable(wanted.time_limit_s, label="proving the optimum") as stop:
-        optimum = prove_optimum(task, setup, cache, stop, jobs=wanted.checking.jobs)
+    cache = request.checking.cache() or VerdictCache()
+    jobs = request.checking.jobs
+    with stoppable(request.time_limit_s, label="proving the optimum") as stop:
+        optimum = prove_optimum(task, setup, cache, stop, jobs=jobs)
     with showing_checks("rolling out") as on_check:
-        model = make_model(task, setup, cache, jobs=wanted.checking.jobs, on_check=on_check)
+        model = make_model(task, setup, cache, jobs=jobs, on_check=on_check)
         with closing(model.feasibility):
             result = evaluation.evaluate(model, setup, optimum)
     interrupted = stop.interrupted
     if layouts and not interrupted:
-        tried, interrupted = _tried_layouts(evaluation, layouts, setup, wanted)
-        result = replace(result, layouts=tried)
+        outcomes, interrupted = _try_layouts(evaluation, layouts, setup, request)
+        result = replace(result, layouts=outcomes)
     return result, interrupted
 
 
-def _layout_count(folder: RunFolder, wanted: Wanted) -> int:
-    """Return how many unseen layouts are tried: by default some of those that learned a family."""
-    if wanted.roll_outs.layouts is not None:
-        return wanted.roll_outs.layouts
-    return 0 if folder.manifest.family is None else _LAYOUTS
-
-
-def _tried_layouts(
-    evaluation: RunsEvaluation, layouts: tuple[Task, ...], setup: Setup, wanted: Wanted
+def _try_layouts(
+    evaluation: RunsEvaluation, layouts: tuple[Task, ...], setup: Setup, request: RunsRequest
 ) -> tuple[LayoutsResult, bool]:
-    """Return what the policies do on layouts they have not seen, and whether it was interrupted."""
-    from skillplan.cli.counting import counting
-    from skillplan.records.training.result import LayoutsResult
-    from skillplan.solvers.stop import Stop
-    from skillplan.training.evaluation import layout_outcomes
-
+    """Return the results on unseen layouts, and whether the user interrupted."""
     rows = []
     with counting("trying layouts", len(layouts)) as count:
-        found = layout_outcomes(
+        for outcome in evaluate_layouts(
             evaluation,
             layouts,
             setup,
-            lambda: Stop(time_limit_s=wanted.time_limit_s),
-            jobs=wanted.checking.jobs,
-        )
-        for row in found:
-            rows.append(row)
+            lambda: Stop(time_limit_s=request.time_limit_s),
+            jobs=request.checking.jobs,
+        ):
+            rows.append(outcome)
             count.one_more()
             if count.interrupted:
                 break
@@ -227,47 +141,36 @@ def _tried_layouts(
     return LayoutsResult(tuple(rows), learned_on, training_s), count.interrupted
 
 
-def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
-    """Return the problem, and the back ends: the training's, except for what the options choose."""
-    from contextlib import nullcontext
-    from dataclasses import replace
-
-    from skillplan.cli.options.shared import Reading, warn_of
-    from skillplan.pipeline.received_task import is_near, unquoted
-    from skillplan.pipeline.setup import CHART
-    from skillplan.training.evaluation import check_same_task
-
+def _load_task(folder: RunFolder, request: RunsRequest) -> tuple[Problem, Setup]:
+    """Return the problem and its back ends: those of the training unless options override them."""
     manifest = folder.manifest
-    given = wanted.back_ends
-    physics = manifest.physics if given.physics is None else given.physics
-    collision = given.collision
+    chosen = request.back_ends
+    physics = manifest.physics if chosen.physics is None else chosen.physics
+    collision = chosen.collision
     if collision is None and manifest.collision:
         collision = ",".join(manifest.collision)
-    back_ends = replace(given, physics=physics, collision=collision)
-    # What --set changed belongs to the file that was learned.
-    source, kept_changes = wanted.roll_outs.task_file, []
+    back_ends = replace(chosen, physics=physics, collision=collision)
+    # The changes of the training belong to the file that was learned.
+    source, kept_changes = request.task_file, []
     if source is None:
         source = folder.source
         kept_changes = [f"{key}={value}" for key, value in manifest.task.changes.items()]
-    reading = Reading([*kept_changes, *wanted.reading.changes])
-    # The copy is as much the folder's as the manifest is; any other file is the reader's own.
-    own = wanted.roll_outs.task_file is not None or source == str(folder.task_copy)
+    reading = Reading([*kept_changes, *request.reading.changes])
+    # The folder may come from somebody else: messages must not quote any other file it names.
+    own = request.task_file is not None or source == str(folder.task_copy)
     with nullcontext() if own else unquoted(str(folder.path), source):
         problem = reading.problem(source, back_ends, warn=False)
-    told = own or is_near(source, folder.path)
-    if not wanted.roll_outs.changed_task or not told:
-        check_same_task(folder, problem, quoted=told)
+    quoted = own or is_near(source, folder.path)
+    if not request.changed_task or not quoted:
+        check_same_task(folder, problem, quoted=quoted)
     warn_of(problem)
-    part = problem.part(manifest.task.part)
-    executor = wanted.checking.executor
-    # The run has learned under the detectors that it names, and under no others.
-    with_chart = given.collision is not None or CHART in manifest.collision
     setup = back_ends.setup(
-        part,
+        problem.part(manifest.task.part),
         _PROVERS,
         screening=manifest.screening,
-        executor=executor,
-        with_chart=with_chart,
+        executor=request.checking.executor,
+        # The training used the detectors in its manifest and no others.
+        with_chart=chosen.collision is not None or CHART in manifest.collision,
     )
     kept = dict(manifest.back_end_options)
     merged = {

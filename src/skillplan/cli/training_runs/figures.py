@@ -1,273 +1,272 @@
-"""``skillplan plot`` of a folder of training runs."""
+"""Learning curves of training runs: for ``skillplan plot``, and as a chapter of a report."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.figure import Figure
+
+from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, TaskError, exit_code
+from skillplan.pipeline.setup import CHART, Setup, load_problem
+from skillplan.pipeline.solving import warm_cache
+from skillplan.records.training.published_runs import SUCCESS_RATE, published_runs
+from skillplan.records.training.run_folder import RunFolder
+from skillplan.task.task import Task
+from skillplan.training.policies import prove_optimum
 from skillplan.views.figures.catalogue import RUN_FIGURES
+from skillplan.views.figures.figure_file import SUFFIXES, checked_path, save_figure
+from skillplan.views.figures.figure_style import Heading
+from skillplan.views.figures.training_figures import (
+    RunCurve,
+    distances_figure,
+    distances_of_trainings,
+    run_curve,
+    success_figure,
+    success_of_trainings,
+)
+from skillplan.views.report.markup import Markup
+from skillplan.views.report.page import Chapter
+from skillplan.views.report.pictures import image
+from skillplan.views.report.solver_chapters import training_chapter
 
-if TYPE_CHECKING:  # --help pays for no imports
-    from matplotlib.figure import Figure
+if TYPE_CHECKING:
+    from skillplan.cli.commands.plot import FigureFile
 
-    from skillplan.records.training.run_folder import RunFolder
-    from skillplan.task.task import Task
-    from skillplan.views.figures.figure_style import Heading
-
-
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """How figures of training runs are drawn.
-
-    Parameters
-    ----------
-    against
-        ``steps`` or ``episodes``.
-    time_limit_s
-        For proving the optimum where nobody has yet [s].
-    dpi
-        Dots per inch of a PNG.
-    """
-
-    against: str
-    time_limit_s: float
-    dpi: int
+_PROOF_S = 10.0
 
 
 def plot_run_folders(
-    folders: Sequence[RunFolder], figure: str | None, out: str | None, drawing: Drawing
+    folders: Sequence[RunFolder],
+    figure: str | None,
+    against: str,
+    time_limit_s: float,
+    file: FigureFile,
 ) -> int:
-    """Draw figures of folders of runs and print their paths; return the exit code.
+    """Draw the curves of one or several trainings, print the files and return the exit code.
 
     Parameters
     ----------
-    folders
-        At least one; several are drawn together, into the current folder.
     figure
-        Which one; None for all, of one folder as PNG and SVG into it.
-    out
-        Where to, of one figure.
-    drawing
-        How.
+        One of `RUN_FIGURES`; None for all of them.
+    against
+        Horizontal axis: ``steps`` or ``episodes``.
+    time_limit_s
+        Time limit for proving an optimum that is not stored [s].
 
     Raises
     ------
     OptionError
-        If a folder holds nothing to draw, several are not of the same task, or a file cannot be
+        If there is nothing to draw, the trainings are of different tasks, or a file cannot be
         written.
     """
-    from skillplan.views.figures.figure_file import checked_path, save_figure
-
-    if out is not None and figure is None:
+    if file.out is not None and figure is None:
         raise OptionError(f"--out is for one figure; name it: {' or '.join(RUN_FIGURES)}.")
-    names = list(RUN_FIGURES) if figure is None else [figure]
-    # Whether a file can be written shows before anything expensive is done.
+    # Paths are checked before anything expensive.
     targets = {
-        name: [checked_path(path) for path in ([out] if out is not None else _paths(folders, name))]
-        for name in names
+        name: [checked_path(path) for path in _list_paths(folders, name, file.out)]
+        for name in (RUN_FIGURES if figure is None else [figure])
     }
-    every = [_Drawn(folder, drawing) for folder in folders]
-    drawn: _Drawn | _Compared = every[0] if len(every) == 1 else _Compared(every, drawing)
-    written = []
+    trainings = [_Training(folder, time_limit_s) for folder in folders]
+    for training in trainings[1:]:
+        _check_same_task(training, trainings[0])
+    lines = []
     for name, paths in targets.items():
-        if figure is None and name == "distances" and not drawn.any_success:
-            # One figure of two is better than none; which is missing is said.
-            drawn.say("distances: no run has completed the task yet. Not drawn.")
+        completed = any(training.any_success for training in trainings)
+        if figure is None and name == "distances" and not completed:
+            place = f"{folders[0].path}: " if len(folders) == 1 else ""
+            tell(f"skillplan: {place}distances: no run has completed the task yet. Not drawn.")
             continue
-        made = drawn.figure(name)
+        drawn = (
+            _draw_training(trainings[0], name, against)
+            if len(trainings) == 1
+            else _draw_trainings(trainings, name, against)
+        )
         for path in paths:
-            save_figure(made, path, drawing.dpi)
-            written.append(path)
-    write_out("".join(f"{one}\n" for one in written))
+            save_figure(drawn, path, file.dpi)
+            lines.append(f"{path}\n")
+    write_out("".join(lines))
     return exit_code()
 
 
-def figures_of(folder: RunFolder, drawing: Drawing) -> dict[str, Figure]:
-    """Return the figures of a folder of runs by name, as far as there is something to draw.
+def training_chapter_of(folder: RunFolder, name: str, time_limit_s: float | None) -> Chapter:
+    """Return the chapter of a report about a training.
+
+    Parameters
+    ----------
+    name
+        Name of the chapter.
+    time_limit_s
+        Time limit for proving an optimum that is not stored [s]. Default: 10 s.
 
     Raises
     ------
     OptionError
-        If no run has ended an episode yet.
+        If the folder is damaged.
     """
-    drawn = _Drawn(folder, drawing)
-    names = [name for name in RUN_FIGURES if name != "distances" or drawn.any_success]
-    return {name: drawn.figure(name) for name in names}
+    manifest = folder.manifest
+    images: list[Markup] = []
+    try:
+        training = _Training(folder, _PROOF_S if time_limit_s is None else time_limit_s)
+        for figure in RUN_FIGURES:
+            if figure != "distances" or training.any_success:
+                words = f"Learning curves, {figure}: {manifest.task.name}, {manifest.solver}"
+                images.append(image(_draw_training(training, figure, "steps"), words, f"{words}."))
+    except OptionError as error:
+        tell(f"skillplan: note: {error}")
+    entries: list[tuple[str, object]] = [
+        ("Task", manifest.task.name),
+        ("Hash of the task", manifest.task.sha256),
+        ("Solver", manifest.solver),
+        ("Runs", len(manifest.seeds)),
+        ("Steps of each", f"{manifest.steps:,}"),
+        ("First seed", manifest.seed),
+        ("Physics", manifest.physics),
+        ("Collision", ", ".join(manifest.collision)),
+        ("Options", ", ".join(f"{key} = {value}" for key, value in manifest.options.items())),
+        ("Versions", ", ".join(f"{key} {value}" for key, value in manifest.versions.items())),
+        ("Folder", folder.path),
+    ]
+    heading = f"{manifest.task.name}, learned by {manifest.solver}"
+    return training_chapter(entries, folder.result(), images, heading, name)
 
 
-def _paths(folders: Sequence[RunFolder], name: str) -> list[str]:
-    """Return where a figure goes that the user names no file for."""
-    from skillplan.views.figures.figure_file import SUFFIXES
+class _Training:
+    """The learning curves of a folder, with its task and optimum."""
 
-    if len(folders) > 1:
-        return [f"{folders[0].manifest.task.name}-{name}.png"]
-    return [str(folders[0].path / f"{name}{suffix}") for suffix in SUFFIXES]
-
-
-class _Compared:
-    """Several trainings of one task, in one figure."""
-
-    def __init__(self, every: Sequence[_Drawn], drawing: Drawing) -> None:
-        first = every[0].folder.manifest.task
-        for one in every[1:]:
-            task = one.folder.manifest.task
-            if (task.sha256, task.part) != (first.sha256, first.part):
-                raise OptionError(
-                    f"{one.folder.path} is of another task, {task.name!r}, than "
-                    f"{every[0].folder.path}, {first.name!r}: they have no axis in common."
-                )
-        self._every, self._against = every, drawing.against
-
-    @property
-    def any_success(self) -> bool:
-        """Whether any episode completed the task."""
-        return any(one.any_success for one in self._every)
-
-    def say(self, text: str) -> None:
-        """Print on stderr what is not drawn."""
-        tell(f"skillplan: {text}")
-
-    def figure(self, name: str) -> Figure:
-        """Return a figure by name."""
-        from skillplan.views.figures.figure_style import Heading
-        from skillplan.views.figures.training_figures import (
-            distances_of_trainings,
-            success_of_trainings,
-        )
-
-        against: Any = self._against
-        trainings = {
-            label: one.curves for label, one in zip(self._labels(), self._every, strict=True)
-        }
-        task_name = self._every[0].folder.manifest.task.name
-        if name == "success":
-            heading = Heading(
-                f"Success of {len(trainings)} trainings: {task_name}",
-                "lines means of the runs,  bands one standard deviation",
-            )
-            return success_of_trainings(trainings, heading, against=against)
-        if not self.any_success:
-            raise OptionError("No run of any folder has completed the task: nothing to draw.")
-        task, optimum = self._every[0].task()
-        heading = Heading(
-            f"Completed sequences of {len(trainings)} trainings: {task_name}",
-            "lines means of the last 100 of a run"
-            + ("" if optimum is None else f",  dashed {task.metric.text(optimum)}"),
-        )
-        return distances_of_trainings(
-            trainings, task.metric, heading, against=against, optimum=optimum
-        )
-
-    def _labels(self) -> list[str]:
-        """Return what the legend says of each: its solver and folder, of which none is twice."""
-        paths = [one.folder.path for one in self._every]
-        names = [path.name for path in paths]
-        shown = names if len(set(names)) == len(names) else list(map(str, paths))
-        solvers = [one.folder.manifest.solver for one in self._every]
-        return [f"{name}: {solver}" for name, solver in zip(shown, solvers, strict=True)]
-
-
-class _Drawn:
-    """The runs of a folder, and what figures of them need beside."""
-
-    def __init__(self, folder: RunFolder, drawing: Drawing) -> None:
-        from skillplan.views.figures.training_figures import run_curve
-
+    def __init__(self, folder: RunFolder, time_limit_s: float) -> None:
         self.folder = folder
-        self._against, self._time_limit_s = drawing.against, drawing.time_limit_s
+        self._time_limit_s = time_limit_s
         runs = folder.runs()
-        for one in (one for one in runs if one.failure):
-            self.say(f"run {one.run}: {one.failure}")
-        self.curves = [
-            run_curve(one.run, one.seed, one.episodes, one.steps) for one in runs if one.episodes
+        for run in runs:
+            if run.failure:
+                tell(f"skillplan: {folder.path}: run {run.run}: {run.failure}")
+        self.curves: list[RunCurve] = [
+            run_curve(run.run, run.seed, run.episodes, run.steps) for run in runs if run.episodes
         ]
         if not self.curves:
             raise OptionError(f"{folder.path}: no run has ended an episode yet: nothing to draw.")
-        self._runs = len(runs)
-        self._known: tuple[Task, float | None] | None = None
+        self.runs = len(runs)
 
     @property
     def any_success(self) -> bool:
         """Whether any episode completed the task."""
         return any(curve.success.any() for curve in self.curves)
 
-    def say(self, text: str) -> None:
-        """Print on stderr what is not drawn."""
-        tell(f"skillplan: {self.folder.path}: {text}")
-
-    def figure(self, name: str) -> Figure:
-        """Return a figure by name."""
-        from skillplan.records.training.published_runs import SUCCESS_RATE, published_runs
-        from skillplan.views.figures.training_figures import distances_figure, success_figure
-
-        task, optimum = self.task()
-        against: Any = self._against
-        if name == "success":
-            published = SUCCESS_RATE if published_runs(task, optimum) else None
-            heading = self._heading("Success of training")
-            return success_figure(self.curves, heading, against=against, published=published)
-        if not self.any_success:
-            raise OptionError(
-                f"{self.folder.path}: no run has completed the task: nothing to draw."
-            )
-        heading = self._heading(
-            "Completed sequences of training",
-            "points single sequences",
-            "lines means of the last 100",
-        )
-        return distances_figure(
-            self.curves,
-            task.metric,
-            heading,
-            against=against,
-            optimum=optimum,
-            chance=not task.deterministic,
-        )
-
-    def _heading(self, title: str, *more: str) -> Heading:
-        from skillplan.views.figures.figure_style import Heading
-
+    @cached_property
+    def task(self) -> Task:
+        """The task as it was learned."""
         manifest = self.folder.manifest
-        runs = f"{self._runs} run" if self._runs == 1 else f"{self._runs} runs"
-        details = [f"task {manifest.task.name}", f"solver {manifest.solver}", runs]
-        details += [f"{manifest.steps:,} steps each", f"seeds from {manifest.seed}"]
-        details += [f"{key} {manifest.options[key]}" for key in ("observation", "mask")]
-        details += more
-        return Heading(f"{title}: {manifest.task.name}", ",  ".join(details))
-
-    def task(self) -> tuple[Task, float | None]:
-        """Return the task as it was learned, and its optimum: as noted, or else proved now."""
-        if self._known is None:
-            self._known = self._found()
-        return self._known
-
-    def _found(self) -> tuple[Task, float | None]:
-        from contextlib import suppress
-
-        from skillplan.cli.waiting import stoppable
-        from skillplan.pipeline.setup import CHART, Setup, load_problem
-        from skillplan.pipeline.solving import warm_cache
-        from skillplan.training.policies import prove_optimum
-
-        manifest = self.folder.manifest
-        detectors = manifest.collision
-        queried = {"physics": [manifest.physics], "collision": list(detectors)}
+        queried = {"physics": [manifest.physics], "collision": list(manifest.collision)}
         problem = None
-        # The user's file may have changed, or be none of a task any more; the copy is as it was.
+        # The user's file may have changed or be damaged; the copy has not changed.
         with suppress(TaskError, OptionError):
             problem = load_problem(self.folder.source, queried, manifest.task.changes)
         if problem is None or problem.sha256 != manifest.task.sha256:
             copy = str(self.folder.checked_copy())
             problem = load_problem(copy, queried, manifest.task.changes)
-        task = problem.part(manifest.task.part)
-        result = self.folder.result()
+        return problem.part(manifest.task.part)
+
+    @cached_property
+    def optimum(self) -> float | None:
+        """The stored optimum, or else a new proof; None if the proof fails."""
+        task, manifest, result = self.task, self.folder.manifest, self.folder.result()
         if result is not None and isinstance(result.get("optimum"), int | float):
-            return task, float(result["optimum"])
-        options, screening = manifest.back_end_options, manifest.screening
-        with_chart = CHART in detectors
-        setup = Setup(manifest.physics, tuple(detectors), options, screening, with_chart=with_chart)
+            return float(result["optimum"])
+        setup = Setup(
+            manifest.physics,
+            tuple(manifest.collision),
+            manifest.back_end_options,
+            manifest.screening,
+            with_chart=CHART in manifest.collision,
+        )
         with stoppable(self._time_limit_s, label="proving the optimum") as stop:
-            return task, prove_optimum(task, setup, warm_cache(), stop).cost
+            return prove_optimum(task, setup, warm_cache(), stop).cost
+
+
+def _draw_training(training: _Training, name: str, against: Any) -> Figure:
+    task, optimum = training.task, training.optimum
+    if name == "success":
+        published = SUCCESS_RATE if published_runs(task, optimum) else None
+        heading = _make_heading(training, "Success of training")
+        return success_figure(training.curves, heading, against=against, published=published)
+    if not training.any_success:
+        raise OptionError(
+            f"{training.folder.path}: no run has completed the task: nothing to draw."
+        )
+    heading = _make_heading(
+        training,
+        "Completed sequences of training",
+        "points single sequences",
+        "lines means of the last 100",
+    )
+    return distances_figure(
+        training.curves,
+        task.metric,
+        heading,
+        against=against,
+        optimum=optimum,
+        chance=not task.deterministic,
+    )
+
+
+def _draw_trainings(trainings: Sequence[_Training], name: str, against: Any) -> Figure:
+    curves = {
+        label: training.curves for label, training in zip(_label(trainings), trainings, strict=True)
+    }
+    first = trainings[0]
+    title = f"{len(curves)} trainings: {first.folder.manifest.task.name}"
+    if name == "success":
+        heading = Heading(
+            f"Success of {title}", "lines means of the runs,  bands one standard deviation"
+        )
+        return success_of_trainings(curves, heading, against=against)
+    if not any(training.any_success for training in trainings):
+        raise OptionError("No run of any folder has completed the task: nothing to draw.")
+    metric, optimum = first.task.metric, first.optimum
+    heading = Heading(
+        f"Completed sequences of {title}",
+        "lines means of the last 100 of a run"
+        + ("" if optimum is None else f",  dashed {metric.text(optimum)}"),
+    )
+    return distances_of_trainings(curves, metric, heading, against=against, optimum=optimum)
+
+
+def _list_paths(folders: Sequence[RunFolder], name: str, out: str | None) -> list[str]:
+    if out is not None:
+        return [out]
+    if len(folders) > 1:
+        return [f"{folders[0].manifest.task.name}-{name}.png"]
+    return [str(folders[0].path / f"{name}{suffix}") for suffix in SUFFIXES]
+
+
+def _check_same_task(training: _Training, first: _Training) -> None:
+    task, other = training.folder.manifest.task, first.folder.manifest.task
+    if (task.sha256, task.part) != (other.sha256, other.part):
+        raise OptionError(
+            f"{training.folder.path} is of another task, {task.name!r}, than "
+            f"{first.folder.path}, {other.name!r}: they have no axis in common."
+        )
+
+
+def _label(trainings: Sequence[_Training]) -> list[str]:
+    """Return distinct legend entries: folder and solver."""
+    paths = [training.folder.path for training in trainings]
+    names = [path.name for path in paths]
+    shown = names if len(set(names)) == len(names) else list(map(str, paths))
+    solvers = [training.folder.manifest.solver for training in trainings]
+    return [f"{name}: {solver}" for name, solver in zip(shown, solvers, strict=True)]
+
+
+def _make_heading(training: _Training, title: str, *more: str) -> Heading:
+    manifest = training.folder.manifest
+    runs = f"{training.runs} run" if training.runs == 1 else f"{training.runs} runs"
+    details = [f"task {manifest.task.name}", f"solver {manifest.solver}", runs]
+    details += [f"{manifest.steps:,} steps each", f"seeds from {manifest.seed}"]
+    details += [f"{key} {manifest.options[key]}" for key in ("observation", "mask")]
+    details += more
+    return Heading(f"{title}: {manifest.task.name}", ",  ".join(details))

@@ -529,6 +529,12 @@ class TrainingResult:
         return sum(known, Tally())
 
     @property
+    def recent_steps(self) -> int:
+        """Length of the last part of the training that success rates are of [steps]."""
+        done = [one.training.steps for one in self.outcomes if one.training is not None]
+        return min(RECENT_STEPS, max(done, default=RECENT_STEPS))
+
+    @property
     def deviations(self) -> list[float]:
         """Deviations from the optimum of the runs that complete the task, in order."""
         found = [deviation(one.cost, self.optimum.cost) for one in self.outcomes]

@@ -9,7 +9,6 @@ from skillplan.records.interval import Estimate
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.relational_file import RelationalContent
 from skillplan.records.training.result import (
-    RECENT_STEPS,
     LayoutsResult,
     RunOutcome,
     Tally,
@@ -311,8 +310,8 @@ def _success_notes(result: TrainingResult) -> list[str]:
     if trained.estimate is not None:
         notes.append(
             f"training   {_interval(trained.estimate, _one_decimal)} of the "
-            f"{count(trained.episodes, 'episode')} that ended in the last {RECENT_STEPS:,} steps "
-            "of a run completed the task"
+            f"{count(trained.episodes, 'episode')} that ended in the last "
+            f"{result.recent_steps:,} steps of a run completed the task"
         )
     return notes
 
