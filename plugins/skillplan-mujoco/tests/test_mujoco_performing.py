@@ -9,8 +9,6 @@ from board_situations import BOARD, OPTIMAL, imagined
 from skillplan.physics.performance import HEIGHT, WIDTH, Angle
 from skillplan.pipeline.setup import load_problem
 from skillplan_mujoco.engine import MujocoEngine
-from skillplan_mujoco.simulator import drawing_context as contexts
-from skillplan_mujoco.simulator.drawing_context import chosen_context, drawing_context
 
 
 @pytest.fixture(scope="module")
@@ -18,39 +16,11 @@ def engine() -> MujocoEngine:
     return MujocoEngine(load_problem(BOARD).task)
 
 
-@pytest.fixture(params=["painted", "egl"])
-def drawing(request, monkeypatch) -> None:
-    """How pictures are made: painted, and by MuJoCo's renderer where there is EGL."""
-    monkeypatch.setenv("MUJOCO_GL", request.param)
-    if request.param == "egl":
-        try:
-            drawing_context()
-        except ValueError as error:
-            pytest.skip(str(error))
-
-
-def test_without_egl_pictures_are_painted(monkeypatch):
-    """Only where EGL is asked for by name it is missed, in words."""
-
-    def missing(name: str) -> None:
-        raise OSError(name)
-
-    monkeypatch.setattr(contexts.ctypes, "CDLL", missing)
-    drawing_context.cache_clear()
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    assert chosen_context() is None
-    monkeypatch.setenv("MUJOCO_GL", "off")
-    assert chosen_context() is None
-    monkeypatch.setenv("MUJOCO_GL", "egl")
-    with pytest.raises(ValueError, match=r"no libEGL.so.1.*do not set MUJOCO_GL"):
-        chosen_context()
-
-
 def pixels(image):
     return np.frombuffer(image.rgb, np.uint8).reshape(image.height, image.width, 3).astype(int)
 
 
-def test_the_first_skill_of_a_plan_is_filmed_and_traced(engine, drawing):
+def test_the_first_skill_of_a_plan_is_filmed_and_traced(engine):
     """A part is picked up; rows of the trace are 1/60 s apart, pictures 1 s."""
     images, samples = [], []
     found = engine.perform(
@@ -69,7 +39,7 @@ def test_the_first_skill_of_a_plan_is_filmed_and_traced(engine, drawing):
 
 
 @pytest.mark.slow(reason="executes a skill twice; a film in every run")
-def test_a_picture_of_failure_colours_the_two_that_touch(engine, drawing):
+def test_a_picture_of_failure_colours_the_two_that_touch(engine):
     """The transformer is red, the brace that it hits orange, the board and the hand are grey."""
     seen = pixels(engine.picture(*imagined(engine.task, "place(transformer)", "pcb", "brace")))
     red, green, blue = seen[:, :, 0], seen[:, :, 1], seen[:, :, 2]

@@ -41,5 +41,12 @@ class MujocoEngine(PerformingEngine):
     @property
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
-        others = ["mujoco-core", "numpy", "pin", "skillplan", "skillplan-pinocchio"]
+        others = [
+            "mujoco-core",
+            "numpy",
+            "pin",
+            "skillplan",
+            "skillplan-pinocchio",
+            "skillplan-simulation",
+        ]
         return versions(*others)

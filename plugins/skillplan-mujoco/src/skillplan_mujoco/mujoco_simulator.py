@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from skillplan.physics.performance import View
 from skillplan.robots.arm_description import Hand
-from skillplan.task.scene import Body, Scene
+from skillplan.task.scene import Body
 from skillplan.task.task import Task
 from skillplan_mujoco.arm.simulated_arm import SimulatedArm
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.cell_model import cell_spec
 from skillplan_mujoco.simulator.world import World
-from skillplan_simulation import simulator
 from skillplan_simulation.arm.hand_shapes import hands_of, tool_body
 from skillplan_simulation.execution_settings import ExecutionSettings
 
@@ -44,24 +42,6 @@ class MujocoSimulator:
         world = self.world()
         world.show_arm()
         return world, SimulatedArm(world, self.robot, self.settings, hand)
-
-    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> simulator.Camera:
-        """Return a camera: MuJoCo's where graphics hardware draws, else that of all engines.
-
-        Raises
-        ------
-        ValueError
-            If the environment chooses what is not there, in words.
-        """
-        # Whoever takes no pictures loads nothing for them.
-        from skillplan_mujoco.simulator.camera import Camera
-        from skillplan_mujoco.simulator.drawing_context import chosen_context
-        from skillplan_simulation.pictures.painted_camera import PaintedCamera
-
-        context = chosen_context()
-        if context is None:
-            return PaintedCamera(scene, view, labels=labels)
-        return Camera(scene, view, context, labels=labels)
 
     def _bodies(self, hand: Hand) -> list[Body]:
         """Return all that can ever be in a world beside arm and table."""

@@ -45,7 +45,14 @@ class PybulletEngine(PerformingEngine):
     @property
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
-        others = ["numpy", "pin", "pybullet", "skillplan", "skillplan-pinocchio"]
+        others = [
+            "numpy",
+            "pin",
+            "pybullet",
+            "skillplan",
+            "skillplan-pinocchio",
+            "skillplan-simulation",
+        ]
         return versions(*others)
 
     @classmethod

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from skillplan.physics.performance import View
 from skillplan.robots.arm_description import Hand
-from skillplan.task.scene import Robot, Scene
+from skillplan.task.scene import Robot
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.simulator import Camera
 
 
 class PybulletSimulator:
@@ -33,10 +31,3 @@ class PybulletSimulator:
         """Return a world with a table and the task's arm, and the arm."""
         world = self.world()
         return world, SimulatedArm(world, self.robot, self.settings, hand)
-
-    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
-        """Return a camera."""
-        # Whoever takes no pictures loads nothing for them.
-        from skillplan_simulation.pictures.painted_camera import PaintedCamera
-
-        return PaintedCamera(scene, view, labels=labels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
@@ -10,9 +10,8 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.performance import Image, View
 from skillplan.robots.arm_description import Hand
-from skillplan.task.scene import Body, Pose, Robot, Scene
+from skillplan.task.scene import Body, Pose, Robot
 from skillplan_simulation.arm.kinematics import ArmKinematics, TipPose
 from skillplan_simulation.arm.straight_motion import Setpoint
 
@@ -251,26 +250,6 @@ class Arm(Protocol):
         """Have friction hold a body that is between the jaws still."""
 
 
-class Camera(Protocol):
-    """Takes pictures of worlds."""
-
-    def shot(
-        self, world: World, arm: Arm, caption: str = "", culprits: Sequence[str] = ()
-    ) -> Callable[[], Image]:
-        """Return what makes a picture of a world as it is now, at once or later, on any thread.
-
-        Parameters
-        ----------
-        world, arm
-            Of the same simulator.
-        caption
-            What is under way.
-        culprits
-            Bodies in the colours of alarm, all else pale; of the robot its hand or a finger.
-            An arrow leads to where they touch.
-        """
-
-
 class Simulator(Protocol):
     """Makes worlds, with the task's arm and without."""
 
@@ -284,17 +263,4 @@ class Simulator(Protocol):
         ----------
         hand
             What jaws it has.
-        """
-
-    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
-        """Return a camera.
-
-        Parameters
-        ----------
-        scene
-            What bodies and tools there are.
-        view
-            From where it looks.
-        labels
-            Whether bodies, feeders and docks have name tags.
         """

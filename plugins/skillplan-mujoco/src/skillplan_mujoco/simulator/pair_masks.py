@@ -62,12 +62,6 @@ class PairMasks:
         self._idle = list(geoms)
         self.set()
 
-    def is_seen(self, geom: int, body: int) -> bool:
-        """Whether a geometry of a body is in the world, and no hand that is not there."""
-        name = self._owners[body]
-        hidden = name == ROBOT and body in self._withdrawn.get(ROBOT, ())
-        return name in self._present and not hidden and geom not in self._idle
-
     def set(self) -> None:
         """Tell the model."""
         special = _cover(self._parted)

@@ -74,10 +74,6 @@ class World:
         """Return the numbers of the geometries of a body."""
         return self._masks.geoms(self.numbers[name])
 
-    def is_seen(self, geom: int) -> bool:
-        """Whether a geometry of the model is to be seen."""
-        return self._masks.is_seen(geom, int(self.model.geom_bodyid[geom]))
-
     def prepare(self) -> None:
         """Work out what the next step begins with: places, contacts, inertia and bias."""
         if not self._is_prepared:

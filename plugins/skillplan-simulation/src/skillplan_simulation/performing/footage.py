@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import Image, View
@@ -12,8 +13,11 @@ from skillplan.task.state import State
 from skillplan_simulation.execution.skill_runner import SkillRunner
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.record import FRAMES_PER_S, Record
-from skillplan_simulation.simulator import STEPS_PER_S, Camera
+from skillplan_simulation.simulator import STEPS_PER_S
 from skillplan_simulation.verdicts.contact_judge import Judge, collision_in
+
+if TYPE_CHECKING:
+    from skillplan_simulation.pictures.painted_camera import PaintedCamera
 
 # Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4
@@ -123,8 +127,11 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
     yield from taken
 
 
-def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
+def _camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
     motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = motions[-1].tip
     view = View.close_up((x_m, y_m, z_m + 0.05))
-    return workcell.simulator.camera(workcell.task.scene, view)
+    # An execution without pictures does not load the painter.
+    from skillplan_simulation.pictures.painted_camera import PaintedCamera
+
+    return PaintedCamera(workcell.task.scene, view)

@@ -7,6 +7,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from skillplan_simulation.execution.workcell import SETTLE_S, Workcell
 from skillplan_simulation.performing.film import Film
 from skillplan_simulation.performing.footage import caption_of
 from skillplan_simulation.record import FRAMES_PER_S
-from skillplan_simulation.simulator import STEPS_PER_S, Arm, Camera, UpsetError, World
+from skillplan_simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
 from skillplan_simulation.verdicts.contact_judge import Judge, collision_in
 from skillplan_simulation.verdicts.postconditions import (
     Tolerances,
@@ -44,6 +45,9 @@ from skillplan_simulation.verdicts.postconditions import (
     postcondition_verdict,
     tilt_rad,
 )
+
+if TYPE_CHECKING:
+    from skillplan_simulation.pictures.painted_camera import PaintedCamera
 
 # So high above its tip a hand has to be seen [m].
 _HAND_M = 0.15
@@ -145,10 +149,13 @@ class _PlanExecution:
         self.held = 0
         self.skill = ""
         self.step = 0
-        self.camera: Camera | None = None
+        self.camera: PaintedCamera | None = None
         if film is not None:
             view = View.about(self._extent(), observers.angle)
-            self.camera = workcell.simulator.camera(self.task.scene, view, labels=observers.labels)
+            # An execution without pictures does not load the painter.
+            from skillplan_simulation.pictures.painted_camera import PaintedCamera
+
+            self.camera = PaintedCamera(self.task.scene, view, labels=observers.labels)
 
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial

@@ -24,7 +24,7 @@ _ASIDE, _BEHIND, _ABOVE = -0.45, 0.30, 1.0
 
 
 class PaintedCamera:
-    """Looks at a workplace; see `skillplan_simulation.simulator.Camera`.
+    """Takes pictures of worlds from one viewpoint.
 
     Parameters
     ----------
@@ -53,7 +53,18 @@ class PaintedCamera:
     def shot(
         self, world: World, arm: Arm, caption: str = "", culprits: Sequence[str] = ()
     ) -> Callable[[], Image]:
-        """Return what paints the world as it is now, at once or later; see `Camera`."""
+        """Return a function that paints the world as it is now, on any thread.
+
+        Parameters
+        ----------
+        world, arm
+            World and arm of the same simulator.
+        caption
+            Text below the picture.
+        culprits
+            Bodies in alarm colours, everything else pale; of the robot, its hand or a finger. An
+            arrow points to the contact between them.
+        """
         parts = self._parts.of(world, arm)
         bodies = set(world.bodies)
         middles = [
