@@ -17,8 +17,8 @@ from skillplan.task.task import Task
 from skillplan.testing import lid_task
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
 from skillplan_mujoco.engine import MujocoEngine
-from skillplan_simulation import contact_detector
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation import contact_detectors
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 CONTACTS = ("contact-pairs",)
 
@@ -40,7 +40,7 @@ def compared(task: Task) -> EngineAgreement:
 def test_contact_pairs_executes_in_mujoco_where_pybullet_is_not_installed(monkeypatch):
     """A detector without an engine beside it takes the one that there is."""
     left = EntryPoints(one for one in installed.registered("physics") if one.name != "pybullet")
-    monkeypatch.setattr(contact_detector, "registered", lambda kind: left)
+    monkeypatch.setattr(contact_detectors, "registered", lambda kind: left)
     detector = ContactPairsDetector(lid_task())
     assert detector.refuses() is None
     assert isinstance(detector.engine, MujocoEngine)
@@ -48,7 +48,7 @@ def test_contact_pairs_executes_in_mujoco_where_pybullet_is_not_installed(monkey
 
 def test_contact_pairs_without_any_engine_says_what_to_install(monkeypatch):
     """It refuses in words."""
-    monkeypatch.setattr(contact_detector, "registered", lambda kind: EntryPoints())
+    monkeypatch.setattr(contact_detectors, "registered", lambda kind: EntryPoints())
     refused = ContactPairsDetector(lid_task()).refuses()
     assert refused is not None
     assert "pip install skillplan-pybullet or skillplan-mujoco" in refused

@@ -10,17 +10,17 @@ import pytest
 
 from situations import assembly
 from skillplan.task.task import Task
-from skillplan_mujoco.mujoco_simulator import MujocoSimulator
-from skillplan_simulation.arm.hand_shapes import hand_of
-from skillplan_simulation.arm.joint_motion import JointMotion
-from skillplan_simulation.arm.rotations import (
+from skillplan_mujoco.engine import MujocoSimulator
+from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.kinematics import (
     Vector,
     of_quaternion,
     pose_of,
     turn_between,
 )
-from skillplan_simulation.execution.controlled_robot import ControlledRobot
-from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.motions import JointMotion
+from skillplan_simulation.robot_shapes import hand_of
 from skillplan_simulation.simulator import FINGERS
 
 SETTINGS = ExecutionSettings()

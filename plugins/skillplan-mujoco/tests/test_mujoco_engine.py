@@ -22,7 +22,7 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_mujoco.engine import MujocoEngine
-from skillplan_simulation.verdicts.pair_verdict import PairLimits, pair_verdict
+from skillplan_simulation.verdicts import PairLimits, pair_verdict
 
 Query = tuple[Skill, State]
 

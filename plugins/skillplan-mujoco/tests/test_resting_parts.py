@@ -11,8 +11,8 @@ from situations import assembly
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.pose import Pose
 from skillplan.task.task import Task
-from skillplan_mujoco.mujoco_simulator import MujocoSimulator
-from skillplan_mujoco.simulator.world import World
+from skillplan_mujoco.engine import MujocoSimulator
+from skillplan_mujoco.world import World
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.simulator import STEPS_PER_S
 

@@ -17,15 +17,13 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
-from skillplan_pybullet.arm.dynamics import PinocchioDynamics
-from skillplan_pybullet.arm.robot_file import JAW_LINKS
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.arm.joint_motion import JointMotion
-from skillplan_simulation.arm.kinematics import kinematics_of
-from skillplan_simulation.arm.link_bounds import LinkBounds
-from skillplan_simulation.arm.rotations import turn_between
+from skillplan_pybullet.control import PinocchioDynamics
+from skillplan_pybullet.robot_file import JAW_LINKS
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
+from skillplan_simulation.execution.surroundings import LinkBounds
+from skillplan_simulation.kinematics import kinematics_of, turn_between
+from skillplan_simulation.motions import JointMotion
 
 ROBOT = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
 # A second arm, on a base that is turned; and one that hangs.

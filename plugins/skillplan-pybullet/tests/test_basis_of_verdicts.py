@@ -17,10 +17,9 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.pybullet_simulator import PybulletSimulator
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_simulation.execution.support_trial import Fallen, SupportTrials
-from skillplan_simulation.execution.workcell import Workcell
+from skillplan_pybullet.engine import PybulletSimulator
+from skillplan_pybullet.simulated_arm import SimulationSettings
+from skillplan_simulation.execution.workcell import Fallen, SupportTrials, Workcell
 from thinned import thinned
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")

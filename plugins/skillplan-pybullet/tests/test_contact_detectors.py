@@ -15,9 +15,9 @@ from situations import assembly, config_content
 from skillplan.checks.single_check import introduce
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 from skillplan_simulation.record import Record
-from skillplan_simulation.verdicts.contact_threshold import frame_means
+from skillplan_simulation.verdicts import frame_means
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]
 

@@ -14,7 +14,7 @@ from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.fault_injection import Truth, injected_collisions
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 OPTIMUM = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 

@@ -16,11 +16,10 @@ from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
 from skillplan_pinocchio.mass_properties import mass_properties
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 from skillplan_simulation.execution.planned_paths import PlannedPaths
 from skillplan_simulation.execution.skill_runner import SkillRunner
 

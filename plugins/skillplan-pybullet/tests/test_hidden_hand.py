@@ -10,10 +10,9 @@ import pytest
 from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.inverse_kinematics import elbows
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.execution.tool_changer import ToolChanger
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
+from skillplan_simulation.execution.controlled_robot import ToolChanger
 from skillplan_simulation.simulator import ROBOT
 
 TIP = (0.5, 0.0, 0.3)

@@ -18,8 +18,8 @@ from skillplan.task.scene import Body
 from skillplan.task.shape import Box, Mesh
 from skillplan.task.task import Task
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.world import World
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 from skillplan_simulation.simulator import STEPS_PER_S
 
 OUTER_M, INNER_M, HEIGHT_M, FLOOR_M = 0.1, 0.09, 0.04, 0.01

@@ -15,7 +15,7 @@ from skillplan.task.pose import DOWN, Pose
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 ALONG_X = (1.0, 0.0, 0.0)
 # Held where it lies from above, where it stands from the side: the hand is turned with the part.

@@ -16,7 +16,7 @@ from skillplan.task.pose import Pose
 from skillplan.task.task import Task
 from skillplan.testing.tasks import lid_content
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 # It looks along -x where its joints are at home.
 TURNED = Pose.upright((0.0, 0.0, 0.0), math.pi).orientation

@@ -21,7 +21,7 @@ from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.solving import solve
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 FOLDER = Path(__file__).parents[3] / "configs"

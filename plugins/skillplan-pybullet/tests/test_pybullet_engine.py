@@ -273,7 +273,7 @@ class TestFaults:
         assert "beyond what the arm spans" in verdict.reason
 
     def test_a_simulation_that_blows_up_is_unknown(self, task, monkeypatch):
-        from skillplan_pybullet.simulator.world import World
+        from skillplan_pybullet.world import World
 
         monkeypatch.setattr(World, "is_sane", lambda self: False)
         verdict = PybulletEngine(task).check(task.skill("pick(clock)"), task.initial)

@@ -10,7 +10,7 @@ from skillplan.checks.single_check import introduce
 from skillplan.task.verdict import VerdictStatus
 from skillplan_pinocchio.swept import SweptDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 
 PLAN = ("pick(base)", "place(base)", "pick(tower)", "place(tower)")
 

@@ -10,12 +10,11 @@ import pytest
 from situations import assembly
 from skillplan.checks.single_check import introduce
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.arm.hand_shapes import hand_of
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
+from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan_simulation.robot_shapes import hand_of
 from skillplan_simulation.simulator import HAND
 
 # Thin jaws, and jaws that would meet the walls beside the pin.

@@ -12,17 +12,16 @@ from situations import assembly
 from skillplan import Setup
 from skillplan.task.scene import Body, Scene
 from skillplan.task.shape import Box, Cylinder
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.arm.joint_motion import JointMotion
-from skillplan_simulation.arm.rotations import (
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
+from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.kinematics import (
     Vector,
     of_quaternion,
     pose_of,
     turn_between,
 )
-from skillplan_simulation.execution.controlled_robot import ControlledRobot
+from skillplan_simulation.motions import JointMotion
 from skillplan_simulation.static_friction import Pads, utilisation
 
 SETTINGS = SimulationSettings()

@@ -19,13 +19,13 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.arm.planned_motion import ArmMotion
-from skillplan_simulation.contact_pairs import ContactPairsDetector
+from skillplan_simulation.contact_detectors import ContactPairsDetector
 from skillplan_simulation.execution.surroundings import (
     Located,
     Neighbourhood,
     Surroundings,
 )
+from skillplan_simulation.motions import ArmMotion
 
 
 def everything(

@@ -10,7 +10,7 @@ import pytest
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh
 from skillplan_pinocchio.mass_properties import mass_properties
-from skillplan_pybullet.simulator.world import World
+from skillplan_pybullet.world import World
 from skillplan_simulation.simulator import STEPS_PER_S
 
 PYRAMID = Mesh(

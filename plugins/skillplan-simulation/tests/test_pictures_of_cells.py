@@ -10,8 +10,8 @@ import pytest
 from board_situations import BOARD
 from skillplan.physics.performance import HEIGHT, WIDTH, Angle, Image, View
 from skillplan.pipeline.setup import load_problem
-from skillplan_simulation.arm.kinematics import kinematics_of
-from skillplan_simulation.performing.film import Film
+from skillplan_simulation.execution.plan_execution import Film
+from skillplan_simulation.kinematics import kinematics_of
 from skillplan_simulation.pictures.annotations import Projection
 from skillplan_simulation.pictures.painted_camera import PaintedCamera
 from skillplan_simulation.simulator import Touch

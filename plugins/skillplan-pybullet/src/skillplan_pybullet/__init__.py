@@ -4,7 +4,7 @@ It holds the engine, the detectors that read its contacts, and what they need; i
 never shows or stores anything.
 """
 
-from skillplan_pybullet.simulator.quiet_output import quiet_output
+from skillplan_pybullet.body_shapes import quiet_output
 
 # The simulator announces itself when it is imported, which is nobody's business.
 with quiet_output():

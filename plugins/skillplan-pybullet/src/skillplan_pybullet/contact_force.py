@@ -8,9 +8,9 @@ from pydantic import Field
 
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detector import ContactDetector, WindowOptions
+from skillplan_simulation.contact_detectors import ContactDetector, WindowOptions
 from skillplan_simulation.record import FRAMES_PER_S, Record
-from skillplan_simulation.verdicts.contact_threshold import frame_means, rounded
+from skillplan_simulation.verdicts import frame_means, rounded
 
 _AXES = "xyz"
 

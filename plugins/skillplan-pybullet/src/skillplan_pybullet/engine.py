@@ -3,15 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
-from skillplan.robots.arm_description import ArmDescription
-from skillplan_pybullet.arm.looks import looks_of
-from skillplan_pybullet.pybullet_simulator import PybulletSimulator
-from skillplan_pybullet.simulation_settings import SimulationSettings
+from skillplan.robots.arm_description import ArmDescription, Hand
+from skillplan.task.scene import Robot
+from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
+from skillplan_pybullet.world import World
 from skillplan_simulation.execution.workcell import Workcell
-from skillplan_simulation.performing.performing_engine import PerformingEngine
-from skillplan_simulation.simulating_engine import SimulatingEngine, versions
+from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, versions
+
+
+class PybulletSimulator:
+    """Makes a world anew every time; see `skillplan_simulation.simulator`.
+
+    Parameters
+    ----------
+    robot
+        The task's.
+    settings
+        How it moves.
+    """
+
+    def __init__(self, robot: Robot, settings: SimulationSettings) -> None:
+        self.robot, self.settings = robot, settings
+
+    def world(self) -> World:
+        """Return a world with a table and nothing else."""
+        return World(self.settings.friction)
+
+    def cell(self, hand: Hand) -> tuple[World, SimulatedArm]:
+        """Return a world with a table and the task's arm, and the arm."""
+        world = self.world()
+        return world, SimulatedArm(world, self.robot, self.settings, hand)
+
+
+# Of an arm by name: a package, and the meshes of base and links in it.
+_MESHES = {
+    "Franka Emika Panda": (
+        "pybullet_data",
+        tuple(f"franka_panda/meshes/visual/link{number}.obj" for number in range(8)),
+    )
+}
+
+
+def looks_of(description: ArmDescription) -> tuple[Path | None, ...]:
+    """Return meshes of base and links in their frames; None for what is drawn by its shapes."""
+    none = (None,) * (len(description.joints) + 1)
+    if description.name not in _MESHES:
+        return none
+    package, files = _MESHES[description.name]
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        return none
+    paths = [Path(spec.origin).parent / name for name in files]
+    return tuple(path if path.is_file() else None for path in paths)
 
 
 class PybulletEngine(PerformingEngine):

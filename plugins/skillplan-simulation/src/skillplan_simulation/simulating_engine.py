@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from typing import ClassVar
@@ -14,6 +14,7 @@ from pydantic import Field
 
 from skillplan.physics.engine import Engine
 from skillplan.physics.linear_motions import jaw_faults
+from skillplan.physics.performance import Angle, Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -21,12 +22,19 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.tight_fits import blocked_fits, tight_fits
+from skillplan_simulation.execution.plan_execution import (
+    Observers,
+    Rules,
+    execute_plan,
+    footage,
+    picture,
+)
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.record import Record
-from skillplan_simulation.verdicts.contact_judge import judges_among
-from skillplan_simulation.verdicts.postconditions import (
+from skillplan_simulation.verdicts import (
     Tolerances,
+    judges_among,
     postcondition_verdict,
 )
 
@@ -176,3 +184,32 @@ def versions(*distributions: str) -> Mapping[str, str]:
         Their names.
     """
     return {name: version(name) for name in distributions}
+
+
+class PerformingEngine(SimulatingEngine, Performer):
+    """Shows what an engine executes; see :class:`skillplan.physics.performance.Performer`."""
+
+    def picture(self, skill: Skill, state: State) -> Image:
+        """Return the moment of failure, or the end; see :class:`Performer`."""
+        failed = not self.check(skill, state).is_feasible
+        return picture(self.workcell, skill, state, self._judges, blamed=failed)
+
+    def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+        """Yield pictures of the whole skill; see :class:`Performer`."""
+        return footage(self.workcell, skill, state, frames_per_s)
+
+    def perform(
+        self,
+        skills: Sequence[Skill],
+        *,
+        frames_per_s: float | None = None,
+        show: Callable[[Image], None] | None = None,
+        note: Callable[[Sample], None] | None = None,
+        stopped: Callable[[], bool] = lambda: False,
+        angle: Angle | None = None,
+        labels: bool = False,
+    ) -> Performance:
+        """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
+        observers = Observers(frames_per_s, show, note, angle, labels)
+        rules = Rules(self.tolerances, self._judges)
+        return execute_plan(self.workcell, rules, skills, observers, stopped)

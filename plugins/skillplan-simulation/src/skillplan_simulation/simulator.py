@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body, Pose, Robot
-from skillplan_simulation.arm.kinematics import ArmKinematics, TipPose
-from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_simulation.kinematics import ArmKinematics, TipPose
+from skillplan_simulation.motions import Setpoint
 
 Vector = NDArray[np.float64]
 

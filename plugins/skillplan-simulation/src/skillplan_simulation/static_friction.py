@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.kinematics.fixed_order import cross, dot, length, times
-from skillplan_simulation.arm.kinematics import TipPose
+from skillplan_simulation.kinematics import TipPose
 from skillplan_simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
 
 Vector = NDArray[np.float64]

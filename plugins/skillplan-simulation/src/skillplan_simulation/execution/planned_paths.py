@@ -22,11 +22,9 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.skill_travels import TravelTo
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
-from skillplan_simulation.arm.joint_motion import JointMotion, JointRun, SlowedRun
-from skillplan_simulation.arm.kinematics import UnreachableError, Vector, kinematics_of
-from skillplan_simulation.arm.planned_motion import ArmMotion
-from skillplan_simulation.arm.rotations import points_down
 from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.kinematics import UnreachableError, Vector, kinematics_of, points_down
+from skillplan_simulation.motions import ArmMotion, JointMotion, JointRun, SlowedRun
 
 # Of the acceleration of what jaws hold, where it is turned in space: it creeps in them.
 _TURNED_SHARE = 1 / 3

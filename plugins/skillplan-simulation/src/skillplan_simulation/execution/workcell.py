@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
 from skillplan.task.grasp import GraspKind
 from skillplan.task.motion import Event
-from skillplan.task.pose import Pose, plus
-from skillplan.task.scene import Robot
+from skillplan.task.pose import DOWN, Pose, plus, same_direction
+from skillplan.task.scene import Placement, Robot
+from skillplan.task.shape import Mesh
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_simulation.arm.hand_shapes import hand_of
-from skillplan_simulation.arm.kinematics import UnreachableError
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_simulation.execution.controlled_robot import StuckError
-from skillplan_simulation.execution.fastenings import Fastenings
 from skillplan_simulation.execution.planned_paths import PlannedPaths, PlannedSkill
 from skillplan_simulation.execution.skill_runner import SkillRunner
-from skillplan_simulation.execution.support_trial import SupportTrials
-from skillplan_simulation.execution.surroundings import Neighbourhood, Surroundings
+from skillplan_simulation.execution.surroundings import (
+    Located,
+    Neighbourhood,
+    Surroundings,
+)
 from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import Record
+from skillplan_simulation.robot_shapes import hand_of
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     Arm,
@@ -32,7 +37,142 @@ from skillplan_simulation.simulator import (
     UpsetError,
     World,
 )
-from skillplan_simulation.verdicts.contact_threshold import FRAMES, frame_means
+from skillplan_simulation.verdicts import FRAMES, frame_means
+
+
+class Fastenings:
+    """Knows where screws of a task are held by their threads.
+
+    Parameters
+    ----------
+    task
+        Whose skills drive them.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._facts: set[tuple[str, str]] = set()
+        for skill in task.skills:
+            motions = (skill.motion, *(way.motion for way in skill.ways))
+            routes = (route for motion in motions if motion is not None for route in motion.routes)
+            for visit in (visit for route in routes for visit in route.visits):
+                if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
+                    self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
+
+    def hold(self, body: str, placement: Placement) -> bool:
+        """Whether a thread holds a body at one of its places."""
+        return (body, placement.fact) in self._facts
+
+    def fasten(self, world: World, there: Iterable[tuple[str, Placement]]) -> None:
+        """Fix the screws among the bodies of a world to what their heads bear on.
+
+        Parameters
+        ----------
+        world
+            With the bodies where they are.
+        there
+            Their names, and at which of their places they are.
+        """
+        for name, placement in there:
+            if self.hold(name, placement):
+                other = world.nearest(name)
+                if other is not None:
+                    world.fasten(name, other)
+
+
+# Bodies that move by more than this in so many steps do not stay [m].
+_FALLEN_M = 0.001
+_STEPS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Fallen:
+    """A body that did not stay.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    reason
+        In words.
+    present, absent
+        The facts that this rests on.
+    """
+
+    body: str
+    reason: str
+    present: State
+    absent: State
+
+
+class SupportTrials:
+    """Lets bodies go in small worlds of their own; remembers what came of it.
+
+    Parameters
+    ----------
+    task
+        Whose bodies they are.
+    surroundings
+        Knows the supports.
+    world
+        Makes worlds.
+    """
+
+    def __init__(self, task: Task, surroundings: Surroundings, world: Callable[[], World]) -> None:
+        self.task, self.surroundings, self.world = task, surroundings, world
+        self.fastenings = Fastenings(task)
+        self._known: dict[tuple[str, int], float] = {}
+
+    def fallen(self, around: Neighbourhood, state: State) -> Fallen | None:
+        """Return the first body of a neighbourhood that does not stay, or None.
+
+        That rests on its supports, and on the bodies that were looked at before it.
+        """
+        facts = self.task.facts
+        present = absent = facts.none
+        for one in around.near:
+            if one.placement.fact not in state:
+                absent |= facts.of(one.placement.fact)
+                continue
+            name = one.body.name
+            beneath = self.surroundings.support(one, state)
+            present |= beneath.present
+            absent |= beneath.absent
+            moved_m = self._moved_m(one, beneath)
+            if moved_m > _FALLEN_M:
+                below = [other.body.name for other in beneath.bodies if other is not one]
+                on = f"does not stay on {', '.join(below)}" if below else "has nothing beneath it"
+                return Fallen(
+                    name,
+                    f"{name} {on}: it falls before the robot has moved",
+                    present,
+                    absent,
+                )
+        return None
+
+    def _moved_m(self, one: Located, beneath: Neighbourhood) -> float:
+        is_simple = (
+            one.is_boxy and len(one.body.shapes) == 1 and not isinstance(one.body.shapes[0], Mesh)
+        )
+        if is_simple and self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
+            return 0.0
+        key = (one.body.name, beneath.present.bits)
+        if key not in self._known:
+            with self.world() as world:
+                for other in beneath.bodies:
+                    world.add(other.body, other.placement.pose, stands=other is not one)
+                self.fastenings.fasten(
+                    world, ((other.body.name, other.placement) for other in beneath.bodies)
+                )
+                for _ in range(_STEPS):
+                    world.step()
+                if not world.is_sane():
+                    self._known[key] = math.inf
+                    return math.inf
+                now = np.array(world.pose(one.body.name).position)
+                away = now - np.array(one.placement.pose.position)
+                self._known[key] = length(away)
+        return self._known[key]
+
 
 # The world comes to rest for so long before anything is done [s].
 SETTLE_S = 0.1

@@ -2,20 +2,377 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.physics.performance import HEIGHT, WIDTH, Image, View
-from skillplan.task.scene import Scene
-from skillplan_simulation.colours import Colour
+from skillplan.robots.arm_description import Capsule, Hand, Hull, LinkShape
+from skillplan.task.motion import Point
+from skillplan.task.pose import Pose
+from skillplan.task.scene import Robot, Scene
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan_pinocchio.shapes import ConvexPiece
 from skillplan_simulation.pictures.annotations import Notes, Projection, annotated
-from skillplan_simulation.pictures.cell_parts import CellParts, Part
-from skillplan_simulation.pictures.rasteriser import ground, shade, smoothed, solid
-from skillplan_simulation.pictures.seen_cell import PLACE_M, SeenCell
-from skillplan_simulation.simulator import TABLE, Arm, World
+from skillplan_simulation.pictures.rasteriser import corner_normals, ground, shade, smoothed, solid
+from skillplan_simulation.robot_shapes import tool_body
+from skillplan_simulation.simulator import FINGERS, HAND, ROBOT, TABLE, Arm, World
+
+Corners = NDArray[np.float64]
+Triangles = NDArray[np.float32]
+
+# How many corners a circle has, and a quarter of the outline of a ball.
+_CIRCLE, _QUARTER = 40, 8
+# Where two triangles meet at less than this, their edge is not seen (its cosine).
+_SMOOTH = float(np.cos(np.radians(38.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A surface in the frame of what it belongs to.
+
+    Parameters
+    ----------
+    corners
+        Of its triangles, anticlockwise from outside [m], shape (n, 3, 3).
+    normals
+        Of every corner, shape (n, 3, 3).
+    """
+
+    corners: Triangles
+    normals: Triangles
+
+    @property
+    def middle(self) -> Corners:
+        """The middle of the box about it [m], shape (3,)."""
+        points = self.corners.reshape(-1, 3).astype(np.float64)
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
+
+
+def body_surface(shapes: Iterable[Shape]) -> Surface:
+    """Return the surface of the shapes of a body."""
+    return _surface([_of_shape(shape) for shape in shapes])
+
+
+def link_surface(shapes: Iterable[LinkShape]) -> Surface:
+    """Return the surface of the shapes of a link."""
+    return _surface([_of_link(shape) for shape in shapes])
+
+
+def hand_surface(hand: Hand) -> Surface:
+    """Return the surface of the body of a hand, from the tip."""
+    # The first piece is the body as it is described.
+    corners = [(across, along, deep - hand.tip_m) for along, across, deep in hand.body[0]]
+    return _surface([_hull(corners)])
+
+
+def finger_surface(hand: Hand, side: int) -> Surface:
+    """Return the surface of a jaw where it is closed, from the tip; its side is 1 or -1."""
+    corners = [(across, side * behind, -up) for behind, across, up in hand.jaw]
+    return _surface([_hull(corners)])
+
+
+def _surface(found: Sequence[Corners]) -> Surface:
+    corners = np.concatenate([np.zeros((0, 3, 3)), *found])
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(across, axis=1)
+    corners, across = corners[size > 0.0], across[size > 0.0]
+    _, places = np.unique(np.round(corners.reshape(-1, 3), 7), axis=0, return_inverse=True)
+    places = np.asarray(places, dtype=np.int64).ravel()
+    order = np.argsort(places, kind="stable")
+    normals = corner_normals(across, places, order, _SMOOTH)
+    return Surface(corners.astype(np.float32), normals.reshape(-1, 3, 3).astype(np.float32))
+
+
+def _of_shape(shape: Shape) -> Corners:
+    if isinstance(shape, Mesh) and shape.faces:
+        return np.asarray(np.array(shape.corners)[np.array(shape.faces)])
+    if isinstance(shape, Mesh):
+        return _hull(shape.corners)
+    if isinstance(shape, Cylinder):
+        x, y, z = shape.centre
+        half = shape.height_m / 2
+        return _round((x, y, z - half), (x, y, z + half), shape.diameter_m / 2, domed=False)
+    return _box(shape)
+
+
+def _of_link(shape: LinkShape) -> Corners:
+    if isinstance(shape, Hull):
+        return _hull(shape.corners_m)
+    domed = isinstance(shape, Capsule)
+    return _round(shape.start_m, shape.end_m, shape.radius_m, domed=domed)
+
+
+def _box(box: Box) -> Corners:
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return _hull((np.array(box.centre) + signs * np.array(box.size) / 2).tolist())
+
+
+def _hull(points: Sequence[Sequence[float]]) -> Corners:
+    """Return the triangles of the hull of some points."""
+    corners, triangles = ConvexPiece(np.array(points, dtype=np.float64)).surface
+    found = corners[triangles]
+    # Whatever the order of a triangle's corners, it is seen from without.
+    across = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+    away = found.mean(axis=1) - corners.mean(axis=0)
+    inward = np.einsum("ij,ij->i", across, away) < 0.0
+    found[inward] = found[inward][:, ::-1]
+    return np.asarray(found)
+
+
+def _round(
+    start_m: Sequence[float], end_m: Sequence[float], radius_m: float, *, domed: bool
+) -> Corners:
+    """Return the triangles of a cylinder between two points, or of a capsule about them."""
+    start, end = np.array(start_m), np.array(end_m)
+    length_m = float(np.linalg.norm(end - start))
+    axis = (end - start) / length_m if length_m > 0.0 else np.array((0.0, 0.0, 1.0))
+    side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    side /= np.linalg.norm(side)
+    other = np.cross(axis, side)
+    # Rings from end to end: how far along the axis, and how wide.
+    if domed:
+        turns = np.linspace(0.0, np.pi / 2, _QUARTER + 1)
+        ends = [(-radius_m * np.cos(turn), radius_m * np.sin(turn)) for turn in turns]
+        rings = ends + [(length_m - along, wide) for along, wide in ends[::-1]]
+    else:
+        rings = [(0.0, 0.0), (0.0, radius_m), (length_m, radius_m), (length_m, 0.0)]
+    angles = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
+    about = np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * other
+    points = np.array([start + along * axis + wide * about for along, wide in rings])
+    after = np.roll(points, -1, axis=1)
+    low = np.stack([points[:-1], after[:-1], after[1:]], axis=2)
+    high = np.stack([points[:-1], after[1:], points[1:]], axis=2)
+    return np.concatenate([low.reshape(-1, 3, 3), high.reshape(-1, 3, 3)])
+
+
+Frame = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A surface where it is.
+
+    Parameters
+    ----------
+    name
+        Whose it is: a body or tool, or the arm, its hand or a finger.
+    surface
+        In its frame.
+    frame
+        In the world, shape (3, 4).
+    """
+
+    name: str
+    surface: Surface
+    frame: Frame
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """The middle of its box, in the world [m]."""
+        return np.asarray(self.frame[:, :3] @ self.surface.middle + self.frame[:, 3])
+
+
+class CellParts:
+    """Makes the surfaces of a scene, each when it is first seen.
+
+    Parameters
+    ----------
+    scene
+        With one robot.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._robot = scene, scene.robots[0]
+        self._made: dict[str, Surface] = {}
+        self._hands: dict[Hand, tuple[Surface, ...]] = {}
+        self._links: list[Surface] | None = None
+
+    def of(self, world: World, arm: Arm) -> list[Part]:
+        """Return all that is to be seen now."""
+        return [*self._of_bodies(world, arm.hand), *self._of_arm(arm)]
+
+    def _of_bodies(self, world: World, hand: Hand) -> Iterator[Part]:
+        for name in world.bodies:
+            yield Part(name, self._of_body(name, hand), _frame(world.pose(name)))
+        for tool in self._robot.tools:
+            # What has not been taken yet lies in its dock, and nothing can touch it there.
+            body = tool_body(tool, hand)
+            if body is not None and tool.name not in world.numbers:
+                place = _frame(Pose(tool.holder))
+                yield Part(tool.name, self._of_body(tool.name, hand), place)
+
+    def _of_body(self, name: str, hand: Hand) -> Surface:
+        if name not in self._made:
+            bodies = {body.name: body for body in self._scene.bodies}
+            tools = {tool.name: tool for tool in self._robot.tools}
+            body = bodies.get(name) or tool_body(tools[name], hand)
+            assert body is not None
+            self._made[name] = body_surface(body.exact_shapes)
+        return self._made[name]
+
+    def _of_arm(self, arm: Arm) -> Iterator[Part]:
+        if self._links is None:
+            self._links = [link_surface(shapes) for shapes in self._robot.model.shapes]
+        joints_rad = np.array(arm.joints_rad())
+        frames = [
+            np.hstack([one.rotation, one.translation[:, None]])
+            for one in arm.kinematics.frames(joints_rad)
+        ]
+        for surface, frame in zip(self._links, [_base(self._robot), *frames], strict=False):
+            yield Part(ROBOT, surface, frame)
+        if not arm.shows_hand:
+            return
+        if arm.hand not in self._hands:
+            jaws = (finger_surface(arm.hand, side) for side in (1, -1))
+            self._hands[arm.hand] = (hand_surface(arm.hand), *jaws)
+        body, *fingers = self._hands[arm.hand]
+        tip = frames[-1]
+        yield Part(HAND, body, tip)
+        for name, finger, side in zip(FINGERS, fingers, (1, -1), strict=True):
+            moved = tip.copy()
+            moved[:, 3] += side * arm.jaw_width_m() / 2 * tip[:, 1]
+            yield Part(name, finger, moved)
+
+
+def _base(robot: Robot) -> Frame:
+    return _frame(robot.mount)
+
+
+def _frame(pose: Pose) -> Frame:
+    return np.hstack([np.array(pose.rotation), np.array(pose.position)[:, None]])
+
+
+Colour = tuple[float, float, float, float]
+
+PALETTE: tuple[Colour, ...] = (
+    (0.16, 0.45, 0.24, 1.0),
+    (0.85, 0.55, 0.20, 1.0),
+    (0.80, 0.72, 0.30, 1.0),
+    (0.55, 0.35, 0.65, 1.0),
+    (0.75, 0.30, 0.25, 1.0),
+    (0.35, 0.50, 0.75, 1.0),
+    (0.45, 0.45, 0.48, 1.0),
+    (0.20, 0.65, 0.65, 1.0),
+    (0.90, 0.60, 0.65, 1.0),
+    (0.55, 0.75, 0.30, 1.0),
+    (0.20, 0.25, 0.55, 1.0),
+    (0.55, 0.38, 0.22, 1.0),
+    (0.70, 0.80, 0.92, 1.0),
+    (0.25, 0.22, 0.22, 1.0),
+)
+TABLE_COLOUR: Colour = (0.83, 0.82, 0.79, 1.0)
+ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
+HAND_COLOUR: Colour = (0.36, 0.37, 0.40, 1.0)
+# What is on the table where parts are taken, and tools.
+FEEDER_COLOUR: Colour = (0.60, 0.66, 0.74, 1.0)
+DOCK_COLOUR: Colour = (0.42, 0.46, 0.52, 1.0)
+# Of two bodies that touch the first is red and the other orange; all else is pale then.
+ALARMS: tuple[Colour, Colour] = ((0.90, 0.10, 0.10, 1.0), (1.0, 0.55, 0.05, 1.0))
+PALE: Colour = (0.80, 0.80, 0.80, 1.0)
+
+
+def colour_number(scene: Scene, name: str) -> int:
+    """Return the number of a body's colour, the same in every picture; tools come after parts."""
+    names = [body.name for body in scene.bodies]
+    names += [tool.name for robot in scene.robots for tool in robot.tools]
+    return names.index(name)
+
+
+# How places end where parts and tools are taken.
+_FEEDER, _DOCK = ".start)", "holder)"
+# What is so near to its feeder has its own name there [m].
+_NEAR_M = 0.04
+# The radius of a mark of a place on the table [m].
+PLACE_M = 0.022
+
+Named = tuple[str, Point]
+
+
+class SeenCell:
+    """Says what things are called in pictures, and what colour they have.
+
+    Parameters
+    ----------
+    scene
+        What bodies and tools there are.
+    labels
+        Whether bodies, feeders and docks have name tags.
+    """
+
+    def __init__(self, scene: Scene, *, labels: bool) -> None:
+        self.scene, self.labels = scene, labels
+        names = [body.name for body in scene.bodies]
+        names += [tool.name for robot in scene.robots for tool in robot.tools]
+        self._colours = {name: PALETTE[colour_number(scene, name) % len(PALETTE)] for name in names}
+
+    def colour(self, name: str, culprits: Sequence[str]) -> Colour:
+        """Return the colour of a body, of the table, or of arm, hand or finger."""
+        if name in culprits:
+            return ALARMS[min(list(culprits).index(name), len(ALARMS) - 1)]
+        if name == TABLE:
+            return TABLE_COLOUR
+        if culprits:
+            return PALE
+        if name == ROBOT:
+            return ARM_COLOUR
+        return HAND_COLOUR if name in (HAND, *FINGERS) else self._colours[name]
+
+    def places(self, culprits: Sequence[str] = ()) -> list[tuple[str, Point, Colour]]:
+        """Return names, places and colours of feeders and docks."""
+        found = []
+        for robot in self.scene.robots:
+            for fact, place in robot.places.items():
+                if fact.endswith((_FEEDER, _DOCK)):
+                    name = fact.removeprefix("at(").removesuffix(")")
+                    colour = DOCK_COLOUR if fact.endswith(_DOCK) else FEEDER_COLOUR
+                    found.append((name, place, PALE if culprits else colour))
+        return found
+
+    def notes(
+        self, world: World, caption: str, culprits: Sequence[str], middles: Iterable[Named]
+    ) -> Notes:
+        """Return what is to be written onto a picture.
+
+        Parameters
+        ----------
+        world
+            What touches in it.
+        caption
+            What is under way.
+        culprits
+            Bodies that are to be blamed.
+        middles
+            Bodies, and where they are.
+        """
+        words = f"{' and '.join(culprits)}: {caption}" if culprits else caption
+        return Notes(words, tuple(self._tags(list(middles))), _contact(world, culprits))
+
+    def _tags(self, middles: Sequence[Named]) -> Iterable[Named]:
+        if not self.labels:
+            return
+        yield from middles
+        named: dict[tuple[str, Point], list[str]] = {}
+        for fact, (x, y, _), _ in self.places():
+            if all(math.dist((x, y), at[:2]) > _NEAR_M for _, at in middles):
+                name, _, kind = fact.rpartition(".")
+                what = "dock" if kind == _DOCK.strip(")") else "feeder"
+                named.setdefault((what, (x, y, 0.0)), []).append(name)
+        yield from ((f"{what} of {', '.join(names)}", at) for (what, at), names in named.items())
+
+
+def _contact(world: World, culprits: Sequence[str]) -> Point | None:
+    """Return where two culprits press on each other the hardest [m]."""
+    found = [one for one in world.touches() if {one.first, one.second} == set(culprits)]
+    if not found:
+        return None
+    x, y, z = max(found, key=lambda one: one.normal_n).place.tolist()
+    return x, y, z
+
 
 # Half the side of the table [m].
 _TABLE_M = 1.5

@@ -1,17 +1,21 @@
-"""A whole plan executed in one continuous world, as on the real workplace."""
+"""Pictures made and handed on beside a simulation, in the order in which they were taken."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import queue
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from skillplan.collision.boxes import world_boxes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import (
     MOST_PLAYED_S,
     Angle,
@@ -27,20 +31,19 @@ from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_simulation.arm.hand_shapes import hand_of
-from skillplan_simulation.arm.kinematics import UnreachableError
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
 from skillplan_simulation.execution.controlled_robot import StuckError
 from skillplan_simulation.execution.planned_paths import PlannedSkill
 from skillplan_simulation.execution.skill_runner import SkillRunner
 from skillplan_simulation.execution.workcell import SETTLE_S, Workcell
-from skillplan_simulation.performing.film import Film
-from skillplan_simulation.performing.footage import caption_of
-from skillplan_simulation.record import FRAMES_PER_S
+from skillplan_simulation.kinematics import UnreachableError
+from skillplan_simulation.record import FRAMES_PER_S, Record
+from skillplan_simulation.robot_shapes import hand_of
 from skillplan_simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
-from skillplan_simulation.verdicts.contact_judge import Judge, collision_in
-from skillplan_simulation.verdicts.postconditions import (
+from skillplan_simulation.verdicts import (
+    Judge,
     Tolerances,
+    collision_in,
     offset_m,
     postcondition_verdict,
     tilt_rad,
@@ -48,6 +51,204 @@ from skillplan_simulation.verdicts.postconditions import (
 
 if TYPE_CHECKING:
     from skillplan_simulation.pictures.painted_camera import PaintedCamera
+
+
+T = TypeVar("T")
+Shot = Callable[[], Image]
+
+# So much may wait for its turn; then the simulation does.
+_MOST_WAITING = 8
+
+
+class Film:
+    """Makes pictures on one thread and shows them on another; to be used as a context manager.
+
+    What goes wrong there is raised at the next picture, or at the end.
+
+    Parameters
+    ----------
+    show
+        Is given every picture.
+    """
+
+    def __init__(self, show: Callable[[Image], None]) -> None:
+        self._shown = _Stage(show)
+        self._made: _Stage[Shot] = _Stage(lambda shot: self._shown.add(shot()))
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Wait for the last picture."""
+        self._made.end()
+        self._shown.end()
+        if error is None:
+            self._made.complain()
+            self._shown.complain()
+
+    def add(self, shot: Shot) -> None:
+        """Have a picture made after those before."""
+        self._made.add(shot)
+
+
+class _Stage(Generic[T]):
+    """Does one thing after another on a thread of its own."""
+
+    def __init__(self, work: Callable[[T], None]) -> None:
+        self._work = work
+        self._waiting: queue.Queue[T | None] = queue.Queue(_MOST_WAITING)
+        self._wrong: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def add(self, item: T) -> None:
+        """Have something done after what was before; raise what went wrong so far."""
+        self.complain()
+        self._waiting.put(item)
+
+    def end(self) -> None:
+        """Wait until all is done."""
+        self._waiting.put(None)
+        self._thread.join()
+
+    def complain(self) -> None:
+        """Raise what went wrong, once."""
+        if self._wrong is not None:
+            wrong, self._wrong = self._wrong, None
+            raise wrong
+
+    def _run(self) -> None:
+        is_failed = False
+        while (item := self._waiting.get()) is not None:
+            if not is_failed:
+                try:
+                    self._work(item)
+                except BaseException as error:  # raised where the simulation is
+                    self._wrong, is_failed = error, True
+
+
+# Bodies without a support are shown after so many frames, as they fall.
+_FALLING_FRAMES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A frame of an execution, and the bodies to look at.
+
+    Parameters
+    ----------
+    frame
+        Number of the frame; None for the end.
+    bodies
+        Their names.
+    """
+
+    frame: int | None
+    bodies: tuple[str, ...]
+
+
+def caption_of(skill: str, phase: str, time_s: float) -> str:
+    """Return what a picture says below: skill, what the robot is at in it, and time."""
+    return "   ".join(word for word in (skill, phase, f"{time_s:.2f} s") if word)
+
+
+class _Taken(Exception):
+    """Raised to end an execution whose picture is taken."""
+
+
+def moment_of_failure(record: Record, judges: Sequence[Judge]) -> Moment:
+    """Return when an execution went wrong: the first contact or displacement, else the end."""
+    collision = collision_in(record, judges)
+    if collision is None:
+        return Moment(None, ())
+    found = collision.evidence
+    return Moment(round(found["at_s"] * FRAMES_PER_S), tuple(found["bodies"]))
+
+
+def picture(
+    workcell: Workcell,
+    skill: Skill,
+    state: State,
+    judges: Sequence[Judge],
+    *,
+    blamed: bool = False,
+) -> Image:
+    """Return the moment at which a skill fails in a state, or its end.
+
+    Bodies that collide are painted red and orange, and all else is pale; where none do and the
+    skill is to be blamed all the same, it is what it handles.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to be seen, in words: the arm cannot follow the motion.
+    """
+    record = workcell.execute(skill, state)
+    moment = moment_of_failure(record, judges)
+    culprits = moment.bodies
+    if blamed and not culprits and skill.motion is not None:
+        culprits = tuple(visit.subject for visit in skill.motion.visits(state))
+    frame = _FALLING_FRAMES if record.unsettled is not None else moment.frame
+    camera = _camera(workcell, skill, state)
+    taken: list[Image] = []
+
+    def caption(runner: SkillRunner) -> str:
+        return caption_of(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S)
+
+    def watch(runner: SkillRunner) -> None:
+        if runner.log.phases and frame is not None and runner.log.frames > frame:
+            taken.append(camera.shot(runner.world, runner.arm, caption(runner), culprits)())
+            raise _Taken
+        if frame is None and runner.world.steps == record.steps:
+            taken.append(camera.shot(runner.world, runner.arm, caption(runner), culprits)())
+
+    try:
+        workcell.execute(skill, state, watch)
+    except _Taken:
+        return taken[0]
+    if not taken:
+        raise ValueError(record.unreachable or "the execution has no such moment")
+    return taken[0]
+
+
+def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+    """Yield pictures of a skill in a state, so many a simulated second.
+
+    Raises
+    ------
+    ValueError
+        If the rate is not above 0 and at most 60 pictures a second.
+    """
+    if not 0 < frames_per_s <= FRAMES_PER_S:
+        raise ValueError(f"There are 0 to {FRAMES_PER_S} pictures a second, not {frames_per_s}.")
+    camera = _camera(workcell, skill, state)
+    every = STEPS_PER_S / frames_per_s
+    taken: list[Image] = []
+
+    def watch(runner: SkillRunner) -> None:
+        if runner.world.steps >= len(taken) * every:
+            time_s = runner.world.steps / STEPS_PER_S
+            caption = caption_of(skill.name, runner.log.phase_now, time_s)
+            taken.append(camera.shot(runner.world, runner.arm, caption)())
+
+    workcell.execute(skill, state, watch)
+    yield from taken
+
+
+def _camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
+    motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
+    x_m, y_m, z_m = motions[-1].tip
+    view = View.close_up((x_m, y_m, z_m + 0.05))
+    # An execution without pictures does not load the painter.
+    from skillplan_simulation.pictures.painted_camera import PaintedCamera
+
+    return PaintedCamera(workcell.task.scene, view)
+
 
 # So high above its tip a hand has to be seen [m].
 _HAND_M = 0.15

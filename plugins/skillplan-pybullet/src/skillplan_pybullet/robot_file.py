@@ -26,8 +26,8 @@ from skillplan.robots.arm_description import (
     Transform,
 )
 from skillplan_pinocchio.kinematics.serial_arm import placement
-from skillplan_simulation.arm.robot_outline import Piece, body_pieces, jaw_pieces
-from skillplan_simulation.arm.rotations import Vector, rpy_of
+from skillplan_simulation.kinematics import Vector, rpy_of
+from skillplan_simulation.robot_shapes import Piece, body_pieces, jaw_pieces
 
 TIP_LINK = "hand"
 """The link of the hand, whose frame is the tip."""

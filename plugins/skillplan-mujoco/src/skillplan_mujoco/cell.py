@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from skillplan.robots.arm_description import Hand
-from skillplan_mujoco.simulator.hand_model import hand_masses, hand_number
+from skillplan_mujoco.cell_model import hand_masses, hand_number
 from skillplan_simulation.simulator import FINGERS, HAND, ROBOT
 
 # What worlds change of a model: who touches whom, what is fixed to what, what weighs how much.

@@ -1,9 +1,11 @@
-"""Bodies of the simulator, made of the shapes of bodies of a task."""
+"""Keeping what C libraries print out of stdout and stderr, which belong to the command."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import nullcontext
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,7 +14,31 @@ import pybullet
 from numpy.typing import NDArray
 
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
-from skillplan_pybullet.simulator.quiet_output import quiet_output
+
+
+@contextmanager
+def quiet_output() -> Iterator[None]:
+    """Send what is written to file descriptors 1 and 2, also by C code, nowhere."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = {}
+    for descriptor in (1, 2):
+        try:
+            kept[descriptor] = os.dup(descriptor)
+        except OSError:
+            # It is closed: there is nothing to be kept clean.
+            continue
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor in kept:
+            os.dup2(nowhere, descriptor)
+        yield
+    finally:
+        for descriptor, copy in kept.items():
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(nowhere)
+
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
 # What a body of the simulator takes; more write past its end, and it crashes.

@@ -1,7 +1,11 @@
-"""Where the tip of a robot's hand is, by pinocchio's kinematics: what control needs of it."""
+"""Rotations of the hand, as matrices of shape (3, 3) and as rotation vectors of shape (3,) [rad].
+
+The hand's z points out of it, its y along the closing axis of its jaws.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -12,12 +16,80 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import ArmDescription, Transform
 from skillplan.task.motion import Point
+from skillplan.task.pose import Pose, Quaternion
 from skillplan.task.scene import Robot
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm
-from skillplan_simulation.arm.rotations import points_down, rpy_of
 
 Vector = NDArray[np.float64]
+
+# A hand points down where the cosine of its tilt is this near to 1.
+_DOWN = 1e-9
+
+
+def points_down(rotation: Vector) -> bool:
+    """Whether a hand points straight down."""
+    return bool(rotation[2, 2] <= _DOWN - 1.0)
+
+
+def of_quaternion(orientation: Quaternion) -> Vector:
+    """Return a unit quaternion (x, y, z, w) as a matrix."""
+    return np.array(Pose((0.0, 0.0, 0.0), orientation).rotation)
+
+
+def pose_of(position: Vector, rotation: Vector) -> Pose:
+    """Return a position [m] and a rotation, which may be off by rounding, as a pose."""
+    x, y, z = position.tolist()
+    across, out = ((rotation[:, axis] / length(rotation[:, axis])).tolist() for axis in (1, 2))
+    return Pose.of_axes((x, y, z), tuple(across), tuple(out))
+
+
+def rpy_of(rotation: Vector) -> tuple[float, float, float]:
+    """Return a rotation as roll, pitch and yaw [rad]."""
+    sine = -float(rotation[2, 0])
+    pitch = math.atan2(sine, math.hypot(float(rotation[0, 0]), float(rotation[1, 0])))
+    if abs(sine) > 1 - 1e-12:
+        # Roll and yaw turn about one axis.
+        return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
+    roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+
+
+def turn_between(start: Vector, end: Vector) -> Vector:
+    """Return the shortest turn about a fixed axis that takes one rotation to another [rad]."""
+    change = times(end, start.T)
+    axis = 0.5 * np.array(
+        [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
+    )
+    sine, cosine = length(axis), 0.5 * (float(np.trace(change)) - 1)
+    if sine > 1e-7:
+        return np.asarray(axis * (math.atan2(sine, cosine) / sine))
+    if cosine > 0:
+        return axis
+    # Half a turn: the axis is the column of I + R that is longest.
+    columns = 0.5 * (change + np.eye(3))
+    longest = int(np.argmax(np.diag(columns)))
+    column = columns[:, longest]
+    return np.asarray(math.pi * column / length(column))
+
+
+def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
+    """Return the rotation that is left to be made, as an axis times the sine of the angle."""
+    return np.array(rotation_left(rotation, wanted))
+
+
+def rotation_left(rotation: Vector, wanted: Vector) -> tuple[float, float, float]:
+    """Return `rotation_error` as three numbers."""
+    # Half the sum of what the axes of the hand lack, each a cross product; numbers are quicker here
+    # than arrays of three.
+    (a, d, g), (b, e, h), (c, f, i) = rotation.tolist()
+    (p, s, v), (q, t, w), (r, u, x) = wanted.tolist()
+    return (
+        0.5 * ((b * r - c * q) + (e * u - f * t) + (h * x - i * w)),
+        0.5 * ((c * p - a * r) + (f * s - d * u) + (i * v - g * x)),
+        0.5 * ((a * q - b * p) + (d * t - e * s) + (g * w - h * v)),
+    )
 
 
 @dataclass(frozen=True, slots=True)

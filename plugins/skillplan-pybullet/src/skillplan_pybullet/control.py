@@ -6,6 +6,7 @@ two agree to the last digits, which a test says.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,7 +16,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose
-from skillplan_pybullet.arm.robot_file import TIP_LINK, RobotFile
+from skillplan_pybullet.robot_file import TIP_LINK, RobotFile
+from skillplan_simulation.kinematics import TipPose, rotation_error
+from skillplan_simulation.motions import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
 
@@ -124,3 +127,107 @@ class PinocchioDynamics:
 def _in_world(turned: Vector, jacobian: Vector) -> Vector:
     """Return a Jacobian of the base's frame in the world that the base is turned in."""
     return np.concatenate([turned @ jacobian[:3], turned @ jacobian[3:]])
+
+
+def tracking_torques(
+    terms: Terms,
+    angles: Vector,
+    rates: Vector,
+    wanted_rad: Vector,
+    wanted: JointRates,
+    *,
+    stiffness_per_s2: float,
+    load: Vector,
+    limit_nm: Vector,
+) -> Vector:
+    """Return joint torques [N m], shape (joints,), within the joints' limits.
+
+    Parameters
+    ----------
+    terms
+        The arm's dynamics.
+    angles, rates
+        Joint angles [rad] and rates [rad/s], shape (joints,).
+    wanted_rad
+        Where the joints are to be, shape (joints,).
+    wanted
+        How fast.
+    stiffness_per_s2
+        Stiffness by unit of inertia; damping is critical.
+    load
+        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+    limit_nm
+        Greatest torques of the joints [N m], shape (joints,).
+    """
+    gain = (
+        wanted.accelerations_rad_per_s2
+        + stiffness_per_s2 * (wanted_rad - angles)
+        + 2 * math.sqrt(stiffness_per_s2) * (wanted.speeds_rad_per_s - rates)
+    )
+    found = terms.mass @ gain + terms.bias + terms.jacobian.T @ load
+    return np.clip(found, -limit_nm, limit_nm)
+
+
+# How firmly the arm is drawn to its posture [1/s2].
+_NULLSPACE_STIFFNESS_PER_S2 = 400.0
+
+
+def torques(
+    terms: Terms,
+    angles: Vector,
+    rates: Vector,
+    pose: TipPose,
+    wanted: Setpoint,
+    *,
+    stiffness_per_s2: float,
+    force_n: Vector,
+    moment_nm: Vector,
+    limit_nm: Vector,
+) -> Vector:
+    """Return joint torques [N m], shape (joints,), within the joints' limits.
+
+    Parameters
+    ----------
+    terms
+        The arm's dynamics.
+    angles, rates
+        Joint angles [rad] and rates [rad/s], shape (joints,).
+    pose
+        Where the tip is.
+    wanted
+        Where it is to be, how it is to be turned, and how fast; and to which posture the arm is
+        drawn.
+    stiffness_per_s2
+        Stiffness by unit of mass; damping is critical.
+    force_n
+        Force that the tip exerts besides [N], shape (3,).
+    moment_nm
+        Moment about the tip likewise [N m], shape (3,).
+    limit_nm
+        Greatest torques of the joints [N m], shape (joints,).
+    """
+    damping = 2 * math.sqrt(stiffness_per_s2)
+    jacobian = terms.jacobian
+    velocity = jacobian @ rates
+    wanted_velocity = np.concatenate([wanted.velocity, wanted.spin_rad_per_s])
+    error = np.concatenate(
+        [wanted.position - pose.position, rotation_error(pose.rotation, wanted.rotation)]
+    )
+    acceleration = stiffness_per_s2 * error + damping * (wanted_velocity - velocity)
+    acceleration[:3] += wanted.acceleration
+    mass_inverse = np.linalg.inv(terms.mass)
+    inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
+    wrench = inertia @ acceleration
+    wrench[:3] += force_n
+    wrench[3:] += moment_nm
+    away, lag = wanted.posture - angles, -rates
+    if wanted.joints is not None:
+        lag = wanted.joints.speeds_rad_per_s - rates
+    firmness = _NULLSPACE_STIFFNESS_PER_S2
+    pull = firmness * away + 2 * math.sqrt(firmness) * lag
+    if wanted.joints is not None:
+        pull = pull + wanted.joints.accelerations_rad_per_s2
+    consistent = mass_inverse @ jacobian.T @ inertia
+    posture = terms.mass @ pull
+    found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
+    return np.clip(found, -limit_nm, limit_nm)

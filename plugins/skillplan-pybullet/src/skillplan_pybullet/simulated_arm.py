@@ -1,24 +1,30 @@
-"""An arm in a simulated world: its joints, its jaws, what it holds and which tool it has."""
+"""The options of the engine that bear on the motion: those of every engine, and its own."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
+from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
-from skillplan_pybullet.arm.joint_tracking import tracking_torques
-from skillplan_pybullet.arm.operational_space import torques
-from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
-from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.quiet_output import quiet_output
-from skillplan_pybullet.simulator.world import World
-from skillplan_simulation.arm.hand_shapes import hand_of
-from skillplan_simulation.arm.kinematics import TipPose, kinematics_of, unreachable
-from skillplan_simulation.arm.rotations import points_down
-from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_pybullet.body_shapes import quiet_output
+from skillplan_pybullet.control import (
+    Dynamics,
+    PinocchioDynamics,
+    PybulletDynamics,
+    torques,
+    tracking_torques,
+)
+from skillplan_pybullet.robot_file import RobotFile, robot_file
+from skillplan_pybullet.world import World
+from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.kinematics import TipPose, kinematics_of, points_down, unreachable
+from skillplan_simulation.motions import Setpoint
+from skillplan_simulation.robot_shapes import hand_of
 from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
@@ -28,6 +34,16 @@ from skillplan_simulation.simulator import (
     STEP_S,
 )
 from skillplan_simulation.static_friction import StaticFriction
+
+
+class SimulationSettings(ExecutionSettings):
+    """Settings of motion, grip and contact, and what works out the arm's dynamics."""
+
+    dynamics: Literal["pybullet", "pinocchio"] = Field(
+        default="pybullet",
+        description="what works out mass matrix, Jacobian and bias forces",
+    )
+
 
 Vector = NDArray[np.float64]
 

@@ -1,8 +1,13 @@
-"""An arm in a simulated world: its joints, its jaws, and what it holds."""
+"""Torques of the joints: by operational space for the tip, or for every joint on its own.
+
+The laws are those of the other engine (`operational_space` and `joint_tracking` there), written so
+that every sum has a fixed order.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -11,15 +16,18 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_mujoco.arm.control import ArmState, posture_torques, torques
-from skillplan_mujoco.arm.smooth_pads import SmoothPads
-from skillplan_mujoco.simulator.cell_model import TIP, joint_name
-from skillplan_mujoco.simulator.shapes_model import ARM_TORSION_M
-from skillplan_mujoco.simulator.world import World
-from skillplan_simulation.arm.kinematics import TipPose, kinematics_of, unreachable
-from skillplan_simulation.arm.rotations import points_down
-from skillplan_simulation.arm.straight_motion import Setpoint
+from skillplan_mujoco.cell_model import ARM_TORSION_M, TIP, joint_name
+from skillplan_mujoco.world import World, product, times, times_transposed
+from skillplan_pinocchio.kinematics.fixed_order import solved
 from skillplan_simulation.execution_settings import ExecutionSettings
+from skillplan_simulation.kinematics import (
+    TipPose,
+    kinematics_of,
+    points_down,
+    rotation_left,
+    unreachable,
+)
+from skillplan_simulation.motions import Setpoint
 from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
@@ -27,9 +35,151 @@ from skillplan_simulation.simulator import (
     JAW_SPEED_M_PER_S,
     ROBOT,
     STEP_S,
+    STEPS_PER_S,
 )
+from skillplan_simulation.static_friction import HoldingArm, StaticFriction
 
 Vector = NDArray[np.float64]
+
+# How firmly the arm is drawn to its posture [1/s2].
+_NULLSPACE_STIFFNESS_PER_S2 = 400.0
+# So much of what a joint lags behind is to be gone after one step, under control by position [-].
+_SERVO_SHARE = 0.3
+
+
+@dataclass(slots=True)
+class ArmState:
+    """What control has to know of the arm; written anew for every step.
+
+    Parameters
+    ----------
+    angles, rates
+        Joint angles [rad] and rates [rad/s], shape (joints,).
+    tip
+        Where the tip is.
+    mass
+        Mass matrix [kg m2], shape (joints, joints).
+    jacobian
+        Of the tip, linear above angular velocity, shape (6, joints).
+    bias
+        Torques of gravity, centrifugal and Coriolis forces [N m], shape (joints,).
+    """
+
+    angles: Vector
+    rates: Vector
+    tip: TipPose
+    mass: Vector
+    jacobian: Vector
+    bias: Vector
+
+
+def torques(state: ArmState, wanted: Setpoint, stiffness_per_s2: float, load: Vector) -> Vector:
+    """Return joint torques [N m], shape (joints,).
+
+    Parameters
+    ----------
+    state
+        Of the arm.
+    wanted
+        Where the tip is to be, or every joint.
+    stiffness_per_s2
+        Stiffness by unit of inertia; damping is critical.
+    load
+        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+    """
+    if wanted.tracks_joints and wanted.joints is not None:
+        gain = (
+            wanted.joints.accelerations_rad_per_s2
+            + stiffness_per_s2 * (wanted.posture - state.angles)
+            + 2 * math.sqrt(stiffness_per_s2) * (wanted.joints.speeds_rad_per_s - state.rates)
+        )
+        return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
+    jacobian = state.jacobian
+    # Each column how the joints are accelerated by a force or moment at the tip.
+    yielding = solved(state.mass, jacobian.T)
+    pull = _pull(state, wanted)
+    # What of the pull would move the tip is taken from it.
+    lacking = _acceleration(state, wanted, stiffness_per_s2) - times(jacobian, pull)
+    wrench = solved(product(jacobian, yielding), lacking) + load
+    return times_transposed(jacobian, wrench) + state.bias + times(state.mass, pull)
+
+
+def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
+    """Return joint torques that follow a posture as servos do, one for every joint [N m].
+
+    Each has its joint turn, after one step, as fast as takes away a share of what it lags behind.
+
+    Parameters
+    ----------
+    state
+        Of the arm.
+    posture
+        Where the joints are to be [rad], shape (joints,).
+    load
+        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+    """
+    speeds = _SERVO_SHARE * STEPS_PER_S * (posture - state.angles)
+    gain = STEPS_PER_S * (speeds - state.rates)
+    return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
+
+
+def _acceleration(state: ArmState, wanted: Setpoint, stiffness_per_s2: float) -> Vector:
+    """Return how the tip is to be accelerated, linear before angular, shape (6,)."""
+    # Numbers are quicker here than arrays of three.
+    away = (wanted.position - state.tip.position).tolist()
+    away += rotation_left(state.tip.rotation, wanted.rotation)
+    rates = [*wanted.velocity.tolist(), *wanted.spin_rad_per_s.tolist()]
+    moves = times(state.jacobian, state.rates).tolist()
+    damping_per_s = 2 * math.sqrt(stiffness_per_s2)
+    found = [
+        stiffness_per_s2 * lack + damping_per_s * (rate - move)
+        for lack, rate, move in zip(away, rates, moves, strict=True)
+    ]
+    for axis, gain in enumerate(wanted.acceleration.tolist()):
+        found[axis] += gain
+    return np.array(found)
+
+
+def _pull(state: ArmState, wanted: Setpoint) -> Vector:
+    """Return the accelerations that draw the joints to their posture, shape (joints,)."""
+    firmness = _NULLSPACE_STIFFNESS_PER_S2
+    away, lag = wanted.posture - state.angles, -state.rates
+    if wanted.joints is not None:
+        lag = wanted.joints.speeds_rad_per_s - state.rates
+    pull: Vector = firmness * away + 2 * math.sqrt(firmness) * lag
+    if wanted.joints is not None:
+        pull = pull + wanted.joints.accelerations_rad_per_s2
+    return pull
+
+
+class SmoothPads(StaticFriction):
+    """Holds a part still in the jaws while friction can; see `StaticFriction`.
+
+    Contacts with friction would hold it as well, yet not where it was: a step leads an arm along
+    the tangent of its way, and contacts let stand by how much it ends beside it, 0.2 mm in a lift
+    by 0.25 m. They would draw at the bond with all that they have.
+
+    Parameters
+    ----------
+    world, arm
+        Where, and whose jaws.
+    name
+        Of the part.
+    """
+
+    world: World
+
+    def __init__(self, world: World, arm: HoldingArm, name: str) -> None:
+        super().__init__(world, arm, name)
+        if self.constraint is not None:
+            world.smooth(FINGERS)
+
+    def let_go(self) -> None:
+        """Leave the part to its contacts."""
+        if self.constraint is not None:
+            self.world.roughen(FINGERS)
+        super().let_go()
+
 
 # With what force jaws are held open [N], and how firmly each follows where it is to be [N/m],
 # [N s/m]: closing on a part, it is farther off than its force allows.

@@ -1,0 +1,352 @@
+"""Shapes of the model of a cell: how they look to contacts, and how firm these are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.physics.performance import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
+from skillplan.robots.arm_description import Capsule, Hand, Hull, Joint, Rod
+from skillplan.task.scene import Body, Robot
+from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan_pinocchio.kinematics.serial_arm import placement
+from skillplan_pinocchio.mass_properties import mass_properties
+from skillplan_simulation.robot_shapes import Block, Piece, body_pieces, jaw_pieces
+from skillplan_simulation.simulator import (
+    FINGERS,
+    GRAVITY_M_PER_S2,
+    HAND,
+    LEAST_INERTIA_KG_M2,
+    ROBOT,
+    STEPS_PER_S,
+    TABLE,
+)
+
+# What points of contact resist being turned about the normal, by their force [m]: of the arm, by
+# friction as well, and of others; and what they resist being rolled [m].
+ARM_TORSION_M = 0.01
+_TORSION_M, _ROLLING_M = 0.001, 0.0001
+# A contact is a normal force, two of friction, and a moment about the normal.
+FRICTIONAL = 4
+# A cylinder has so many sides; its edges are 0.05 % of its radius outside.
+_SIDES = 96
+# How stiff contacts and bonds are, in the simulator's terms: time constant [s] and damping ratio,
+# and the share of a force that is met, from where to where, over which depth [m]. Nothing that is
+# faster than two steps is stable.
+STIFF = (2.0 / STEPS_PER_S, 1.0)
+_SHARE, BOND_SHARE = (0.95, 0.99, 0.0005, 0.5, 2.0), (0.99, 0.999, 0.0005, 0.5, 2.0)
+
+
+def touch(geom: Any, friction: float, torsion_m: float = _TORSION_M) -> None:
+    """Say what contacts of a geometry are like."""
+    geom.friction = (friction, torsion_m, _ROLLING_M)
+    geom.condim = FRICTIONAL
+    geom.solref, geom.solimp = STIFF, _SHARE
+
+
+def add_piece(spec: Any, body: Any, piece: Piece, friction: float) -> Any:
+    """Add a piece of the arm to a body; return its geometry.
+
+    Parameters
+    ----------
+    spec, body
+        To be compiled, and what of it.
+    piece
+        Of the arm.
+    friction
+        Of what it touches [-]: of two, the greater counts, so that both have to have it.
+    """
+    kinds = mujoco.mjtGeom
+    if isinstance(piece, Hull):
+        name = f"hull {len(spec.meshes)}"
+        spec.add_mesh(name=name, uservert=np.array(piece.corners_m).ravel().tolist())
+        geom = body.add_geom(type=kinds.mjGEOM_MESH, meshname=name)
+    elif isinstance(piece, Block):
+        low, high = np.array(piece.low_m), np.array(piece.high_m)
+        geom = body.add_geom(type=kinds.mjGEOM_BOX, size=(high - low) / 2, pos=(low + high) / 2)
+    elif piece.start_m == piece.end_m:
+        size = (piece.radius_m, 0.0, 0.0)
+        geom = body.add_geom(type=kinds.mjGEOM_SPHERE, size=size, pos=piece.start_m)
+    else:
+        assert isinstance(piece, Capsule | Rod)
+        kind = kinds.mjGEOM_CYLINDER if isinstance(piece, Rod) else kinds.mjGEOM_CAPSULE
+        geom = body.add_geom(type=kind, size=(piece.radius_m, 0.0, 0.0))
+        geom.fromto = (*piece.start_m, *piece.end_m)
+    touch(geom, friction, ARM_TORSION_M * friction)
+    return geom
+
+
+def add_shape(spec: Any, body: Any, shape: Shape) -> Any:
+    """Add a shape to a body of a task, as the hull of its corners; return its geometry.
+
+    A box is one, too: of two boxes with parallel axes that press on each other by less than
+    0.05 mm, the simulator's own routine finds a single point now and then, and far too deep. A
+    cylinder is a prism, whose sides are as far from its axis as its own: exact ones touch by points
+    that jump from end to end, and roll away.
+    """
+    name = f"hull {len(spec.meshes)}"
+    spec.add_mesh(name=name, uservert=[value for corner in _corners(shape) for value in corner])
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+
+
+def _corners(shape: Shape) -> Iterator[Sequence[float]]:
+    """Yield corners about a shape [m]."""
+    if not isinstance(shape, Box | Cylinder):
+        yield from shape.corners
+        return
+    x_m, y_m, z_m = shape.centre
+    if isinstance(shape, Box):
+        width_m, length_m, height_m = shape.size
+        ends = list(product((-width_m / 2, width_m / 2), (-length_m / 2, length_m / 2)))
+    else:
+        height_m, half = shape.height_m, math.pi / _SIDES
+        radius_m = shape.diameter_m / 2 / math.cos(half)
+        turns = [(2 * side + 1) * half for side in range(_SIDES)]
+        ends = [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
+    for across_m, along_m in ends:
+        for up_m in (-height_m / 2, height_m / 2):
+            yield x_m + across_m, y_m + along_m, z_m + up_m
+
+
+# What a hand weighs, of which no description says it: body and one jaw [kg].
+_BODY_KG, _JAW_KG = 0.73, 0.05
+# The inertia of a jaw's drive, as mass at the jaw [kg].
+_DRIVE_KG = 0.1
+_JAW_SIDES = (1, -1)
+
+
+@dataclass(frozen=True, slots=True)
+class SolidMass:
+    """What a hand's body or a jaw weighs, as a box.
+
+    Parameters
+    ----------
+    mass_kg
+        How much [kg].
+    centre_m
+        Of its mass, from the tip [m].
+    inertia_kg_m2
+        Moments about the axes through the centre.
+    """
+
+    mass_kg: float
+    centre_m: tuple[float, float, float]
+    inertia_kg_m2: tuple[float, float, float]
+
+
+def hand_masses(hand: Hand) -> dict[str, SolidMass]:
+    """Return what a hand and its jaws weigh, by name."""
+    size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
+    found = {HAND: _box(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
+    height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
+    size = (2 * hand.jaw_half_width_m, thick_m, height_m)
+    for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
+        found[name] = _box(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
+    return found
+
+
+def _box(mass_kg: float, centre: tuple[float, float, float], size: Sequence[float]) -> SolidMass:
+    x, y, z = (extent**2 * mass_kg / 12 for extent in size)
+    return SolidMass(mass_kg, centre, (y + z, x + z, x + y))
+
+
+def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> None:
+    """Add hands to the body at the tip of an arm, and jaws that move by one gear.
+
+    Parameters
+    ----------
+    spec
+        To be compiled.
+    held
+        Its body for the hand.
+    hands
+        All that there can be; the first counts at the start.
+    friction
+        Of what they touch [-].
+    """
+    masses = hand_masses(hands[0])
+    _weigh(held, masses[HAND])
+    held.gravcomp = 1.0
+    for number, hand in enumerate(hands):
+        for part in body_pieces(hand):
+            _name(spec, add_piece(spec, held, part, friction), number)
+    for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
+        jaw = held.add_body(name=name)
+        jaw.gravcomp = 1.0
+        _weigh(jaw, masses[name])
+        slide = jaw.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE)
+        slide.axis = (0.0, float(side), 0.0)
+        slide.armature = _DRIVE_KG
+        for number, hand in enumerate(hands):
+            for piece in jaw_pieces(hand, side):
+                _name(spec, add_piece(spec, jaw, piece, friction), number)
+    gear = spec.add_equality(name="gear", type=mujoco.mjtEq.mjEQ_JOINT)
+    gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
+    gear.name1, gear.name2 = FINGERS
+    gear.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
+    gear.solref, gear.solimp = STIFF, BOND_SHARE
+
+
+def hand_number(geom: str) -> int:
+    """Return of which hand a geometry is, by its name."""
+    return int(geom.split()[1])
+
+
+def _name(spec: Any, geom: Any, number: int) -> None:
+    geom.name = f"hand {number} {len(spec.geoms)}"
+
+
+def _weigh(body: Any, mass: SolidMass) -> None:
+    body.explicitinertial = True
+    body.mass, body.ipos = mass.mass_kg, np.array(mass.centre_m)
+    body.inertia = np.array(mass.inertia_kg_m2)
+
+
+Vector = NDArray[np.float64]
+
+# Of the model, beside what has a name in every engine.
+TIP = "tip"
+
+_TABLE_HALF_M = (1.5, 1.5, 0.05)
+# Friction holds by so much more firmly than contacts press.
+_FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
+# So many bonds there are besides one for every body.
+_MORE_BONDS = 8
+
+
+def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float) -> Any:
+    """Return what is compiled to the model of a cell.
+
+    Parameters
+    ----------
+    robot, hands
+        The arm, and all hands that it can have.
+    bodies
+        All that can ever be in a world beside it, tools included.
+    friction
+        Of bodies and table [-].
+    """
+    spec = mujoco.MjSpec()
+    option = spec.option
+    option.timestep = 1.0 / STEPS_PER_S
+    option.gravity = (0.0, 0.0, -GRAVITY_M_PER_S2)
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = _FRICTION_RATIO
+    option.iterations = _SOLVER_STEPS
+    spec.compiler.balanceinertia = True
+    spec.compiler.degree = False
+    _light(spec)
+    world = spec.worldbody
+    table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
+    touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
+    _add_arm(spec, robot, hands, friction)
+    for number, body in enumerate(bodies):
+        _add_part(spec, body, number, friction)
+    for number in range(len(bodies) + _MORE_BONDS):
+        bond = spec.add_equality(name=f"bond {number}", type=mujoco.mjtEq.mjEQ_WELD)
+        bond.objtype = mujoco.mjtObj.mjOBJ_BODY
+        bond.name1, bond.name2 = HAND, TABLE
+        bond.active = False
+        bond.solref, bond.solimp = STIFF, BOND_SHARE
+    return spec
+
+
+def _light(spec: Any) -> None:
+    """Have pictures be as large as a view is made for, and lit from before the arm."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
+    spec.visual.global_.fovy = FIELD_OF_VIEW_DEG
+    spec.visual.map.znear, spec.visual.map.zfar = 0.002, 2.0
+    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
+    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+    light = spec.worldbody.add_light(pos=(1.2, -1.0, 2.5), dir=(-0.35, 0.45, -1.0))
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.diffuse, light.specular = (0.5, 0.5, 0.5), (0.1, 0.1, 0.1)
+    light.castshadow = False
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=(0.95, 0.96, 0.98),
+        rgb2=(0.95, 0.96, 0.98),
+        width=16,
+        height=96,
+    )
+
+
+def joint_name(number: int) -> str:
+    """Return what a joint of the arm is called, counted from 0 at the base."""
+    return f"joint {number + 1}"
+
+
+def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) -> None:
+    model = robot.model
+    here = spec.worldbody.add_body(
+        name=ROBOT, pos=robot.base, quat=_wxyz(np.array(robot.mount.rotation))
+    )
+    # Where the arm is not in a world, it hangs without weight.
+    here.gravcomp = 1.0
+    shapes = model.shapes or [()] * (len(model.joints) + 1)
+    for piece in shapes[0]:
+        add_piece(spec, here, piece, friction)
+    for number, joint in enumerate(model.joints):
+        here = _add_link(here, number, joint)
+        for piece in shapes[number + 1]:
+            add_piece(spec, here, piece, friction)
+    where = placement(model.tip) * placement(robot.tip)
+    held = here.add_body(name=HAND, pos=where.translation, quat=_wxyz(where.rotation))
+    held.add_site(name=TIP)
+    add_hands(spec, held, hands, friction)
+
+
+def _add_link(before: Any, number: int, joint: Joint) -> Any:
+    """Add a link and the joint that moves it; return it."""
+    where = placement(joint.placement)
+    link = before.add_body(
+        name=f"link {number + 1}", pos=where.translation, quat=_wxyz(where.rotation)
+    )
+    link.gravcomp = 1.0
+    if joint.link is not None:
+        frame = placement(joint.link.frame)
+        xx, yy, zz, xy, xz, yz = joint.link.tensor_kg_m2
+        tensor = frame.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        tensor = tensor @ frame.rotation.T
+        link.explicitinertial = True
+        link.mass = joint.link.mass_kg
+        link.ipos = frame.act(np.array(joint.link.centre_m))
+        link.fullinertia = (*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    made = link.add_joint(name=joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
+    made.axis = joint.axis
+    made.range = (joint.low_rad, joint.high_rad)
+    return link
+
+
+def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
+    made = spec.worldbody.add_body(name=body.name, pos=parked(number))
+    made.add_freejoint()
+    properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+    made.explicitinertial = True
+    made.mass, made.ipos = body.mass_kg, properties.centre
+    made.inertia = properties.inertia_kg_m2
+    made.gravcomp = 1.0
+    for shape in body.shapes:
+        touch(add_shape(spec, made, shape), friction)
+
+
+def parked(number: int) -> tuple[float, float, float]:
+    """Return where a body lies that is not there [m]."""
+    return 5.0 + number, 8.0, 1.0
+
+
+def _wxyz(rotation: Vector) -> Vector:
+    found = np.zeros(4)
+    mujoco.mju_mat2Quat(found, np.ascontiguousarray(rotation).ravel())
+    return found

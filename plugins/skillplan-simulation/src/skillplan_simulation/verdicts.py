@@ -1,0 +1,371 @@
+"""The contact threshold: from what force or displacement on a contact is a collision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.task.motion import Event, Visit
+from skillplan.task.scene import Pose
+from skillplan.task.skill import Skill
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.kinematics.fixed_order import length
+from skillplan_simulation.record import Pair, Record
+from skillplan_simulation.simulator import TABLE
+
+# A mean force above this is a collision [N], and it is averaged over this many frames [-]; as in
+# Moller et al., section 4.3, those up to each.
+FORCE_N = 0.05
+FRAMES = 6
+# A body that is not handled and moves by more than this was pushed [m].
+DISPLACEMENT_M = 0.001
+# So much room on each side of a hole the shipped products have, which is enough [mm].
+CLEARANCE_MM = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """A pair that should not touch: when its mean force first exceeds a threshold.
+
+    Parameters
+    ----------
+    frame
+        Number of the frame.
+    pair
+        Names of the two.
+    most_n
+        The greatest mean force [N].
+    """
+
+    frame: int
+    pair: Pair
+    most_n: float
+
+
+def mean_forces(record: Record, frames: int = FRAMES) -> dict[Pair, NDArray[np.float64]]:
+    """Return the mean forces of all pairs that touched unexpectedly [N], shape (frames,)."""
+    means = {pair: frame_means(forces, frames) for pair, forces in record.pairs_n.items()}
+    return {pair: mean for pair, mean in means.items() if len(mean)}
+
+
+def presses(record: Record, force_n: float = FORCE_N, frames: int = FRAMES) -> list[Press]:
+    """Return the pairs whose mean force exceeds a threshold, in the order of the record."""
+    return [
+        Press(int(np.argmax(mean > force_n)), pair, float(mean.max()))
+        for pair, mean in mean_forces(record, frames).items()
+        if mean.max() > force_n
+    ]
+
+
+def pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, int]:
+    """Return the bodies that moved too far, and the frame at which they first had."""
+    return {
+        name: int(np.argmax(moved > displacement_m))
+        for name, moved in record.moved_m.items()
+        if len(moved) and moved.max() > displacement_m
+    }
+
+
+def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    """Return, at every frame, the mean over it and those before it.
+
+    Parameters
+    ----------
+    values
+        Shape (n, ...).
+    frames
+        How many are averaged, >= 1; before the first nothing touched.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of the same shape.
+    """
+    padding = np.zeros((frames - 1, *values.shape[1:]))
+    padded = np.concatenate([padding, values])
+    total = np.zeros(values.shape)
+    for shift in range(frames):
+        total += padded[shift : shift + len(values)]
+    return total / frames
+
+
+def rounded(value: float) -> float:
+    """Return a reading as it goes into evidence: to a millionth, and never minus zero."""
+    return round(float(value), 6) + 0.0
+
+
+# Bodies that nobody handled may creep by this much [m].
+_CREEP_M = 0.001
+_LEAST_SHOWN_M = 5e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How exactly a prediction has to come true.
+
+    Parameters
+    ----------
+    position_m, tilt_rad
+        Of parts that were set down.
+    held_m
+        Of parts in the hand.
+    fastening_n
+        Least force with which a screw is driven.
+    insertion_n
+        Greatest force with which a part is pushed in.
+    """
+
+    position_m: float
+    tilt_rad: float
+    held_m: float
+    fastening_n: float
+    insertion_n: float
+
+
+def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
+    """Return the verdict on the postcondition of an execution."""
+    present, absent = record.present, record.absent
+    if record.upset is not None:
+        return Verdict.unknown(record.upset, {"steps": record.steps})
+    if record.unreachable is not None:
+        return Verdict.infeasible(record.unreachable, present, absent, {"reachable": False})
+    if record.unsettled is not None:
+        return Verdict.infeasible(record.unsettled, present, absent, {"settled": False})
+    assert skill.motion is not None
+    visit = skill.motion.routes[0].visits[-1]
+    evidence = _evidence(record, visit)
+    fault = _fault(skill, record, visit, tolerances)
+    if fault is None:
+        return Verdict.feasible(present, absent, evidence)
+    return Verdict.infeasible(fault, present, absent, evidence)
+
+
+def offset_m(final: Pose, expected: Pose) -> float:
+    """Return how far a pose is from another [m]."""
+    return math.dist(final.position, expected.position)
+
+
+def tilt_rad(final: Pose, expected: Pose) -> float:
+    """Return the angle of the rotation between two poses [rad], in [0, pi]."""
+    aligned = abs(sum(a * b for a, b in zip(final.orientation, expected.orientation, strict=True)))
+    # The arc cosine is blind near one.
+    axis = length(_relative_axis(final, expected))
+    return 2 * math.atan2(axis, aligned)
+
+
+def _relative_axis(final: Pose, expected: Pose) -> Any:
+    x, y, z, w = final.orientation
+    a, b, c, d = expected.orientation
+    one, other = np.array([x, y, z]), np.array([a, b, c])
+    return d * one - w * other - np.cross(other, one)
+
+
+def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
+    sensed = record.sensed
+    if "stuck_on" in sensed:
+        return f"the arm was stopped on {sensed['stuck_on']}"
+    if visit.event is Event.LOAD and sensed.get("tool_attached") != visit.subject:
+        return f"{visit.subject} is not attached"
+    force_n = sensed.get("fastening_force_n")
+    if force_n is not None and force_n < tolerances.fastening_n:
+        return (
+            f"{visit.subject} was pressed with {force_n:.1f} N, "
+            f"where {tolerances.fastening_n:.1f} N are needed"
+        )
+    inserted_n = sensed.get("insertion_force_n", 0.0)
+    if inserted_n > tolerances.insertion_n:
+        return (
+            f"{visit.subject} was pushed in with {inserted_n:.1f} N, "
+            f"where {tolerances.insertion_n:.1f} N are allowed; leave it {CLEARANCE_MM:g} mm on "
+            "each side"
+        )
+    for name, expected in record.expected.items():
+        final = record.final[name]
+        if name != visit.subject:
+            if offset_m(final, expected) > _CREEP_M:
+                return f"{name} {_elsewhere(final, expected, 'where it was')}"
+        elif visit.event is Event.GRASP:
+            if offset_m(final, expected) > tolerances.held_m:
+                return f"{name} is not in the hand: it {_elsewhere(final, expected, 'there')}"
+            if tilt_rad(final, expected) > tolerances.tilt_rad:
+                degrees = math.degrees(tilt_rad(final, expected))
+                return f"{name} is turned by {degrees:.1f} degrees in the hand"
+        elif offset_m(final, expected) > tolerances.position_m:
+            return f"{name} {_elsewhere(final, expected, 'its goal')}"
+        elif tilt_rad(final, expected) > tolerances.tilt_rad:
+            degrees = math.degrees(tilt_rad(final, expected))
+            return f"{name} came to rest turned by {degrees:.1f} degrees from its goal"
+    return None
+
+
+def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
+    """Return how far something is from where it was to be, in words."""
+    x_m, y_m, z_m = (a - b for a, b in zip(final.position, expected.position, strict=True))
+    aside_m = math.hypot(x_m, y_m)
+    parts = []
+    if abs(z_m) >= _LEAST_SHOWN_M:
+        parts.append(f"{1000 * abs(z_m):.1f} mm {'above' if z_m > 0 else 'below'}")
+    if aside_m >= _LEAST_SHOWN_M:
+        parts.append(f"{1000 * aside_m:.1f} mm beside")
+    if not parts:
+        return f"came to rest {1e6 * offset_m(final, expected):.1f} um off {place}"
+    return f"came to rest {' and '.join(parts)} {place}"
+
+
+def _evidence(record: Record, visit: Visit) -> dict[str, Any]:
+    """Return what was measured, rounded to what it is good for."""
+    evidence: dict[str, Any] = {"body": visit.subject}
+    if visit.subject in record.final and visit.subject in record.expected:
+        final, expected = record.final[visit.subject], record.expected[visit.subject]
+        evidence["offset_mm"] = [
+            round(1000 * (a - b), 4) + 0.0
+            for a, b in zip(final.position, expected.position, strict=True)
+        ]
+        evidence["tilt_deg"] = round(math.degrees(tilt_rad(final, expected)), 4)
+        evidence["pose_m"] = [round(value, 7) + 0.0 for value in final.position]
+    evidence["sensed"] = _rounded(record.sensed)
+    evidence["steps"] = record.steps
+    if record.travels:
+        evidence["travels"] = list(record.travels)
+    return evidence
+
+
+def _rounded(sensed: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        key: round(value, 6) + 0.0 if isinstance(value, float) else value
+        for key, value in sorted(sensed.items())
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class PairLimits:
+    """From when on an unexpected contact is a collision.
+
+    Parameters
+    ----------
+    force_n
+        Mean normal force of an unexpected pair [N].
+    displacement_m
+        Displacement of a body that is not handled [m].
+    frames
+        Over how many frames of 1/60 s the force is averaged [-].
+    """
+
+    force_n: float = FORCE_N
+    displacement_m: float = DISPLACEMENT_M
+    frames: int = FRAMES
+
+
+def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> Verdict:
+    """Return the verdict; the pair or displacement that came first is the reason.
+
+    Parameters
+    ----------
+    record
+        Of an execution that ran to its end.
+    limits
+        What its figures are compared with.
+    parts
+        Names of the task's bodies; what is none of them has an article in a sentence.
+    """
+    pressing = presses(record, limits.force_n, limits.frames)
+    pushed = pushes(record, limits.displacement_m)
+    evidence = _readings(record, limits)
+    if not pressing and not pushed:
+        return Verdict.feasible(record.present, record.absent, evidence)
+    press = min(pressing, key=lambda one: (one.frame, -one.most_n, one.pair), default=None)
+    moved = min(pushed, key=lambda name: (pushed[name], name), default=None)
+    if press is not None and (moved is None or press.frame <= pushed[moved]):
+        frame, bodies = press.frame, _mover_first(press.pair, record, parts)
+        mover, other = (name if name in parts else f"the {name}" for name in bodies)
+        said = f"{mover} pressed on {other} with {_shown(press.most_n)} N"
+        limit = f"{limits.force_n:g} N"
+        if press.pair in record.beside:
+            limit += f"; leave {CLEARANCE_MM:g} mm between them"
+        found: dict[str, Any] = {"bodies": list(bodies), "force_n": rounded(press.most_n)}
+    else:
+        assert moved is not None
+        frame, furthest_m = pushed[moved], float(record.moved_m[moved].max())
+        said = f"{moved} was pushed {1000 * furthest_m:.1f} mm aside"
+        limit = f"{1000 * limits.displacement_m:g} mm"
+        found = {"bodies": [moved]}
+    phase, at_s = record.phase(frame), record.time_s(frame)
+    found |= {"during": phase, "at_s": rounded(at_s)}
+    found["moved_mm"] = {
+        name: rounded(1000 * record.moved_m[name].max()) for name in sorted(pushed)
+    }
+    when = f"on {phase} at {at_s:.2f} s" if phase else f"at {at_s:.2f} s"
+    reason = f"{said} {when}; the limit is {limit}"
+    return Verdict.infeasible(reason, record.present, record.absent, {**found, **evidence})
+
+
+def _readings(record: Record, limits: PairLimits) -> dict[str, Any]:
+    """Return the greatest figures seen beside the limits that they are compared with."""
+    means = mean_forces(record, limits.frames)
+    most_n = max((mean.max() for mean in means.values()), default=0.0)
+    peak_n = max((one.max() for one in record.pairs_n.values() if len(one)), default=0.0)
+    most_m = max((one.max() for one in record.moved_m.values() if len(one)), default=0.0)
+    return {
+        "peak_n": rounded(peak_n),
+        "readings": {"force_n": rounded(most_n), "moved_mm": rounded(1000 * most_m)},
+        "limits": {
+            "force_n": limits.force_n,
+            "moved_mm": rounded(1000 * limits.displacement_m),
+        },
+    }
+
+
+def _mover_first(pair: Pair, record: Record, parts: Collection[str]) -> Pair:
+    """Return a pair with what moved first: the robot, else what it handles."""
+
+    def rank(name: str) -> int:
+        if name in record.moved_m:
+            return 3
+        if name == TABLE:
+            return 2
+        return 1 if name in parts else 0
+
+    first, second = sorted(pair, key=rank)
+    return first, second
+
+
+def _shown(force_n: float) -> str:
+    """Return a force with three figures, without an exponent."""
+    return f"{force_n:.0f}" if force_n >= 100 else f"{force_n:.3g}"
+
+
+Judge = Callable[[Record], Verdict]
+
+
+@runtime_checkable
+class ContactJudge(Protocol):
+    """A detector that rules on contacts by the record of an execution."""
+
+    def contact_verdict(self, record: Record) -> Verdict:
+        """Return the verdict on the contacts of an execution that ran to its end."""
+
+
+def judges_among(back_ends: Sequence[object], parts: Collection[str]) -> tuple[Judge, ...]:
+    """Return the judges among some back ends; where there is none, the limits of `PairLimits`.
+
+    Parameters
+    ----------
+    back_ends
+        Those that are queried beside an engine.
+    parts
+        Names of the task's bodies.
+    """
+    found = [one.contact_verdict for one in back_ends if isinstance(one, ContactJudge)]
+    return tuple(found) or (partial(pair_verdict, limits=PairLimits(), parts=frozenset(parts)),)
+
+
+def collision_in(record: Record, judges: Sequence[Judge]) -> Verdict | None:
+    """Return the verdict of the first judge that finds a collision in an execution, or None."""
+    verdicts = (judge(record) for judge in judges)
+    return next((verdict for verdict in verdicts if verdict.is_infeasible), None)

@@ -1,4 +1,0 @@
-"""What a record shows: postconditions that were met or missed, contacts beyond a threshold.
-
-It reads records; it never simulates anything.
-"""
