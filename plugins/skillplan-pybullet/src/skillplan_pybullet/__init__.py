@@ -1,11 +1,37 @@
-"""An arm in pybullet: skills executed, contacts logged, postconditions sensed.
+"""An arm in pybullet: the engine, and a detector that reads its contact forces."""
 
-It holds the engine, the detectors that read its contacts, and what they need; it never solves, and
-never shows or stores anything.
-"""
+from __future__ import annotations
 
-from skillplan_pybullet.body_shapes import quiet_output
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-# The simulator announces itself when it is imported, which is nobody's business.
+
+@contextmanager
+def quiet_output() -> Iterator[None]:
+    """Send what is written to file descriptors 1 and 2, also by C code, nowhere."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = {}
+    for descriptor in (1, 2):
+        try:
+            kept[descriptor] = os.dup(descriptor)
+        except OSError:
+            # It is closed: there is nothing to be kept clean.
+            continue
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor in kept:
+            os.dup2(nowhere, descriptor)
+        yield
+    finally:
+        for descriptor, copy in kept.items():
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(nowhere)
+
+
+# pybullet prints its build time when it is imported.
 with quiet_output():
     import pybullet as pybullet

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_pybullet.body_shapes import quiet_output
+from skillplan_pybullet import quiet_output
 from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
