@@ -21,8 +21,7 @@ from typing import Any
 
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.errors import ModelTooLarge, SearchStopped
-from skillplan.model.policy_sample import sample_policy
-from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.policy_value import evaluate_policy, sample_policy
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch

@@ -16,8 +16,7 @@ from functools import partial
 
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import make_executor
-from skillplan.workers.executor import Answer, Executor, Worker, packed
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import Answer, Executor, ExecutorChoice, Worker, packed
 
 SLOTS = 2
 BASELINE = "local"

@@ -31,7 +31,7 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 # Who opens something that no user handed over, and why.
 OPENS = {
     "robots/arm_description.py": "the shapes of robots that lie in its package",
-    "workers/resident_memory.py": "the process file system of Linux",
+    "workers/processes.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "workers/supervisor.py": "the lists of processes of Linux; a pipe that ends with its parent",
     "domains/domain.py": "the starter that lies in the package of a domain",
@@ -129,7 +129,7 @@ def test_only_the_floor_of_files_opens_files() -> None:
 def test_only_the_floor_of_workers_starts_processes() -> None:
     """No exception: programs of others are started there, too."""
     found = {place(path): starting(path) for path in MODULES}
-    starters = {"program", "local_processes", "supervisor"}
+    starters = {"processes", "local_processes", "supervisor"}
     assert {f"workers/{name}.py" for name in starters} == {name for name, by in found.items() if by}
 
 

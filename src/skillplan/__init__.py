@@ -18,7 +18,7 @@ _HOMES = {
     "BackEnd": "skillplan.task.back_end",
     "Case": "skillplan.task.skill",
     "ChainResult": "skillplan.records.chain_result",
-    "Condition": "skillplan.task.condition",
+    "Condition": "skillplan.task.state",
     "Detector": "skillplan.collision.detector",
     "Domain": "skillplan.domains.domain",
     "Engine": "skillplan.physics.engine",
@@ -80,11 +80,11 @@ if TYPE_CHECKING:
     from skillplan.solvers.solver import Solver as Solver
     from skillplan.solvers.stop import Stop as Stop
     from skillplan.task.back_end import BackEnd as BackEnd
-    from skillplan.task.condition import Condition as Condition
     from skillplan.task.scene import Scene as Scene
     from skillplan.task.skill import Case as Case
     from skillplan.task.skill import Outcome as Outcome
     from skillplan.task.skill import Skill as Skill
+    from skillplan.task.state import Condition as Condition
     from skillplan.task.state import Facts as Facts
     from skillplan.task.state import State as State
     from skillplan.task.task import Task as Task

@@ -165,7 +165,7 @@ MUTANTS = [
     ),
     Mutant(
         "damaged JSON raises KeyError",
-        "files/strict_json.py",
+        "files/json_file.py",
         "    return _DECODER.decode(",
         "    try:\n"
         "        json.loads(raw)\n"
@@ -178,7 +178,7 @@ MUTANTS = [
     ),
     Mutant(
         "numbers that are too large raise KeyError",
-        "files/strict_json.py",
+        "files/json_file.py",
         "    if not math.isfinite(value):\n        raise ValueError(",
         "    if not math.isfinite(value):\n        raise KeyError(",
         "inputs",

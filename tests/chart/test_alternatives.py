@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import cheapest_by_length, model_of, optimum
-from skillplan.chart.alternatives import simplest
-from skillplan.chart.precedence_chart import derive_chart
+from skillplan.chart.precedence_chart import derive_chart, simplest
 from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import NotASequencing
 from skillplan.model.sequencing import SequencingProblem

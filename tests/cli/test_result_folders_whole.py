@@ -15,7 +15,7 @@ import pytest
 
 from same_process import studies_in_this_process
 from skillplan.files.atomic_file import write_as_one
-from skillplan.files.folder_lock import FolderLock
+from skillplan.files.folder import FolderLock
 from thinned import thinned
 
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from situations import two_roads_task
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import RewardFunction
 from skillplan.errors import OptionError
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task

@@ -29,8 +29,7 @@ from situations import (
     two_roads_task,
 )
 from skillplan.checks.feasibility import Feasibility
-from skillplan.env.observation import Observation
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import Observation, RewardFunction
 from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import BackEndError, OptionError

@@ -31,7 +31,7 @@ from skillplan.pipeline.exchange.export import exported, handed_over
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status
-from skillplan.task.condition import Condition
+from skillplan.task.state import Condition
 from skillplan.task.task import Task
 
 BY_BOXES = Setup(collision=("aabb",))

@@ -17,7 +17,7 @@ from skillplan.exporters.plan_table import CsvExporter
 from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.plan_input import given_plan
 from skillplan.testing import hostile_task
-from skillplan.testing.exporter_suite import solved_lid
+from skillplan.testing.suites import solved_lid
 
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="plan">{}</BehaviorTree></root>'

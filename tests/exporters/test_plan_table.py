@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from skillplan.exporters.exporter import Handover
 from skillplan.exporters.plan_table import COLUMNS, CsvExporter, _text, read_cell
 from skillplan.testing import hostile_task
-from skillplan.testing.exporter_suite import solved_lid
+from skillplan.testing.suites import solved_lid
 
 
 def rows(handover: Handover) -> list[dict[str, str]]:

@@ -10,7 +10,7 @@ import pytest
 from skillplan.exporters.exporter import Handover
 from skillplan.exporters.structured_text import StructuredTextExporter
 from skillplan.testing import hostile_task
-from skillplan.testing.exporter_suite import solved_lid
+from skillplan.testing.suites import solved_lid
 
 
 def text_of(handover: Handover) -> str:

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.files.folder_lock import FolderLock
+from skillplan.files.folder import FolderLock
 
 HOLDER = """
 import sys
 from pathlib import Path
-from skillplan.files.folder_lock import FolderLock
+from skillplan.files.folder import FolderLock
 lock = FolderLock(Path(sys.argv[1]), "training")
 print("held", flush=True)
 sys.stdin.read()
@@ -53,7 +53,7 @@ def test_where_there_are_no_locks_nobody_is_kept_out(
     def none(descriptor: int, *, blocking: bool) -> bool:
         raise OSError(38, "Function not implemented")
 
-    monkeypatch.setattr("skillplan.files.folder_lock.lock_descriptor", none)
+    monkeypatch.setattr("skillplan.files.folder.lock_descriptor", none)
     first, second = FolderLock(tmp_path, "study"), FolderLock(tmp_path, "study")
     first.release()
     second.release()

@@ -34,8 +34,7 @@ from skillplan.records.result import Result, Status
 from skillplan.solvers import stop as stops
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.stop import Stop
-from skillplan.task.condition import Condition
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_content
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.errors import ModelTooLarge
-from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.tabular_mdp import least_expected_cost
 from skillplan.task.state import Facts
 from skillplan.task.task import Task
 

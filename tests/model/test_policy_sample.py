@@ -6,8 +6,7 @@ import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task
 from skillplan.model import policy_value
-from skillplan.model.policy_sample import sample_policy
-from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.policy_value import evaluate_policy, sample_policy
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
 

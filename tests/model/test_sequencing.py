@@ -28,8 +28,8 @@ from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.solving import make_model, solve
-from skillplan.task.condition import Condition
 from skillplan.task.skill import Outcome
+from skillplan.task.state import Condition
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, shut_box_task
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from situations import assembly, fetching_board
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.task.grasp import AXES, Grasp, GraspKind
-from skillplan.task.motion import Motion, Route, Visit
+from skillplan.task.motion import AXES, Grasp, GraspKind, Motion, Route, Visit
 from skillplan.task.pose import DOWN, Point, Pose, dot, plus, unit
 from skillplan.task.task import Task
 

@@ -9,7 +9,7 @@ import pytest
 from skillplan.errors import OptionError
 from skillplan.pipeline.presentation.performing import looks_of_arm
 from skillplan.pipeline.setup import Setup
-from skillplan.plugins import simulators
+from skillplan.plugins import installed
 from skillplan.testing import lid_task
 
 
@@ -19,7 +19,7 @@ def install(monkeypatch: pytest.MonkeyPatch):
 
     def only(*names: str) -> None:
         found = EntryPoints(EntryPoint(name, "nowhere:It", "skillplan.physics") for name in names)
-        monkeypatch.setattr(simulators, "registered", lambda kind: found)
+        monkeypatch.setattr(installed, "registered", lambda kind: found)
 
     return only
 

@@ -20,7 +20,7 @@ from skillplan.pipeline.solving import make_solver, solve
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.testing import lid_task
-from skillplan.workers.resident_memory import resident_bytes
+from skillplan.workers.processes import resident_bytes
 
 PATIENCE_S = 20
 HEAD = """

@@ -11,10 +11,9 @@ from situations import make_skill, make_task, retry_task
 from skillplan.pipeline.solving import make_model, solve
 from skillplan.solvers.search.csp import CspSolver
 from skillplan.solvers.stop import Stop
-from skillplan.task.condition import Condition
 from skillplan.task.cost import ConstantCost
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 
 pins = st.frozensets(st.sampled_from("abcdef"), max_size=3)
 layers_of = st.lists(

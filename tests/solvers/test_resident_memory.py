@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.workers import resident_memory
-from skillplan.workers.resident_memory import resident_bytes, resident_bytes_of
+from skillplan.workers import processes
+from skillplan.workers.processes import resident_bytes, resident_bytes_of
 
 MIB = 1024**2
 
@@ -25,7 +25,7 @@ def test_it_grows_with_what_is_held():
 def test_where_there_is_no_process_file_system_the_largest_size_stands_for_it(monkeypatch):
     """It is never less."""
     now = resident_bytes()
-    monkeypatch.setattr(resident_memory, "_STATM", Path("no/such/file"))
+    monkeypatch.setattr(processes, "_STATM", Path("no/such/file"))
     assert resident_bytes() > 0.9 * now
 
 
@@ -49,7 +49,7 @@ def test_of_another_process_it_is_what_that_process_says_itself():
 
 def test_where_the_system_tells_nothing_it_is_unknown(monkeypatch):
     """Not zero."""
-    monkeypatch.setattr(resident_memory, "_STATM", Path("no/such/file"))
+    monkeypatch.setattr(processes, "_STATM", Path("no/such/file"))
     monkeypatch.setitem(sys.modules, "resource", None)
     assert resident_bytes() is None
 
@@ -58,5 +58,5 @@ def test_where_the_system_tells_nothing_it_is_unknown(monkeypatch):
 def test_a_process_file_that_cannot_be_read_is_left_alone(monkeypatch, tmp_path, text):
     """The largest size is taken instead."""
     (tmp_path / "statm").write_text(text)
-    monkeypatch.setattr(resident_memory, "_STATM", tmp_path / "statm")
+    monkeypatch.setattr(processes, "_STATM", tmp_path / "statm")
     assert resident_bytes() > 10 * MIB

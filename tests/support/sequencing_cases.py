@@ -7,9 +7,9 @@ import random
 from dataclasses import replace
 
 from situations import assembly, fake_back_end
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.skill import Outcome
+from skillplan.task.state import Condition
 from skillplan.task.verdict import Verdict
 
 

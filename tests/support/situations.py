@@ -20,11 +20,10 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
-from skillplan.task.condition import Condition
 from skillplan.task.cost import ConstantCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Outcome, Skill
-from skillplan.task.state import Facts, State
+from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import Metric, Task
 from skillplan.task.verdict import Verdict
 

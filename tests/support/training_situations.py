@@ -14,7 +14,7 @@ from skillplan.records.training.result import TrainingResult
 from skillplan.training.trainer import Trainer
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan, plan_training
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import ExecutorChoice
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 # What a clock decides, and files that hold nothing else.

@@ -13,13 +13,11 @@ from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.solving import solve
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
-from skillplan.task.reachability import unreachable_facts
 from skillplan.task.reward import DistanceReward
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts
-from skillplan.task.task import Metric
+from skillplan.task.state import Condition, Facts
+from skillplan.task.task import Metric, unreachable_facts
 
 PLACES = tuple(f"at({i})" for i in range(5))
 FACTS = Facts((*PLACES, "blocked"), exclusive=(PLACES,))

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import any_state
-from skillplan.task.condition import Condition
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 
 FACTS = Facts(tuple("abcdef"))
 bits = st.integers(0, FACTS.all_bits)

@@ -8,9 +8,8 @@ import pytest
 from skillplan.model.replay import replay
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_model
-from skillplan.task.condition import Condition
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 
 FACTS = Facts(("changed_tool",))
 AGAIN = Penalty(

@@ -13,8 +13,7 @@ from same_process import SameProcess, SameProcessWorker
 from skillplan.pipeline import registry
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.groups import FileChange, apply_changes
-from skillplan.workers.executor import Answer, Ended, Prepare
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import Answer, Ended, ExecutorChoice, Prepare
 from training_situations import counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner", "elsewhere")

@@ -8,8 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from skillplan.chart.alternatives import Alternatives
-from skillplan.chart.precedence_chart import DerivedChart
+from skillplan.chart.precedence_chart import Alternatives, DerivedChart
 from skillplan.chart.precedence_query import Relation
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.task import Task

@@ -20,8 +20,7 @@ from skillplan.testing.executor_suite import ExpensiveBoxes
 from skillplan.training.trainer import Trainer
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import plan_training
-from skillplan.workers.executor import Ended, Prepare, Worker
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import Ended, ExecutorChoice, Prepare, Worker
 from tabular_learner import learner_installed
 from training_situations import BOARD
 

@@ -15,7 +15,7 @@ import pytest
 from skillplan.errors import SkillplanError
 from skillplan.workers.executor import Answer, Ended, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.program import FedProgram, output_of
+from skillplan.workers.processes import FedProgram, output_of
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from skillplan.cli.interruption import heeding
 from skillplan.pipeline.setup import Setup
 from skillplan.solvers.stop import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
-from skillplan.workers.resident_memory import resident_bytes
+from skillplan.workers.processes import resident_bytes
 from skillplan_ortools.cp_sat import CpSatSolver
 
 CONFIGS = SOP.parents[2] / "configs"

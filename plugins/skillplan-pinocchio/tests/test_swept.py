@@ -12,7 +12,7 @@ from situations import assembly
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.scene import Cylinder, Grasp, GraspKind
 from skillplan.task.verdict import VerdictStatus
 from skillplan.testing import DetectorSuite, lid_task, reachable_states

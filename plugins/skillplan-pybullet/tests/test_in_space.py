@@ -9,8 +9,7 @@ import pytest
 
 from situations import assembly
 from skillplan.checks.single_check import introduce
-from skillplan.task.grasp import AXES, Grasp, GraspKind
-from skillplan.task.motion import Event, Motion, Route, Visit
+from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Motion, Route, Visit
 from skillplan.task.pose import DOWN, Pose
 from skillplan.task.scene import Box
 from skillplan.task.task import Task

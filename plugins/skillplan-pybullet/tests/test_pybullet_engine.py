@@ -12,7 +12,7 @@ import pytest
 from board_situations import BOARD, OPTIMAL, imagined, state_after
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.scene import Grasp, GraspKind
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus

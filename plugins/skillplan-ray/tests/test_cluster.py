@@ -21,8 +21,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, reachable_states
 from skillplan.testing.executor_suite import ExpensiveBoxes
-from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import Answer, Ended, Executor, ExecutorChoice, Worker, packed
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.8670860141568904

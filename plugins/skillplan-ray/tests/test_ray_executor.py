@@ -16,7 +16,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.task.verdict import Verdict
 from skillplan.testing import ExecutorSuite, lid_task, reachable_states
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import ExecutorChoice
 from skillplan_ray import executor as executors
 from skillplan_ray.executor import RayExecutor
 

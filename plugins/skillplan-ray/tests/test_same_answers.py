@@ -21,7 +21,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.solving import make_feasibility
 from skillplan.testing import reachable_states
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import ExecutorChoice
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"

@@ -24,7 +24,7 @@ from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.solving import make_model
 from skillplan.task.skill import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task
-from skillplan.testing.exporter_suite import solved_lid
+from skillplan.testing.suites import solved_lid
 from skillplan_pinocchio.swept import SweptDetector
 from skillplan_ros2.exporter import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from skillplan.domains.domain import Account
-from skillplan.files.plain_json import json_fault
+from skillplan.files.json_file import json_fault
 from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import solve

@@ -10,10 +10,9 @@ import pytest
 from fleet_instances import random_robots, task_of
 from situations import make_skill, make_task
 from skillplan.pipeline.solving import make_model
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 from skillplan.task.task import Task
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.multiagent.multi_agent import MultiAgentProblem, NotMultiAgent

@@ -12,7 +12,7 @@ from typing import NamedTuple, NoReturn
 from pydantic import BaseModel
 
 from skillplan.errors import BackEndError
-from skillplan.files.plain_json import json_fault
+from skillplan.files.json_file import json_fault
 from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from skillplan.task.grasp import Grasp
-from skillplan.task.motion import Event, Visit
+from skillplan.task.motion import Event, Grasp, Visit
 from skillplan.task.skill import Skill, Way
 from skillplan.task.state import State
 from skillplan.task.task import Task

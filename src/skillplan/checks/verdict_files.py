@@ -24,8 +24,8 @@ from typing import Any
 from skillplan.checks.single_check import Checked
 from skillplan.checks.variants import list_queried_skills
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.plugins.installed import is_editable, registered_as
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill

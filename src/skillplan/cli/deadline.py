@@ -18,7 +18,7 @@ from typing import NoReturn, TypeVar
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
 from skillplan.plugins.blame import Interrupted
-from skillplan.workers.resident_memory import resident_bytes
+from skillplan.workers.processes import resident_bytes
 from skillplan.workers.supervised import command_age_s, limit_command
 
 _Made = TypeVar("_Made")

@@ -15,9 +15,8 @@ from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.json_file import read_document
+from skillplan.files.json_file import parse_json, read_document
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.physics.performance import MOST_PLAYED_S, PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
 from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan

@@ -57,7 +57,7 @@ def load(
     """
     from skillplan.cli.writing import tell
     from skillplan.pipeline.restoration import Override, load_result
-    from skillplan.workers.executor_choice import ExecutorChoice
+    from skillplan.workers.executor import ExecutorChoice
 
     options = parse_options(back_ends.options, solver)
     place = ExecutorChoice.read(executor, options)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_as_one
-from skillplan.files.held_folder import HeldFolder
+from skillplan.files.folder import HeldFolder
 from skillplan.records.stored.result_folder import RESULT, leftovers
 
 

@@ -14,7 +14,7 @@ from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
 from skillplan.pipeline.presentation.performing import performing_engine
 from skillplan.plugins.blame import blame
-from skillplan.plugins.simulators import PREFERRED
+from skillplan.plugins.installed import PREFERRED
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

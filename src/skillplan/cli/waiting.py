@@ -13,7 +13,7 @@ from skillplan.errors import OptionError
 from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.stop import Progress, Stop
 from skillplan.views.text.wording import escaped
-from skillplan.workers.resident_memory import resident_bytes
+from skillplan.workers.processes import resident_bytes
 
 
 @contextmanager

@@ -26,8 +26,7 @@ from skillplan.collision.boxes import (
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
-from skillplan.task.grasp import AXES, Grasp, GraspKind
-from skillplan.task.motion import Event, Visit
+from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, plus, same_direction, unit
 from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool
 from skillplan.task.shape import Box

@@ -18,9 +18,9 @@ import numpy as np
 from skillplan.collision.surface import Floats, outermost, polyhedron_of
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.cache_folder import cache_folder
+from skillplan.files.folder import cache_folder
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.plugins.installed import decompositions
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Mesh

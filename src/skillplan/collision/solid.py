@@ -10,7 +10,7 @@ from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 from skillplan.collision.boxes import WorldBox
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.pose import Point, Pose, cross, dot, plus
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 

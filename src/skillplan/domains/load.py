@@ -23,8 +23,7 @@ from skillplan.files.schema_errors import schema_issues, shown, untagged
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
-from skillplan.task.reachability import unreachable_facts
-from skillplan.task.task import Task
+from skillplan.task.task import Task, unreachable_facts
 
 # As deep as a task file may be nested.
 _MOST_STEPS = 32

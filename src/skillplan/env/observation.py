@@ -2,17 +2,48 @@
 
 from __future__ import annotations
 
+import typing
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from skillplan.env.env_options import ObservationKind, checked_name
+from skillplan.errors import OptionError, name_hint
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.reward import Reward
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Literal, Task
+
+ObservationKind = typing.Literal["paper", "markov", "layout"]
+MaskKind = typing.Literal["none", "applicable", "feasible"]
+Objective = typing.Literal["reward", "cost"]
+
+
+def checked_name(what: str, name: str, kinds: Any) -> Any:
+    """Return a name if it is one of a kind's.
+
+    Parameters
+    ----------
+    what
+        What is named, for the message.
+    name
+        The name to check.
+    kinds
+        One of the types of this file.
+
+    Raises
+    ------
+    OptionError
+        If it is not; the message says which there are.
+    """
+    known = get_args(kinds)
+    if name not in known:
+        raise OptionError(f"Unknown {what} {name!r}. {name_hint(str(name), known)}")
+    return name
 
 
 @dataclass(frozen=True)
@@ -98,3 +129,97 @@ def _cost(skill: Skill, state: State) -> float:
         return skill.cost.at(state)
     except ValueError:
         return 0.0
+
+
+def allowed_actions(
+    model: SkillModel, state: State, mask: MaskKind, feasible: Callable[[int], bool]
+) -> Sequence[int]:
+    """Return the actions that a mask allows in a state, in ascending order.
+
+    Parameters
+    ----------
+    model
+        The model; no back end is queried through it.
+    state
+        The state.
+    mask
+        ``none`` allows all; ``applicable`` those whose preconditions hold; ``feasible`` those
+        of them that are feasible, too. The latter allows none in a goal: nothing follows it,
+        and back ends need not be queried.
+    feasible
+        Whether an applicable action is feasible; called for the mask ``feasible`` only.
+    """
+    if mask == "none":
+        return range(len(model.task.skills))
+    applicable = [model.task.action(skill) for skill in model.applicable(state)]
+    if mask == "applicable":
+        return applicable
+    return [] if model.is_goal(state) else [action for action in applicable if feasible(action)]
+
+
+# Beside costs, where the task has no reward scheme that says what.
+_COMPLETE = 10.0
+_FAILED = -10.0
+
+
+@dataclass(frozen=True)
+class RewardFunction:
+    """The rewards of an environment, one a step.
+
+    Parameters
+    ----------
+    scheme
+        The task's reward scheme, taken as it is; None for minus the cost of every skill that is
+        executed, and beside it the figures that follow.
+    infeasible
+        For a skill that cannot be executed; it costs nothing.
+    complete
+        Beside the cost of the skill that completes the task.
+    out_of_time
+        Beside the cost of the last skill that the step limit allows.
+    """
+
+    scheme: Reward | None
+    infeasible: float
+    complete: float
+    out_of_time: float
+
+    @classmethod
+    def of(cls, task: Task, objective: str) -> RewardFunction:
+        """Return the rewards of a task.
+
+        For the objective ``reward`` that is the task's reward scheme, to the letter. For
+        ``cost``, and of a task without a scheme, it is minus the cost, so that of the policies
+        that complete the task the best rewarded is the cheapest; what ends of an episode add to
+        it is taken from the scheme, or else 10 for completing the task and -10 for failing.
+
+        Raises
+        ------
+        OptionError
+            If there is no such objective.
+        """
+        checked_name("objective", objective, Objective)
+        reward = task.reward
+        infeasible = _FAILED if reward is None else reward.infeasible
+        return cls(
+            reward if objective == "reward" else None,
+            infeasible,
+            float(getattr(reward, "complete", _COMPLETE)),
+            float(getattr(reward, "out_of_time", infeasible)),
+        )
+
+    def of_step(
+        self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
+    ) -> float:
+        """Return the reward of a step that could be executed.
+
+        Parameters
+        ----------
+        state, skill, cost, goal, out_of_time
+            As in `Reward.of_step`.
+        """
+        if self.scheme is not None:
+            return self.scheme.of_step(state, skill, cost, goal=goal, out_of_time=out_of_time)
+        if goal:
+            return self.complete - cost
+        return self.out_of_time - cost if out_of_time else -cost

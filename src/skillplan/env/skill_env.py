@@ -8,10 +8,13 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.action_mask import allowed_actions
-from skillplan.env.env_options import MaskKind, checked_name
-from skillplan.env.observation import Observation
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import (
+    MaskKind,
+    Observation,
+    RewardFunction,
+    allowed_actions,
+    checked_name,
+)
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State

@@ -13,9 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from skillplan.env.env_options import MaskKind, checked_name
-from skillplan.env.observation import Observation
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import MaskKind, Observation, RewardFunction, checked_name
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
@@ -138,7 +136,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
     ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it. Rewards are those of
-    `skillplan.env.reward`; nothing shapes them.
+    `skillplan.env.observation`; nothing shapes them.
 
     An episode that ends is followed by the next one in the same step: what is returned is the
     next one's first observation, and what the last one came to is in the infos. They are arrays

@@ -9,10 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.action_mask import allowed_actions
-from skillplan.env.env_options import MaskKind
-from skillplan.env.observation import Observation
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import MaskKind, Observation, RewardFunction, allowed_actions
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 

@@ -15,8 +15,8 @@ from typing import Any, Final
 from skillplan.errors import OptionError
 from skillplan.exporters.behaviour_tree import meant
 from skillplan.exporters.plan_table import read_cell
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.xml_tree import Element, XmlError, parse_xml

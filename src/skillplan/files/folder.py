@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Self
 
+from filelock import lock_descriptor, unlock_descriptor
+
+from skillplan.errors import OptionError
 from skillplan.files.regular_file import plain_path_within
 
 # File systems that cannot force a folder to disk say so by these.
@@ -50,3 +57,120 @@ def sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+_POLL_S = 0.05
+
+
+class FolderLock:
+    """Keeps other programs from writing into a folder.
+
+    The lock is on the folder itself, so that no file is made in it, and ends with the process,
+    however that ends. Neither every system nor every file system has such locks; without them
+    nobody is kept out.
+
+    Parameters
+    ----------
+    folder
+        The folder, which must be there.
+    writer
+        What writes into such a folder, for the message: ``training``.
+    patience_s
+        How long to wait for another program to let go [s].
+
+    Raises
+    ------
+    OptionError
+        If another program holds it.
+    """
+
+    def __init__(self, folder: Path, writer: str, patience_s: float = 0.0) -> None:
+        self._descriptor: int | None = None
+        self._held = False
+        try:
+            self._descriptor = os.open(folder, os.O_RDONLY)
+            self._held = self._acquired(time.monotonic() + patience_s)
+        except OSError:
+            return
+        if not self._held:
+            self.release()
+            raise OptionError(f"--out {folder}: another {writer} is writing there just now.")
+
+    def _acquired(self, deadline_s: float) -> bool:
+        assert self._descriptor is not None
+        while not lock_descriptor(self._descriptor, blocking=False):
+            if time.monotonic() >= deadline_s:
+                return False
+            time.sleep(_POLL_S)
+        return True
+
+    def release(self) -> None:
+        """Let others write."""
+        if self._descriptor is not None:
+            if self._held:
+                # A process that was forked meanwhile has the descriptor, too.
+                unlock_descriptor(self._descriptor)
+            os.close(self._descriptor)
+            self._descriptor, self._held = None, False
+
+
+class HeldFolder:
+    """Base of the folders that results are written into; a context manager.
+
+    Parameters
+    ----------
+    out
+        The folder, as the user named it.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    """
+
+    def __init__(self, out: str) -> None:
+        self._out = out
+        self.path = Path(out)
+        self._lock: FolderLock | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others write."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    @contextmanager
+    def _opening(self, what: str) -> Iterator[None]:
+        """Make and lock the folder; where anything is raised within, it is let go.
+
+        Raises
+        ------
+        OptionError
+            If it cannot be used, or another program writes there.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.path, what)
+            yield
+        except BaseException as error:
+            self.close()
+            if not isinstance(error, OSError | ValueError):
+                raise
+            reason = getattr(error, "strerror", None) or str(error)
+            raise OptionError(f"--out {self._out}: cannot be used: {reason}.") from None
+
+
+def cache_folder() -> Path:
+    """Return the folder: ``SKILLPLAN_CACHE_DIR``, or the user's cache."""
+    chosen = os.environ.get("SKILLPLAN_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("skillplan")

@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 from typing import Any
 
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile, open_regular, read_rest
-from skillplan.files.strict_json import parse_json
 
 # The parser of safetensors takes no longer header.
 _MOST_HEADER_BYTES = 100_000_000

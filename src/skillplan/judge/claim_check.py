@@ -333,7 +333,7 @@ def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
 
 
 def _least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
-    from skillplan.model.least_expected_cost import least_expected_cost
+    from skillplan.model.tabular_mdp import least_expected_cost
 
     try:
         least = least_expected_cost(model, _CHANCE_STATES, stop)

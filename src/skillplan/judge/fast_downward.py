@@ -17,7 +17,7 @@ from skillplan.errors import OptionError
 from skillplan.exporters.pddl.exporter import DOMAIN, PROBLEM, ActionNames, PlanningTask
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.regular_file import read_bytes
-from skillplan.workers.program import exit_code_of
+from skillplan.workers.processes import exit_code_of
 
 NAME = "fast-downward"
 _PACKAGE = "up_fast_downward"

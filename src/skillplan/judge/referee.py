@@ -206,7 +206,7 @@ def _judge_expectation(
 def _find_least_cost(model: SkillModel) -> tuple[float | None, str]:
     """Return the least expected cost, or None and why the referee cannot calculate it."""
     # Imports numpy, which a task without chance does not need.
-    from skillplan.model.least_expected_cost import least_expected_cost
+    from skillplan.model.tabular_mdp import least_expected_cost
 
     try:
         least_cost = least_expected_cost(model, CHANCE_STATES)

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
 
-from skillplan.task.cost import CaseCost, ConstantCost, Cost, DerivedCost, DistanceCost
-from skillplan.task.cost_table import TableCost
+from skillplan.task.cost import CaseCost, ConstantCost, Cost, DerivedCost, DistanceCost, TableCost
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 

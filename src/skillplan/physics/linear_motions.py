@@ -15,8 +15,7 @@ from typing import Final
 
 from skillplan.robots.arm_description import Hand
 from skillplan.robots.catalogue import STANDARD_HAND
-from skillplan.task.grasp import AXES
-from skillplan.task.motion import Event, Point, Visit
+from skillplan.task.motion import AXES, Event, Point, Visit
 from skillplan.task.pose import (
     DOWN,
     Pose,

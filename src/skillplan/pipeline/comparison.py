@@ -31,8 +31,16 @@ from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
-from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
-from skillplan.workers.inside import shares_files, when_asked_to_stop
+from skillplan.workers.executor import (
+    Answer,
+    Ended,
+    Executor,
+    News,
+    Worker,
+    packed,
+    shares_files,
+    when_asked_to_stop,
+)
 from skillplan.workers.local_processes import LocalProcesses
 
 _LOG = logging.getLogger(__name__)

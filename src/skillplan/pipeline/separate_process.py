@@ -35,10 +35,18 @@ from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import MEMORY_LIMIT, Progress, Stop
 from skillplan.task.task import Task
-from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
-from skillplan.workers.inside import tell, when_asked_to_stop
+from skillplan.workers.executor import (
+    Answer,
+    Ended,
+    Executor,
+    News,
+    Worker,
+    packed,
+    tell,
+    when_asked_to_stop,
+)
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.resident_memory import resident_bytes_of
+from skillplan.workers.processes import resident_bytes_of
 
 _PURPOSE = "the search"
 # Time that the process may take to return after it was asked to stop [s].

@@ -14,12 +14,11 @@ from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
-from skillplan.plugins.simulators import AUTO, PREFERRED, installed_simulator
+from skillplan.plugins.installed import AUTO, PREFERRED, installed_simulator
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
-from skillplan.workers.executor import Executor, MakeExecutor
-from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.executor import Executor, ExecutorChoice, MakeExecutor
 
 DEFAULT_PHYSICS = "kinematic"
 SCREEN = "swept"

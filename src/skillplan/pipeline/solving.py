@@ -25,7 +25,7 @@ from skillplan.errors import (
     SolverError,
     name_hint,
 )
-from skillplan.files.cache_folder import cache_folder
+from skillplan.files.folder import cache_folder
 from skillplan.judge.referee import judge
 from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import replay

@@ -173,3 +173,16 @@ def _names(entry: EntryPoint, plugin: type[Any]) -> bool:
     for attribute in entry.attr.split("."):
         found = getattr(found, attribute, None)
     return found is plugin
+
+
+AUTO = "auto"
+"""What names no engine, but the first of `PREFERRED` that is installed."""
+
+PREFERRED = ("pybullet", "mujoco")
+"""Engines that execute skills, the one that is taken first."""
+
+
+def installed_simulator() -> str | None:
+    """Return the name of the engine that ``auto`` stands for; None where none is installed."""
+    known = registered("physics").names
+    return next((name for name in PREFERRED if name in known), None)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from skillplan.files.plain_json import json_fault
+from skillplan.files.json_file import json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 

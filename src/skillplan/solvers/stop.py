@@ -11,7 +11,7 @@ from typing import Any
 from skillplan.checks.feasibility import CheckCount
 from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.solution import Plan
-from skillplan.workers.resident_memory import resident_bytes
+from skillplan.workers.processes import resident_bytes
 
 # A solver that polls returns long before; one that does not is stopped by the model [s].
 _GRACE_S = 1.0

@@ -13,11 +13,10 @@ from typing import Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import is_unfinished, remove_unfinished, write_whole
-from skillplan.files.growing_file import GrowingFile
-from skillplan.files.held_folder import HeldFolder
+from skillplan.files.atomic_file import GrowingFile, is_unfinished, remove_unfinished, write_whole
+from skillplan.files.folder import HeldFolder
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST

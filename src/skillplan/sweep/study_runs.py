@@ -17,8 +17,7 @@ from skillplan.records.sweep.result import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.workers.executor import Answer, Executor, News, Worker, packed
-from skillplan.workers.inside import shares_files
+from skillplan.workers.executor import Answer, Executor, News, Worker, packed, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 
 # Exact search from one start, to stand beside what is learned, takes no longer than this.

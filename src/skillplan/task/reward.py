@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from skillplan.task.condition import Condition
-from skillplan.task.state import State
+from skillplan.task.state import Condition, State
 
 
 class Reward(Protocol):

@@ -14,7 +14,7 @@ from enum import StrEnum
 
 from skillplan.robots.arm_description import ArmDescription, Hand, Transform
 from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
-from skillplan.task.grasp import Grasp, GraspKind
+from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import State

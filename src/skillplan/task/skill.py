@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
-from skillplan.task.condition import Condition
 from skillplan.task.cost import Cost
 from skillplan.task.motion import Motion
-from skillplan.task.state import State
+from skillplan.task.state import Condition, State
 
 _TOLERANCE = 1e-9
 

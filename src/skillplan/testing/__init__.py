@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 # Looked up when they are used: a process that only does a job of a suite imports none of them.
 _HOMES = {
     "DetectorSuite": "back_end_suites",
-    "DomainSuite": "domain_suite",
+    "DomainSuite": "suites",
     "EngineSuite": "back_end_suites",
     "ExecutorSuite": "executor_suite",
-    "ExporterSuite": "exporter_suite",
-    "SamplerSuite": "sampler_suite",
-    "SimulationSuite": "simulation_suite",
-    "SolverSuite": "solver_suite",
+    "ExporterSuite": "suites",
+    "SamplerSuite": "suites",
+    "SimulationSuite": "back_end_suites",
+    "SolverSuite": "suites",
     "chance_task": "tasks",
     "hostile_task": "tasks",
     "lid_content": "tasks",
@@ -34,13 +34,9 @@ _HOMES = {
 }
 
 if TYPE_CHECKING:
-    from skillplan.testing.back_end_suites import DetectorSuite, EngineSuite
-    from skillplan.testing.domain_suite import DomainSuite
+    from skillplan.testing.back_end_suites import DetectorSuite, EngineSuite, SimulationSuite
     from skillplan.testing.executor_suite import ExecutorSuite
-    from skillplan.testing.exporter_suite import ExporterSuite
-    from skillplan.testing.sampler_suite import SamplerSuite
-    from skillplan.testing.simulation_suite import SimulationSuite
-    from skillplan.testing.solver_suite import SolverSuite
+    from skillplan.testing.suites import DomainSuite, ExporterSuite, SamplerSuite, SolverSuite
     from skillplan.testing.tasks import (
         chance_task,
         hostile_task,

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import ClassVar
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from typing import Any, ClassVar
 
+from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.single_check import introduce
 from skillplan.pipeline import registry
 from skillplan.pipeline.solving import make_model
 from skillplan.task.back_end import BackEnd
@@ -12,8 +16,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.testing.options import assert_options_described
-from skillplan.testing.tasks import lid_task, reachable_states
+from skillplan.testing.tasks import assert_options_described, lid_task, reachable_states
 
 
 class _BackEndSuite:
@@ -121,3 +124,156 @@ class EngineSuite(_BackEndSuite):
             if back_end.check(skill, state).is_feasible:
                 poses = task.scene.at(skill.prediction.apply(state))
                 assert set(task.scene.at(state)) <= set(poses)
+
+
+# Of every such engine, with the same meaning and unit.
+OPTIONS = frozenset(
+    {
+        "clearance_m",
+        "control",
+        "drop_height_m",
+        "friction",
+        "grip_force_n",
+        "held_tolerance_m",
+        "max_insertion_force_n",
+        "min_fastening_force_n",
+        "position_tolerance_m",
+        "press_force_n",
+        "speed_m_per_s",
+        "stiffness_per_s2",
+        "tilt_tolerance_rad",
+    }
+)
+# A right order of the lid task.
+PLAN = (
+    "pick(box)",
+    "place(box)",
+    "pick(fuse)",
+    "place(fuse)",
+    "pick(lid)",
+    "place(lid)",
+    "load(screwdriver)",
+    "fasten(screw)",
+)
+
+
+class SimulationSuite(EngineSuite):
+    """What every engine that executes skills with a simulated arm owes the model.
+
+    The task is the lid task: lifted by suction and by jaws, set down on and into each other, and
+    screwed. Where an execution is dear, mark what you override as slow.
+    """
+
+    def beside(self, task: Task) -> tuple[BackEnd, list[BackEnd]]:
+        """Return the engine, and it with the detectors that read its contacts, introduced."""
+        engine = self.make(task)
+        names = getattr(type(engine), "contact_detectors", ())
+        readers = [registry.load("collision", name)(task) for name in names[:1]]
+        return engine, list(introduce([engine, *readers]))
+
+    def after(self, task: Task, *done: str) -> State:
+        """Return the state after some skills of a task."""
+        state = task.initial
+        for name in done:
+            skill = task.skill(name)
+            assert skill.applicable(state), name
+            state = skill.prediction_in(state).apply(state)
+        return state
+
+    def executed(self, name: str, *done: str) -> Verdict:
+        """Return what a fresh engine says of a skill after others."""
+        task = self.task()
+        return self.make(task).check(task.skill(name), self.after(task, *done))
+
+    def test_its_options_are_those_of_every_simulator(self) -> None:
+        """By their names, so that a task file says the same to all."""
+        plugin = registry.load("physics", self.engine)
+        assert set(plugin.Options.model_fields) >= OPTIONS
+        assert plugin.expensive
+
+    def test_a_part_comes_to_rest_where_it_belongs(self) -> None:
+        """Within a tenth of a millimetre; the evidence says where, how turned and what was felt."""
+        verdict = self.executed("place(box)", "pick(box)")
+        assert verdict.is_feasible, verdict.reason
+        evidence = verdict.evidence
+        assert evidence["body"] == "box"
+        assert max(map(abs, evidence["offset_mm"])) < 0.1
+        assert evidence["tilt_deg"] < 0.1
+        assert len(evidence["pose_m"]) == 3
+        assert evidence["sensed"]["tip_error_m"] < 0.001
+        assert evidence["steps"] > 100
+
+    def test_a_part_is_felt_between_the_jaws(self) -> None:
+        """As wide as it is."""
+        verdict = self.executed("pick(fuse)")
+        assert verdict.is_feasible, verdict.reason
+        assert abs(verdict.evidence["sensed"]["jaw_width_m"] - 0.02) < 0.0025
+
+    def test_a_screw_is_pressed_as_hard_as_it_has_to_be(self) -> None:
+        """With the force that the options tell, and no more than twice that."""
+        verdict = self.executed("fasten(screw)", *PLAN[:-1])
+        assert verdict.is_feasible, verdict.reason
+        assert 3.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 10.0
+
+    def test_a_tool_is_sensed_to_be_attached(self) -> None:
+        """By its name."""
+        verdict = self.executed("load(screwdriver)")
+        assert verdict.is_feasible, verdict.reason
+        assert verdict.evidence["sensed"]["tool_attached"] == "screwdriver"
+
+    def test_what_has_nothing_beneath_it_does_not_come_to_rest(self) -> None:
+        """A fuse without its box is below its goal; the verdict rests on the box's absence."""
+        verdict = self.executed("place(fuse)", "pick(fuse)")
+        assert verdict.is_infeasible
+        assert verdict.reason == "fuse came to rest 10.0 mm below its goal"
+        assert "placed(box)" in (verdict.absent or ())
+
+    def test_what_is_in_the_way_is_named(self) -> None:
+        """A fuse put in after the lid: by the bodies that touch, if contacts are read."""
+        task = self.task()
+        _, back_ends = self.beside(task)
+        state = self.after(task, "pick(box)", "place(box)", "pick(lid)", "place(lid)", "pick(fuse)")
+        verdicts = [one.check(task.skill("place(fuse)"), state) for one in back_ends]
+        assert any(verdict.is_infeasible for verdict in verdicts)
+        named = {name for one in verdicts for name in one.evidence.get("bodies", ())}
+        assert not named or "lid" in named
+        assert all("placed(lid)" in (one.present or ()) for one in verdicts if one.is_infeasible)
+
+    def test_a_right_order_is_granted_from_the_first_skill_to_the_last(self) -> None:
+        """By the engine, and by who reads its contacts."""
+        task = self.task()
+        _, back_ends = self.beside(task)
+        for skill, state in self._plan(task):
+            for back_end in back_ends:
+                verdict = back_end.check(skill, state)
+                assert verdict.is_feasible, (skill.name, back_end.name, verdict.reason)
+
+    def test_answers_are_equal_to_the_bit_in_any_order(self) -> None:
+        """Of one engine forwards, and of another backwards."""
+        task = self.task()
+        queries = self._plan(task)[1:4]
+        forward, backward = self.make(task), self.make(task)
+        said = [written(forward.check(*query)) for query in queries]
+        again = [written(backward.check(*query)) for query in reversed(queries)]
+        assert said == again[::-1]
+
+    def test_answers_are_equal_to_the_bit_in_other_processes(self) -> None:
+        """Of two at once, as with ``--jobs 2``."""
+        task = self.task()
+        queries = self._plan(task)[1:4]
+        said = []
+        for jobs in (1, 2):
+            with closing(Feasibility(task, [self.make(task)], jobs=jobs)) as checks:
+                said.append([written(verdict) for verdict in checks.verdicts(queries)])
+        assert said[0] == said[1]
+
+    def _plan(self, task: Task) -> list[tuple[Skill, State]]:
+        return [(task.skill(name), self.after(task, *PLAN[:n])) for n, name in enumerate(PLAN)]
+
+
+def written(verdict: Verdict) -> str:
+    """Return all that a verdict says, to the last digit; its stage is not the back end's."""
+    facts: Sequence[Any] = [
+        None if facts is None else list(facts) for facts in (verdict.present, verdict.absent)
+    ]
+    return json.dumps([verdict.status, verdict.reason, *facts, dict(verdict.evidence)])

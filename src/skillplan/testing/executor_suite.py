@@ -26,11 +26,18 @@ from skillplan.pipeline.setup import make_executor
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan.testing.options import assert_options_described
-from skillplan.testing.tasks import lid_task, reachable_states
-from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
-from skillplan.workers.executor_choice import ExecutorChoice
-from skillplan.workers.inside import tell, when_asked_to_stop
+from skillplan.testing.tasks import assert_options_described, lid_task, reachable_states
+from skillplan.workers.executor import (
+    Answer,
+    Ended,
+    Executor,
+    ExecutorChoice,
+    News,
+    Worker,
+    packed,
+    tell,
+    when_asked_to_stop,
+)
 from skillplan.workers.local_processes import LocalProcesses
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from pydantic import BaseModel
+
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.model.skill_model import SkillModel
@@ -114,3 +116,16 @@ def lid_content() -> dict[str, Any]:
         "collision": {"precedence": {}},
         "step_limit": 12,
     }
+
+
+def assert_options_described(plugin: type[Any]) -> None:
+    """Assert that every option says what it is, so that the command line can.
+
+    Raises
+    ------
+    AssertionError
+        If a field has no description.
+    """
+    model: type[BaseModel] = plugin.Options
+    for name, field in model.model_fields.items():
+        assert field.description, f"option {name!r} of {plugin.name!r} has no description"

@@ -15,7 +15,7 @@ from typing import Any
 
 from skillplan.domains.assembly.board_generator import MOST_PARTS, BoardGenerator
 from skillplan.errors import OptionError
-from skillplan.files.held_folder import HeldFolder
+from skillplan.files.folder import HeldFolder
 from skillplan.files.output_path import output_folder, refusing
 from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import Replay, replay

@@ -30,10 +30,8 @@ from skillplan.errors import (
     SearchStopped,
     SkillplanError,
 )
-from skillplan.files.atomic_file import is_unfinished, write_whole
-from skillplan.files.folder import make_folder
-from skillplan.files.folder_lock import FolderLock
-from skillplan.files.growing_file import GrowingFile
+from skillplan.files.atomic_file import GrowingFile, is_unfinished, write_whole
+from skillplan.files.folder import FolderLock, make_folder
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.model.skill_model import SkillModel
@@ -65,8 +63,7 @@ from skillplan.training.run_files import (
     writing,
 )
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
-from skillplan.workers.inside import shares_files
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 
 # Processes of a killed program end within this time [s].

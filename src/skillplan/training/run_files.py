@@ -22,13 +22,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole
+from skillplan.files.atomic_file import GrowingFile, write_whole
 from skillplan.files.folder import make_folder
-from skillplan.files.growing_file import GrowingFile
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.files.schema_errors import schema_issues
-from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
 from skillplan.records.training.run_folder import (
     METRICS,
@@ -38,7 +37,7 @@ from skillplan.records.training.run_folder import (
     run_path,
 )
 from skillplan.solvers.learning.learner import Episode, Snapshot
-from skillplan.workers.resident_memory import available_bytes
+from skillplan.workers.processes import available_bytes
 
 _KEY = "skillplan"
 # More than any replay memory that fits into a machine of today.

@@ -25,7 +25,7 @@ from skillplan.files.atomic_file import (
     write_as_one,
     write_whole,
 )
-from skillplan.files.held_folder import HeldFolder
+from skillplan.files.folder import HeldFolder
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
@@ -48,7 +48,7 @@ from skillplan.records.training.run_folder import (
 from skillplan.solvers.learning.learner import STRIDE_STEPS
 from skillplan.training.run_files import writing
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.workers.program import output_of
+from skillplan.workers.processes import output_of
 
 SCHEDULE = "schedule_steps"
 

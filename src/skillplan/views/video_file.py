@@ -12,7 +12,7 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import replacing, write_whole, written_beside
 from skillplan.files.output_path import refusing
 from skillplan.physics.performance import Image
-from skillplan.workers.program import FedProgram
+from skillplan.workers.processes import FedProgram
 
 PICTURES = (".png",)
 ANIMATIONS = (".gif",)

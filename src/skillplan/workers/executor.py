@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import pickle
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
@@ -235,3 +235,103 @@ def packed(content: Any, what: str) -> bytes:
         raise SkillplanError(
             f"What processes for {what} start from cannot be sent to them: {error}"
         ) from error
+
+
+DEFAULT_EXECUTOR = "local"
+
+
+@dataclass(frozen=True)
+class ExecutorChoice:
+    """An executor that was chosen; nothing is imported, started or connected to.
+
+    Parameters
+    ----------
+    name
+        Of the plugin.
+    address
+        What it connects to; empty for none.
+    options
+        Its options, as given.
+    """
+
+    name: str = DEFAULT_EXECUTOR
+    address: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, text: str, options: Mapping[str, Mapping[str, Any]]) -> ExecutorChoice:
+        """Return the choice of ``NAME`` or ``NAME:ADDRESS``.
+
+        Parameters
+        ----------
+        text
+            Such as ``local`` or ``ray:10.0.0.1:6379``.
+        options
+            Plugin name to options; those of others are left alone.
+
+        Raises
+        ------
+        OptionError
+            If an address is announced and none given.
+        """
+        name, colon, address = text.partition(":")
+        if colon and not address:
+            raise OptionError(f"--executor {text}: no address follows the colon; leave both away.")
+        return cls(name, address, dict(options.get(name, {})))
+
+    @property
+    def is_default(self) -> bool:
+        """Whether jobs are done in processes of this machine, as without a choice."""
+        return self == ExecutorChoice()
+
+
+class _Surroundings:
+    """What the process offers to the code that does its jobs."""
+
+    tell: Callable[[Any], None] | None = None
+    on_request: Callable[[], None] | None = None
+    shares_files: bool = True
+
+
+_here = _Surroundings()
+
+
+def tell(content: Any) -> None:
+    """Say something to whoever gave the job, ahead of its answer."""
+    if _here.tell is not None:
+        _here.tell(content)
+
+
+def when_asked_to_stop(request: Callable[[], None] | None) -> None:
+    """Have a function called where whoever gave the job wants it to end; None for none any more."""
+    _here.on_request = request
+
+
+def asked_to_stop() -> None:
+    """Call the function of `when_asked_to_stop`; the executor does, from the worker's side."""
+    if _here.on_request is not None:
+        _here.on_request()
+
+
+def connect(speak: Callable[[Any], None], *, shares_files: bool = True) -> None:
+    """Say by what `tell` speaks, and whose files these are; the executor does, from inside.
+
+    Parameters
+    ----------
+    speak
+        Sends news to whoever gave the job.
+    shares_files
+        As `Executor.shares_files`.
+    """
+    _here.tell = speak
+    _here.shares_files = shares_files
+
+
+def is_worker() -> bool:
+    """Whether this process does jobs for another one."""
+    return _here.tell is not None
+
+
+def shares_files() -> bool:
+    """Whether files that are written here are those of whoever gave the job."""
+    return _here.shares_files

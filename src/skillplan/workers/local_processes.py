@@ -20,8 +20,18 @@ from pydantic import BaseModel
 
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.plugins.installed import shield_libraries, unreadable
-from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, News, Prepare, Worker
-from skillplan.workers.inside import asked_to_stop, connect, is_worker
+from skillplan.workers.executor import (
+    POLL_S,
+    Answer,
+    Ended,
+    Executor,
+    News,
+    Prepare,
+    Worker,
+    asked_to_stop,
+    connect,
+    is_worker,
+)
 
 
 class LocalProcesses(Executor):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from skillplan.errors import exit_code
 from skillplan.workers import supervised
-from skillplan.workers.resident_memory import resident_bytes_of
+from skillplan.workers.processes import resident_bytes_of
 
 # After the first signal, or past a limit, the child has so long until an exception ends what it
 # does, and until it is killed [s].

@@ -8,7 +8,7 @@ from situations import assembly, config_content
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.physics.linear_motions import grasp_of, jaws_about
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.scene import Grasp, GraspKind, ToolKind
 from skillplan.task.shape import Box, Cylinder
 from skillplan.testing import lid_content

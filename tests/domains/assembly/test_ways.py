@@ -7,8 +7,7 @@ import pytest
 from situations import assembly
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.task.grasp import GraspKind
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, GraspKind
 
 FLOOR = [{"size_m": [0.2, 0.2, 0.01], "centre_m": [0.0, 0.0, 0.005]}]
 WALLS = [

@@ -16,9 +16,9 @@ from situations import make_skill, make_task, model_of
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.errors import NotASequencing
 from skillplan.model.component_jobs import ComponentJobs
-from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.skill_model import SkillModel
+from skillplan.model.tabular_mdp import least_expected_cost
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status

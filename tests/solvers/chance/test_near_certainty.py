@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.errors import TaskError
-from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.skill_model import SkillModel
+from skillplan.model.tabular_mdp import least_expected_cost
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, solve
 from skillplan.records.result import Status

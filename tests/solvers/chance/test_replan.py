@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.model.least_expected_cost import least_expected_cost
 from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.tabular_mdp import least_expected_cost
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch

@@ -8,9 +8,9 @@ from pathlib import Path
 from optuna.storages.journal import JournalFileBackend, JournalFileSymlinkLock
 
 from skillplan.errors import OptionError
-from skillplan.files.growing_file import GrowingFile
+from skillplan.files.atomic_file import GrowingFile
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.strict_json import parse_json
 
 # A journal of more is none: a trial takes some 2 kB.
 _MOST_BYTES = 1024**3

@@ -13,7 +13,7 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, tool_shapes
 from skillplan.robots.arm_description import Hand
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.pose import Point, Pose, cross
 from skillplan.task.scene import Robot, Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.task.grasp import Grasp
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, Grasp
 from skillplan.task.task import Task
 
 Hold = tuple[str, Grasp | None]

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.workers.inside import asked_to_stop, connect
+from skillplan.workers.executor import asked_to_stop, connect
 from skillplan_ray.fingerprint import fingerprint
 
 READY, NEWS, DONE, FAILED, BROKEN = "ready", "news", "done", "failed", "broken"

@@ -14,8 +14,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from skillplan.task import back_end
-from skillplan.workers.executor import POLL_S, Executor, Prepare, Worker
-from skillplan.workers.inside import is_worker
+from skillplan.workers.executor import POLL_S, Executor, Prepare, Worker, is_worker
 from skillplan_ray.cluster import Cluster, connected, is_connected
 from skillplan_ray.worker import RayWorker
 

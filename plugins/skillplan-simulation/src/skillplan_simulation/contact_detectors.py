@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
-from skillplan.plugins.installed import registered
-from skillplan.plugins.simulators import PREFERRED
+from skillplan.plugins.installed import PREFERRED, registered
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.reward import RewardFunction
+from skillplan.env.observation import RewardFunction
 from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
 from skillplan.task.task import Task
 

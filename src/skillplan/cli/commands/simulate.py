@@ -285,7 +285,7 @@ def _engine(read: _Read) -> str:
     """Return the name of the engine chosen, or the file's, or else an installed one."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.presentation.performing import performing_engine
-    from skillplan.plugins.simulators import PREFERRED
+    from skillplan.plugins.installed import PREFERRED
 
     if read.setup.physics is not None or read.task.physics is not None:
         return read.setup.physics_choice(read.task).name

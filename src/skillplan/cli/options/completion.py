@@ -41,7 +41,7 @@ def plugin_names(kind: str) -> Complete:
 
 def engine_names(incomplete: str) -> list[str]:
     """Return the installed engines that begin so, and ``auto``."""
-    from skillplan.plugins.simulators import AUTO, installed_simulator
+    from skillplan.plugins.installed import AUTO, installed_simulator
 
     auto = [AUTO] if installed_simulator() and AUTO.startswith(incomplete) else []
     return [*auto, *plugin_names("physics")(incomplete)]
@@ -97,7 +97,7 @@ def plugin_options(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
     """Yield kind and name of the plugins named on the line or, where none is, of the task's."""
-    from skillplan.plugins.simulators import AUTO, installed_simulator
+    from skillplan.plugins.installed import AUTO, installed_simulator
 
     given = ctx.params
     for kind, keys in {"solver": ("solver", "solvers"), "collision": ("collision",)}.items():

@@ -260,7 +260,7 @@ class BackEnds:
         """
         from skillplan.errors import name_hint
         from skillplan.pipeline.setup import Setup
-        from skillplan.workers.executor_choice import ExecutorChoice
+        from skillplan.workers.executor import ExecutorChoice
 
         if self.physics is not None and not self.physics.strip():
             raise OptionError("--physics names no engine.")

@@ -28,7 +28,7 @@ from skillplan.domains.assembly.resting import resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import unit_of
 from skillplan.errors import Issue
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, Pose, cross, dot, plus, same_direction, unit
 
 # Points under the rim of a head, and how far out they are of its radius.

@@ -12,7 +12,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import GraspConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
-from skillplan.task.grasp import Grasp, GraspKind
+from skillplan.task.motion import Grasp, GraspKind
 from skillplan.task.pose import Pose, dot, plus
 from skillplan.task.scene import ToolKind
 

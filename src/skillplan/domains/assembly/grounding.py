@@ -35,14 +35,13 @@ from skillplan.domains.assembly.resting import bearers_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import dwell_s, given_kinds, unit_of
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
-from skillplan.task.condition import Condition
 from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.scene import Body, Placement, Pose, Robot, Scene, Tool
 from skillplan.task.shape import Box, Cylinder
 from skillplan.task.skill import Outcome, Skill, Way
-from skillplan.task.state import Facts, State
+from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 from skillplan.domains.assembly.schema_types import GraspConfig, unit_of
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.catalogue import STANDARD_HAND
-from skillplan.task.grasp import AXES, Grasp, GraspKind
+from skillplan.task.motion import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 

@@ -11,8 +11,7 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import dwell_s, unit_of
 from skillplan.errors import Issue
-from skillplan.task.grasp import AXES, Grasp
-from skillplan.task.motion import Event, Visit
+from skillplan.task.motion import AXES, Event, Grasp, Visit
 from skillplan.task.pose import DOWN, Point, cross, dot, same_direction, unit
 
 # What touches is not inside; coordinates of a file are rounded so far [m].

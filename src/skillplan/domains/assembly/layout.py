@@ -13,7 +13,7 @@ from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import unit_of
-from skillplan.task.grasp import AXES
+from skillplan.task.motion import AXES
 from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Shape
 

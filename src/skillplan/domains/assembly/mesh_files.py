@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from skillplan.files.companion_file import CompanionFileError, companion_in, read_companion
+from skillplan.files.regular_file import CompanionFileError, companion_in, read_companion
 from skillplan.task.motion import Point
 
 MAX_CORNERS = 5_000

@@ -30,7 +30,7 @@ from skillplan.domains.assembly.schema_types import (
     is_absent,
 )
 from skillplan.domains.domain import Name, Strict
-from skillplan.files.companion_file import CompanionFileError, companion_in, read_companion
+from skillplan.files.regular_file import CompanionFileError, companion_in, read_companion
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.robots.arm_description import ArmDescription, Hand, Triple
 from skillplan.robots.catalogue import (

@@ -12,12 +12,10 @@ from pydantic import AfterValidator, Field
 from skillplan.domains.domain import Strict
 from skillplan.errors import Issue
 from skillplan.files.schema_errors import shown
-from skillplan.task.condition import Condition
-from skillplan.task.cost import ConstantCost
-from skillplan.task.cost_table import NEVER, TableCost
+from skillplan.task.cost import NEVER, ConstantCost, TableCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 from skillplan.task.task import Metric, Task
 
 BEFORE = -1

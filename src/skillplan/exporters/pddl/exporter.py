@@ -21,8 +21,7 @@ from skillplan.exporters.pddl.action_costs import NoActionCosts, Scale, Variant,
 from skillplan.exporters.pddl.conditions import Case, ConsistentStates, Cover, cases_of, covers_of
 from skillplan.model.skill_model import SkillModel
 from skillplan.task import back_end
-from skillplan.task.condition import Condition
-from skillplan.task.state import State
+from skillplan.task.state import Condition, State
 from skillplan.task.task import Task
 
 _WORDS = """

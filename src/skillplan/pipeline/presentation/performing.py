@@ -13,7 +13,7 @@ from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan.plugins.blame import blame
-from skillplan.plugins.simulators import PREFERRED
+from skillplan.plugins.installed import PREFERRED
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task

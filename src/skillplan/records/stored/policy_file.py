@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
+from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile, read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result

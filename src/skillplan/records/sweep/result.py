@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
-from skillplan.files.strict_json import parse_json
+from skillplan.files.json_file import parse_json
 from skillplan.records import schemas
 from skillplan.records.interval import Estimate, mean, share
 from skillplan.records.result import Status, tolerance

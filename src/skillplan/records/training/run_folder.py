@@ -19,9 +19,8 @@ from typing import Annotated, Any, get_args
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillplan.errors import OptionError
-from skillplan.files.json_file import read_checked, read_document
+from skillplan.files.json_file import parse_json, read_checked, read_document
 from skillplan.files.regular_file import is_folder, is_regular, open_regular, read_bytes
-from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST as MANIFEST
 from skillplan.records.stored.result_folder import RESULT as RESULT

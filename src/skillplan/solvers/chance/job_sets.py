@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import NotASequencing
-from skillplan.model.component_jobs import ComponentJobs
-from skillplan.model.done_jobs import DoneSets
+from skillplan.model.component_jobs import ComponentJobs, DoneSets
 from skillplan.model.job_connections import JobConnections
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from skillplan.model.policy_sample import PolicySample, sample_policy
+from skillplan.model.policy_value import PolicySample, sample_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
 from skillplan.solvers.chance.reachable import asked_everywhere

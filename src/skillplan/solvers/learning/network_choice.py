@@ -7,9 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.action_mask import allowed_actions
-from skillplan.env.env_options import MaskKind, checked_name
-from skillplan.env.observation import Observation
+from skillplan.env.observation import MaskKind, Observation, allowed_actions, checked_name
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Policy

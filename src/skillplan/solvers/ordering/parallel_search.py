@@ -22,7 +22,7 @@ from skillplan.solvers.ordering.search_worker import (
 )
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.resident_memory import resident_bytes_of
+from skillplan.workers.processes import resident_bytes_of
 
 _WHAT = "the search"
 _EVERY_S = 0.02

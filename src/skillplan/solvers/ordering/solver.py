@@ -17,7 +17,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
-from skillplan.workers.resident_memory import available_bytes
+from skillplan.workers.processes import available_bytes
 
 if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem

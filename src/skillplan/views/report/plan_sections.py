@@ -9,8 +9,7 @@ from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records.execution.simulation import PlannedTimes, time_difference
-from skillplan.task.reachability import unreachable_facts
-from skillplan.task.task import Task
+from skillplan.task.task import Task, unreachable_facts
 from skillplan.views.pictures.drawing import Drawing, Shape
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture

@@ -16,7 +16,7 @@ from safetensors.numpy import load, save
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.cache_folder import cache_folder
+from skillplan.files.folder import cache_folder
 from skillplan.files.regular_file import is_folder, read_bytes
 from skillplan_cad import __version__
 from skillplan_cad.blocking.confirmation import Confirmation, Doubt

@@ -17,7 +17,7 @@ from skillplan.errors import OptionError
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.workers.executor import Answer, Ended, Prepare, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.resident_memory import resident_bytes_of
+from skillplan.workers.processes import resident_bytes_of
 from skillplan_cad.reading.glb import NOT_FINITE, parts_of
 from skillplan_cad.reading.raw_part import RawProduct
 

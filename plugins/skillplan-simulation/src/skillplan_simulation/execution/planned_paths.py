@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion, visited_grasp
-from skillplan.task.grasp import GraspKind
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, GraspKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
-from skillplan.task.grasp import Grasp, GraspKind
-from skillplan.task.motion import Event, Point
+from skillplan.task.motion import Event, Grasp, GraspKind, Point
 from skillplan.task.pose import DOWN, plus, same_direction
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State

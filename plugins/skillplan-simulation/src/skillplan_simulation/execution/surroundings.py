@@ -23,8 +23,7 @@ from skillplan.collision.boxes import (
 )
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, tool_shapes, visited_grasp
 from skillplan.robots.arm_description import Hull, LinkShape
-from skillplan.task.grasp import AXES
-from skillplan.task.motion import Event, Point
+from skillplan.task.motion import AXES, Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import WORLD, Body, Box, Placement
 from skillplan.task.skill import Skill

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
-from skillplan.task.grasp import GraspKind
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, GraspKind
 from skillplan.task.pose import DOWN, Pose, plus, same_direction
 from skillplan.task.scene import Placement, Robot
 from skillplan.task.shape import Mesh

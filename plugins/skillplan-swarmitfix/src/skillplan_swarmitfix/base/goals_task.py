@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts, State
+from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import Place, Task
 from skillplan_swarmitfix.base.goal_choice import LeastSwings
 from skillplan_swarmitfix.base.goals import GoalSet

@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost, Cost
 from skillplan.task.reward import DistanceReward
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 from skillplan.task.task import Metric, Place, Task
 from skillplan_swarmitfix.bench.bench import Bench
 

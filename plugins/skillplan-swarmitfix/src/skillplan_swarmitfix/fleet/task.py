@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task.state import Condition, Facts
 from skillplan.task.task import Metric, Place, Task
 from skillplan_swarmitfix.bench.bench import Bench
 

@@ -11,11 +11,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
-from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Facts, State
+from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import Metric, Place, Task
 from skillplan_swarmitfix.bench.step_timings import Timings
 from skillplan_swarmitfix.heads.grid import HeadGrid

@@ -8,7 +8,7 @@ import math
 import re
 from pathlib import Path
 
-from skillplan.files.companion_file import CompanionFileError, read_companion
+from skillplan.files.regular_file import CompanionFileError, read_companion
 from skillplan_swarmitfix.trajectory.path import (
     TrajectoryFileError,
     TrajectoryPath,
