@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from skillplan import testing
-from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline import load_problem
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

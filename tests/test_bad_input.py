@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.errors import TaskError
-from skillplan.files.yaml import MAX_BYTES, MAX_VALUES
-from skillplan.pipeline.setup import load_problem
+from skillplan.files import MAX_BYTES, MAX_VALUES
+from skillplan.pipeline import load_problem
 
 CORPUS = sorted((Path(__file__).parent / "bad_input").glob("*.yaml"))
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"

@@ -15,15 +15,12 @@ import pytest
 import yaml
 
 from skillplan import Result, Setup, SkillModel, Status, Task, load_problem, make_model, solve
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.cli.app import main
-from skillplan.model.replay import Replay, replay
-from skillplan.pipeline import registry
-from skillplan.pipeline.solving import make_feasibility
-from skillplan.robots.panda import FINGER_PROFILE_M
-from skillplan.task.motion import Point
-from skillplan.task.shape import Box, Cylinder, Mesh
-from skillplan.task.task import Literal
+from skillplan.chart import derive_chart
+from skillplan.cli import main
+from skillplan.model import Replay, replay
+from skillplan.pipeline import make_feasibility, registry
+from skillplan.robots import FINGER_PROFILE_M
+from skillplan.task import Box, Cylinder, Literal, Mesh, Point
 from skillplan.testing import reachable_states
 from yaml_data import yaml_data
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from skillplan import Setup, Status, Task, load_problem, make_model, solve
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.pipeline.solving import make_feasibility
-from skillplan.task.scene import ToolKind
+from skillplan.chart import derive_chart
+from skillplan.pipeline import make_feasibility
+from skillplan.task import ToolKind
 from skillplan.testing import reachable_states
 
 FOLDER = Path(__file__).parents[1] / "configs"

@@ -16,9 +16,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from skillplan.cli.app import COMMANDS, main
+from skillplan.cli import COMMANDS, main
 from skillplan.pipeline import registry
-from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan_swarmitfix import SwarmitfixConfig
 from thinned import thinned
 from yaml_data import yaml_text
 

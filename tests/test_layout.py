@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -227,34 +228,181 @@ def test_everything_public_has_a_docstring() -> None:
     assert [] == without
 
 
-class TestExports:
+# A face is a package whose `__init__.pyi` lists the names that tests and others import from it.
+PACKAGES = {
+    ".".join(path.relative_to(root).parts): path
+    for root in (ROOT / "src", *ROOT.glob("plugins/*/src"))
+    for path in sorted({path.parent for path in root.rglob("__init__.py")})
+}
+FACES = {name: path for name, path in PACKAGES.items() if (path / "__init__.pyi").is_file()}
+TESTS = sorted(
+    path
+    for root in (ROOT / "tests", *ROOT.glob("plugins/*/tests"))
+    for path in (*root.rglob("*.py"), ROOT / "conftest.py")
+)
+
+# What tests import from elsewhere, besides modules that they patch: whole modules that they read
+# or call by name, functions that only their own module needs, and functions that a module or a
+# folder of the face hides.
+DEEP_IMPORTS = {
+    "skillplan.cli.standard_streams",
+    "skillplan.cli.writing",
+    "skillplan.domains.load._content_hash",
+    "skillplan.exporters.plan_table._text",
+    "skillplan.judge.fast_downward",
+    "skillplan.pipeline.obstacles",
+    "skillplan.pipeline.solving",
+    "skillplan.pipeline.solving.search",
+    "skillplan.plugins.installed",
+    "skillplan.records.schemas",
+    "skillplan.robots.panda",
+    "skillplan.solvers.kernels",
+    "skillplan.solvers.ordering.local_search.iterated_descent._added",
+    "skillplan.solvers.ordering.local_search.iterated_descent._exchange",
+    "skillplan.solvers.ordering.relaxation.precedence_cuts",
+    "skillplan.solvers.stop",
+    "skillplan.task.back_end",
+    "skillplan_cad.importing.import_cad",
+    "skillplan_mujoco.simulator.drawing_context",
+    "skillplan_ray.access",
+    "skillplan_ray.executor",
+    "skillplan_ray.fingerprint.fingerprint",
+    "skillplan_swarmitfix.trajectory.workpiece.faults",
+}
+
+
+@cache
+def names_of_stub(face: str) -> dict[str, str]:
+    """Return the names that a face lists, with the module that each comes from."""
+    return {
+        alias.name: node.module or ""
+        for node in parsed(FACES[face] / "__init__.pyi").body
+        if isinstance(node, ast.ImportFrom) and node.level == 1
+        for alias in node.names
+    }
+
+
+def bindings(path: Path) -> set[str]:
+    """Return the names that a module binds outside functions and classes."""
+    names: set[str] = set()
+    stack: list[ast.AST] = [parsed(path)]
+    while stack:
+        for node in ast.iter_child_nodes(stack.pop()):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                names.add(node.name)
+            elif isinstance(node, ast.Import | ast.ImportFrom):
+                names |= {alias.asname or alias.name for alias in node.names}
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                names.add(node.id)
+            else:
+                stack.append(node)
+    return names
+
+
+def is_module(name: str) -> bool:
+    """Return whether a dotted name is a package or a module of ours."""
+    package, _, last = name.rpartition(".")
+    return name in PACKAGES or (
+        package in PACKAGES and (PACKAGES[package] / f"{last}.py").is_file()
+    )
+
+
+@cache
+def imports_of_product(path: Path) -> frozenset[tuple[str, str]]:
+    """Return the module and the name of everything of ours that a file imports."""
+    ours = {name.partition(".")[0] for name in PACKAGES}
+    imports: set[tuple[str, str]] = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            imports |= {(node.module, alias.name) for alias in node.names}
+        elif isinstance(node, ast.Import):
+            imports |= {(alias.name, "") for alias in node.names}
+    return frozenset((module, name) for module, name in imports if module.partition(".")[0] in ours)
+
+
+def is_of_a_face(module: str, name: str) -> bool:
+    """Return whether an import names a face and what it lists, or a module beside the faces."""
+    if name in ("", "__version__"):
+        return module in FACES
+    single = {"skillplan.errors", "skillplan.xml_tree"}
+    if module in single or f"{module}.{name}" in single | set(FACES):
+        return True
+    return module in FACES and name in names_of_stub(module)
+
+
+def patched(path: Path, name: str) -> bool:
+    """Return whether a test patches the module that it imports by a name."""
+    verbs = "setattr|setitem|delattr|object"
+    return re.search(rf"\b(?:{verbs})\(\s*{name}\b", path.read_text("utf-8")) is not None
+
+
+class TestFaces:
+    def test_there_are_about_forty(self) -> None:
+        """The top packages of the core, a few folders in them, and one for each plugin."""
+        assert 35 <= len(FACES) <= 45
+        top = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").is_file()}
+        assert {f"skillplan.{name}" for name in top} <= set(FACES)
+
+    @pytest.mark.parametrize("face", sorted(FACES))
+    def test_every_name_is_where_the_face_says(self, face: str) -> None:
+        """Read from the sources, so that no plugin needs to be installed."""
+        names = names_of_stub(face)
+        assert names
+        for name, module in names.items():
+            path = FACES[face].joinpath(*(module or name).split("."))
+            path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+            assert path.is_file(), f"{face} imports {name} from {module}, which does not exist"
+            assert not module or name in bindings(path), f"{face}: {module} has no {name}"
+
+    @pytest.mark.parametrize("face", sorted(FACES))
+    def test_it_lists_its_names_once_more_for_type_checkers(self, face: str) -> None:
+        """`__all__` is what is imported, and all of `__init__.py` comes from that list."""
+        stub = parsed(FACES[face] / "__init__.pyi")
+        (listed,) = [
+            ast.literal_eval(node.value)
+            for node in stub.body
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+        ]
+        assert set(names_of_stub(face)) == set(listed)
+        assert "attach_stub(__name__, __file__)" in (FACES[face] / "__init__.py").read_text("utf-8")
+
+    def test_no_name_hides_a_module_that_is_imported_as_one(self) -> None:
+        """lazy_loader keeps a function that is named like its own module, and no other."""
+        imports = {
+            pair for path in (*MODULES, *PLUGIN_MODULES) for pair in imports_of_product(path)
+        }
+        for face in FACES:
+            for name, module in names_of_stub(face).items():
+                if module and is_module(f"{face}.{name}"):
+                    assert module.partition(".")[0] == name, f"{face}: {name} is a module, too"
+                    assert (face, name) not in imports, f"{face}: {name} is imported as a module"
+
+    def test_tests_import_from_faces(self) -> None:
+        """So that files move without touching tests; modules to patch and a short list excepted."""
+        deep = {
+            f"{module}.{name}": path
+            for path in TESTS
+            for module, name in imports_of_product(path)
+            if not is_of_a_face(module, name)
+            and not (is_module(f"{module}.{name}") and patched(path, name))
+        }
+        assert {} == {name: path for name, path in deep.items() if name not in DEEP_IMPORTS}
+
     def test_they_are_sorted_and_all_there(self) -> None:
         """`from skillplan import *` gives exactly what is promised, in order."""
-        assert sorted(skillplan._HOMES) == skillplan.__all__
+        assert sorted(names_of_stub("skillplan")) == skillplan.__all__
         assert "solve_problem" in skillplan.__all__
 
     @pytest.mark.parametrize("name", skillplan.__all__)
-    def test_each_comes_from_where_the_table_says(self, name: str) -> None:
+    def test_each_comes_from_where_the_list_says(self, name: str) -> None:
         """Found by attribute, by home, and in `dir`."""
-        home = importlib.import_module(skillplan._HOMES[name])
+        home = importlib.import_module(f"skillplan.{names_of_stub('skillplan')[name]}")
         assert getattr(home, name) is getattr(skillplan, name)
         assert name in dir(skillplan)
 
-    def test_type_checkers_see_the_same_names(self) -> None:
-        """The imports under TYPE_CHECKING repeat the table."""
-        tree = ast.parse((SOURCE / "__init__.py").read_text("utf-8"))
-        (block,) = [node for node in tree.body if isinstance(node, ast.If)]
-        seen = {
-            alias.asname: statement.module
-            for statement in block.body
-            if isinstance(statement, ast.ImportFrom)
-            for alias in statement.names
-        }
-        assert skillplan._HOMES == seen
-
     def test_an_unknown_name_is_an_attribute_error(self) -> None:
         """As of any module."""
-        with pytest.raises(AttributeError, match="no attribute 'sovle'"):
+        with pytest.raises(AttributeError, match="No skillplan attribute sovle"):
             getattr(skillplan, "sovle")  # noqa: B009
 
     def test_it_is_typed(self) -> None:

@@ -11,13 +11,7 @@ from pathlib import Path
 from failing_io import MODES, failing
 from tally import Tally, progress
 
-from skillplan.files.atomic_file import (
-    is_unfinished,
-    replacing,
-    write_as_one,
-    write_new,
-    write_whole,
-)
+from skillplan.files import is_unfinished, replacing, write_as_one, write_new, write_whole
 
 OLD, NEW = b"old" * 1000, b"new" * 2000
 KILL = "kill"

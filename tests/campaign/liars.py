@@ -21,11 +21,9 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.pipeline.solving import solve
-from skillplan.solvers.solution import Plan, Solution
-from skillplan.task.state import Facts
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan.pipeline import solve
+from skillplan.solvers import Plan, Solution
+from skillplan.task import Facts, Task, Verdict
 from skillplan.testing import lid_task
 
 Act = Callable[[Any, Any], Any]

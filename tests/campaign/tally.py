@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
-from skillplan.cli.app import run
+from skillplan.cli import run
 
 DOCUMENTED = {0, 1, 2, 3, 130}
 # Longer than any case that is given a limit of its own.

@@ -8,14 +8,13 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import cheapest_by_length, model_of, optimum
-from skillplan.chart.precedence_chart import derive_chart, simplest
-from skillplan.checks.feasibility import Feasibility
+from skillplan.chart import derive_chart, simplest
+from skillplan.checks import Feasibility
 from skillplan.errors import NotASequencing
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.records.chart import chart_document
-from skillplan.solvers.auto import AutoSolver
-from skillplan.solvers.search.exact import ExactSolver
-from skillplan.views.tables.questions import chart_table
+from skillplan.model import SequencingProblem
+from skillplan.records import chart_document
+from skillplan.solvers import AutoSolver, ExactSolver
+from skillplan.views.tables import chart_table
 from way_boards import CLOSED, closing, drawer_task
 
 ALONG = ("place(drawer) along +x", "place(drawer) along -x")

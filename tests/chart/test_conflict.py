@@ -8,10 +8,8 @@ import pytest
 
 from situations import assembly
 from skillplan import Setup, Status, Task, solve
-from skillplan.chart.conflict import conflict_lines
-from skillplan.chart.partial_order import cycle, orderable
-from skillplan.chart.precedence_query import Relation
-from skillplan.collision.aabb import AabbDetector
+from skillplan.chart import Relation, conflict_lines, cycle, orderable
+from skillplan.collision import AabbDetector
 from skillplan.testing import lid_task, shut_box_task
 
 BY_BOXES = Setup(collision=("aabb",))

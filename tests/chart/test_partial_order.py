@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.chart.partial_order import ClosedRelation, acyclic, closure
+from skillplan.chart import ClosedRelation, acyclic, closure
 
 NODES = "abcdef"
 pairs = st.sets(st.tuples(st.sampled_from(NODES), st.sampled_from(NODES)))

@@ -7,12 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, config_content, fake_back_end, small_assemblies
-from skillplan.chart.partial_order import closure, reduction
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.checks.feasibility import Feasibility
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.task.verdict import Verdict
+from skillplan.chart import closure, derive_chart, reduction
+from skillplan.checks import Feasibility
+from skillplan.pipeline import Setup, make_feasibility, solve
+from skillplan.task import Verdict
 
 
 def derived(task, detector="aabb"):

@@ -9,16 +9,12 @@ from typing import Any
 import pytest
 
 from audits import audit
-from skillplan.checks.feasibility import Feasibility
-from skillplan.collision.detector import Detector
+from skillplan.checks import Feasibility
+from skillplan.collision import Detector
 from skillplan.errors import BackEndError
-from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan.model import enumerate_feasibility
+from skillplan.pipeline import load_problem, solve
+from skillplan.task import Skill, State, Task, Verdict
 
 BOARD = str(Path(__file__).parents[2] / "configs/inverter_board.yaml")
 

@@ -27,15 +27,11 @@ from expensive_back_ends import (
 )
 from processes_in_any_order import AnyOrder
 from situations import fake_back_end, small_tasks
-from skillplan.checks import check_workers
-from skillplan.checks.check_workers import CheckWorkers
-from skillplan.checks.feasibility import CheckCount, Feasibility
-from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.collision.detector import Detector
+from skillplan.checks import CheckCount, CheckWorkers, DiskVerdictCache, Feasibility, check_workers
+from skillplan.collision import Detector
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.model.skill_model import SkillModel
-from skillplan.task.verdict import Verdict
+from skillplan.model import SkillModel, enumerate_feasibility
+from skillplan.task import Verdict
 from skillplan.testing import lid_task, reachable_states
 
 TASK = lid_task()

@@ -5,11 +5,9 @@ import math
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility
 from skillplan.errors import BackEndError
-from skillplan.task.back_end import BackEnd
-from skillplan.task.state import Facts
-from skillplan.task.task import Metric
+from skillplan.task import BackEnd, Facts, Metric
 
 FACTS = Facts(("a", "b", "done"))
 SKILL = make_skill(FACTS, "finish", requires=("a",), forbids=("done",), add=("done",), cost=7.0)

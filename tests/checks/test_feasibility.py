@@ -5,11 +5,10 @@ import math
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility
 from skillplan.errors import BackEndError, OptionError
-from skillplan.physics.engine import Engine
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.physics import Engine
+from skillplan.task import Facts, Verdict
 
 FACTS = Facts(("a", "b", "done"))
 SKILL = make_skill(FACTS, "finish", requires=("a",), forbids=("done",), add=("done",))

@@ -12,13 +12,11 @@ from example_count import examples
 from expensive_back_ends import CheapDetector, ExpensiveDetector, ExpensiveEngine
 from processes_in_any_order import AnyOrder, AnyOrderOfMortals, Silent
 from situations import small_tasks
-from skillplan.checks import check_workers
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.checks import DiskVerdictCache, Feasibility, check_workers
 from skillplan.errors import BackEndError
-from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.exact import ExactSolver
-from skillplan.task.verdict import Verdict
+from skillplan.model import SkillModel
+from skillplan.solvers import ExactSolver
+from skillplan.task import Verdict
 from skillplan.testing import lid_task
 
 TASK = lid_task()

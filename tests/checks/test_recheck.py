@@ -6,13 +6,10 @@ import pytest
 
 from expensive_back_ends import ExpensiveEngine
 from situations import fake_back_end
-from skillplan.checks.audit import draw_kept, recheck_kept
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.checks.verdict_files import VerdictFolder
+from skillplan.checks import DiskVerdictCache, Feasibility, VerdictFolder, draw_kept, recheck_kept
 from skillplan.errors import BackEndError
-from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.task.verdict import Verdict
+from skillplan.model import enumerate_feasibility
+from skillplan.task import Verdict
 from skillplan.testing import lid_task
 
 TASK = lid_task()

@@ -15,16 +15,21 @@ from pydantic import Field
 from example_count import examples
 from expensive_back_ends import ExpensiveEngine
 from situations import assembly, config_content, fake_back_end
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.single_check import Checked
-from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_files import VerdictRecord, content_hash, read_record, verdict_key
-from skillplan.collision.aabb import AabbDetector
-from skillplan.physics.engine import Engine
-from skillplan.pipeline.solving import make_model, solve, warm_cache
+from skillplan.checks import (
+    Checked,
+    DiskVerdictCache,
+    Feasibility,
+    VerdictCache,
+    VerdictRecord,
+    content_hash,
+    read_record,
+    verdict_key,
+)
+from skillplan.collision import AabbDetector
+from skillplan.physics import Engine
+from skillplan.pipeline import make_model, solve, warm_cache
+from skillplan.task import Precedence, Verdict, VerdictStatus
 from skillplan.task import back_end as back_ends
-from skillplan.task.task import Precedence
-from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.testing import lid_task, reachable_states, shut_box_task
 from thinned import thinned
 
@@ -88,7 +93,7 @@ def test_another_process_finds_the_same_file(tmp_path):
     """The key does not depend on the order of hashes."""
     aabb = AabbDetector(TASK)
     code = (
-        "from skillplan.testing import lid_task; from skillplan.collision.aabb import "
+        "from skillplan.testing import lid_task; from skillplan.collision import "
         "AabbDetector; from skillplan.checks.verdict_files import verdict_key; "
         "task = lid_task(); print(verdict_key(AabbDetector(task), task.skills[3]))"
     )

@@ -1,10 +1,8 @@
 """All that is kept on disk: what is there, and what clearing it leaves."""
 
 from expensive_back_ends import ExpensiveDetector, ExpensiveEngine
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.checks.verdict_files import VerdictFolder
-from skillplan.model.skill_model import SkillModel
+from skillplan.checks import DiskVerdictCache, Feasibility, VerdictFolder
+from skillplan.model import SkillModel
 from skillplan.testing import lid_task, reachable_states
 
 TASK = lid_task()

@@ -15,13 +15,10 @@ from situations import (
     imagined_state,
     small_assemblies,
 )
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.single_check import Checked
-from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.collision.aabb import AabbDetector
-from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.physics.kinematic import KinematicEngine
-from skillplan.task.verdict import Verdict
+from skillplan.checks import Checked, Feasibility, VerdictCache
+from skillplan.collision import AabbDetector, PrecedenceDetector
+from skillplan.physics import KinematicEngine
+from skillplan.task import Verdict
 
 seeds = st.integers(0, 2**32)
 BOARD = assembly(config_content("inverter_board"))

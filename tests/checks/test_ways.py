@@ -10,17 +10,18 @@ from audits import audit
 from example_count import examples
 from expensive_back_ends import CheapDetector, ExpensiveDetector, ExpensiveEngine
 from situations import imagined_state
-from skillplan.checks.audit import recheck_kept
-from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.variants import list_queried_skills
-from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.checks.verdict_files import VerdictFolder
+from skillplan.checks import (
+    DiskVerdictCache,
+    Feasibility,
+    VerdictCache,
+    VerdictFolder,
+    list_queried_skills,
+    recheck_kept,
+)
 from skillplan.errors import NotASequencing
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.search.exact import ExactSolver
-from skillplan.solvers.search.exhaustive import ExhaustiveSolver
-from skillplan.task.verdict import VerdictStatus
+from skillplan.model import SequencingProblem, SkillModel
+from skillplan.solvers import ExactSolver, ExhaustiveSolver
+from skillplan.task import VerdictStatus
 from skillplan.testing import reachable_states
 from way_boards import CLOSED, closing, drawer_task
 

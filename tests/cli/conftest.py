@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.pipeline import registry
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.files.atomic_file import write_whole
+from skillplan.files import write_whole
 
 PATIENCE_S = 60
 SKILLPLAN = [sys.executable, "-m", "skillplan"]

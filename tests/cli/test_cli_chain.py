@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 from thinned import thinned
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import COMMANDS
+from skillplan.cli import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 

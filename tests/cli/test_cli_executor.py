@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import pytest
 
 from same_process import SameProcess
-from skillplan.collision.aabb import AabbDetector
+from skillplan.collision import AabbDetector
 from skillplan.pipeline import registry
-from skillplan.workers.executor import Prepare, Worker
+from skillplan.workers import Prepare, Worker
 from tabular_learner import learner_installed
 
 

@@ -9,8 +9,8 @@ import pytest
 import typer
 from rich.text import Text
 
-from skillplan.cli.app import COMMANDS, EPILOG, app
-from skillplan.views.figures.catalogue import RUN_FIGURES, figure_lines
+from skillplan.cli import COMMANDS, EPILOG, app
+from skillplan.views.figures import RUN_FIGURES, figure_lines
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 EXACT = ("--solver", "exact")
@@ -210,7 +210,7 @@ class TestThree:
 
     def test_debugging_shows_where(self, board: str, monkeypatch: pytest.MonkeyPatch) -> None:
         """With SKILLPLAN_DEBUG the exception comes through."""
-        from skillplan.cli.app import main
+        from skillplan.cli import main
 
         monkeypatch.setattr("skillplan.pipeline.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.judge import fast_downward
-from skillplan.judge.fast_downward import PlannerAnswer
+from skillplan.judge import PlannerAnswer, fast_downward
 
 PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 

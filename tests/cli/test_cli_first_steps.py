@@ -13,9 +13,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import NOTICE, compilation_announced, main
 from skillplan.cli.commands import warm_up
-from skillplan.cli.commands.warm_up import NOTICE, compilation_announced
 from skillplan.pipeline import registry
 from skillplan.solvers import kernels
 

@@ -11,10 +11,8 @@ from typing import Any
 import pytest
 import typer
 
-from skillplan.cli import waiting
-from skillplan.cli.options.values import memory_size
-from skillplan.cli.waiting import figures_text
-from skillplan.solvers.stop import Progress
+from skillplan.cli import figures_text, memory_size, waiting
+from skillplan.solvers import Progress
 
 MIB = 1024**2
 EXACT = ("--solver", "exact", "--format", "json")

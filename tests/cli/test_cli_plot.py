@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image as PillowImage
 
-from skillplan.views.figures.catalogue import figure_names
+from skillplan.views.figures import figure_names
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 POLYGONAL = str(CONFIGS / "swarmitfix_polygonal.yaml")
@@ -285,7 +285,7 @@ def test_a_precedence_relation_is_written_for_graphviz(
 def test_help_lists_all_figures_and_loads_none() -> None:
     """Matplotlib takes half a second."""
     code = (
-        "import sys; from skillplan.cli.app import main\n"
+        "import sys; from skillplan.cli import main\n"
         "try: main(['plot', '--help'])\n"
         "except SystemExit: print('matplotlib' in sys.modules, 'numpy' in sys.modules)"
     )

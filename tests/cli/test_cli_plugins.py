@@ -110,7 +110,7 @@ def test_a_name_with_two_providers_is_an_error_that_names_both(
     cli: Any, board: str, install: Any
 ) -> None:
     """Neither silently wins."""
-    source = "from skillplan.solvers.search.exact import ExactSolver as Exact\n"
+    source = "from skillplan.solvers import ExactSolver as Exact\n"
     install("solver", "exact", "second_exact:Exact", source)
     outcome = cli("search-optimal", board, "--solver", "exact")
     assert 2 == outcome.code

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.views.report.page import Player
+from skillplan.views.report import Player
 
 
 @pytest.fixture

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli import writing
-from skillplan.cli.result_output import write_folder
+from skillplan.cli import write_folder, writing
 from skillplan.errors import OptionError
 
 EXACT = ("--solver", "exact")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.checks.verdict_files import code_origin
+from skillplan.checks import code_origin
 from skillplan.pipeline import registry
 
 DETECTOR = '''

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.deadline import Deadline
-from skillplan.workers.processes import resident_bytes_of
+from skillplan.cli import Deadline
+from skillplan.workers import resident_bytes_of
 
 SKILLPLAN = [sys.executable, "-m", "skillplan"]
 LARGE = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from skillplan.cli.app import run
+from skillplan.cli import run
 
 TASK = """\
 kind: assembly

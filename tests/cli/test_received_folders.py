@@ -17,8 +17,8 @@ import pytest
 
 from run_folders import OPTIMAL, changed, write_runs
 from same_process import studies_in_this_process
-from skillplan.cli.app import main
-from skillplan.training.run_files import read_checkpoint
+from skillplan.cli import main
+from skillplan.training import read_checkpoint
 from tabular_learner import learner_installed
 from thinned import thinned
 

@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 
 from same_process import studies_in_this_process
-from skillplan.files.atomic_file import write_as_one
-from skillplan.files.folder import FolderLock
+from skillplan.files import FolderLock, write_as_one
 from thinned import thinned
 
 ROOT = Path(__file__).parents[2]
@@ -104,7 +103,7 @@ class TestTwoSearches:
 
     def test_of_two_at_once_one_succeeds(self, tmp_path: Path) -> None:
         """However they meet."""
-        from skillplan.cli.result_output import ResultFolder
+        from skillplan.cli import ResultFolder
         from skillplan.errors import OptionError
 
         folder, told, start = tmp_path / "run", [], threading.Barrier(4)
@@ -140,8 +139,8 @@ class TestKilledSearches:
         self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """A killed one is told by those that read, and may be repeated into the same folder."""
-        from skillplan.cli.result_output import ResultFolder
-        from skillplan.records.stored.result_folder import check_finished
+        from skillplan.cli import ResultFolder
+        from skillplan.records import check_finished
 
         texts = {"plan.csv": "plan\n", "policies.json": "{}", "timeline.csv": "time\n"}
         states = set()

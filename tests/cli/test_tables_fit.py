@@ -14,7 +14,7 @@ from rich.cells import cell_len
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
 from same_process import studies_in_this_process
 from skillplan.cli import output
-from skillplan.views.text.table import Table, render
+from skillplan.views import Table, render
 from tabular_learner import learner_installed
 
 CONFIGS = Path(__file__).parents[2] / "configs"

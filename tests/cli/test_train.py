@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 from tabular_learner import learner_installed
 from training_situations import event_lengths, learned_bytes
 

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from skillplan.errors import SkillplanError
-from skillplan.pipeline.certification import certify
-from skillplan.records.certificate import Verdict
-from skillplan.solvers.stop import Stop
-from skillplan.views.tables.results import csv_files
+from skillplan.pipeline import certify
+from skillplan.records import Verdict
+from skillplan.solvers import Stop
+from skillplan.views.tables import csv_files
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs/inverter_board.yaml")

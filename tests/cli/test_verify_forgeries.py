@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skillplan.errors import SkillplanError
-from skillplan.judge.second_proof import LeastCost
-from skillplan.pipeline.certification import certify
-from skillplan.records.certificate import Verdict
-from skillplan.views.tables.results import csv_files
+from skillplan.judge import LeastCost
+from skillplan.pipeline import certify
+from skillplan.records import Verdict
+from skillplan.views.tables import csv_files
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs/inverter_board.yaml")

@@ -5,10 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, config_content, fetching_board
-from skillplan.collision.aabb import AabbDetector
-from skillplan.pipeline import registry
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
+from skillplan.collision import AabbDetector
+from skillplan.pipeline import Setup, make_model, registry, solve
 from skillplan.testing import DetectorSuite, lid_content, reachable_states
 
 

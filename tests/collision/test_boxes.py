@@ -7,15 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.collision.boxes import (
-    WorldBox,
-    centroid,
-    contact_area,
-    sweep_hits,
-    world_box,
-    world_boxes,
-)
-from skillplan.task.scene import Body, Box, Pose
+from skillplan.collision import WorldBox, centroid, contact_area, sweep_hits, world_box, world_boxes
+from skillplan.task import Body, Box, Pose
 
 # Coordinates on a grid, so that faces meet exactly often enough to matter.
 coordinates = st.integers(-4, 4)

@@ -9,12 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from concave_shapes import channel, channel_boxes
-from skillplan.collision import decomposition
-from skillplan.collision.decomposition import NoPieces, decomposition_of
-from skillplan.collision.solid import TOUCH_M, Solid
-from skillplan.collision.surface import deepest_within, depths, outermost, polyhedron_of
-from skillplan.task.pose import Pose
-from skillplan.task.shape import Box, Cylinder
+from skillplan.collision import (
+    TOUCH_M,
+    NoPieces,
+    Solid,
+    decomposition,
+    decomposition_of,
+    deepest_within,
+    depths,
+    outermost,
+    polyhedron_of,
+)
+from skillplan.task import Box, Cylinder, Pose
 
 ORIGIN = (0.0, 0.0, 0.0)
 places = st.floats(-0.05, 0.05)

@@ -2,10 +2,9 @@
 
 import pytest
 
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.collision import PrecedenceDetector
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
+from skillplan.pipeline import Setup, make_model
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 
 

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from skillplan.collision.solid import TOUCH_M, Solid, covered
-from skillplan.task.pose import Pose
-from skillplan.task.shape import Box, Cylinder, Mesh
+from skillplan.collision import TOUCH_M, Solid, covered
+from skillplan.task import Box, Cylinder, Mesh, Pose
 
 ORIGIN = (0.0, 0.0, 0.0)
 QUARTER = math.pi / 2

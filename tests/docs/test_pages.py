@@ -6,10 +6,8 @@ import re
 
 import pytest
 
-from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Status
+from skillplan.pipeline import load_problem, solve, solve_chain
+from skillplan.records import Status
 from transcripts import PAGES, ROOT, fences
 
 DOCS = ROOT / "docs"

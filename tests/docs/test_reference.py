@@ -19,8 +19,7 @@ import skillplan
 from same_process import studies_in_this_process
 from skillplan import errors
 from skillplan.pipeline import registry
-from skillplan.records import schemas
-from skillplan.records.result import Status
+from skillplan.records import Status, schemas
 from transcripts import ROOT, run
 
 DOCS = ROOT / "docs"

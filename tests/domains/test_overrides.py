@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.load import overridden
+from skillplan.domains import overridden
 from skillplan.errors import OptionError, TaskError
-from skillplan.files.yaml import Document, parse
-from skillplan.pipeline.setup import load_problem
+from skillplan.files import Document, parse
+from skillplan.pipeline import load_problem
 
 TEXT = """\
 kind: swarmitfix

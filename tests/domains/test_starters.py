@@ -5,13 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.domains.domain import Domain, Strict
+from skillplan.domains import Domain, Strict
 from skillplan.errors import OptionError
-from skillplan.files.yaml import parse
-from skillplan.pipeline import registry
-from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import solve
+from skillplan.files import parse
+from skillplan.pipeline import load_problem, registry, solve, solve_chain
 
 KINDS = ("assembly", "sop", "swarmitfix")
 

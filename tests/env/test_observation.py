@@ -7,10 +7,10 @@ import pytest
 
 from board_situations import OPTIMAL, state_after
 from situations import graph_of, model_of
-from skillplan.env.observation import Observation
+from skillplan.env import Observation
 from skillplan.errors import OptionError
-from skillplan.pipeline.solving import make_model
-from skillplan.task.task import Task
+from skillplan.pipeline import make_model
+from skillplan.task import Task
 from swarm_situations import base_task
 
 FIG_5 = [1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0]

@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 
 from situations import two_roads_task
-from skillplan.env.observation import RewardFunction
+from skillplan.env import RewardFunction
 from skillplan.errors import OptionError
-from skillplan.task.reward import DistanceReward
-from skillplan.task.task import Task
+from skillplan.task import DistanceReward, Task
 
 
 def paid(reward_function: RewardFunction, task: Task, **ended: bool) -> float:

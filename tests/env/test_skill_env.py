@@ -9,11 +9,10 @@ from gymnasium.utils.env_checker import check_env
 
 from board_situations import OPTIMAL
 from situations import fake_back_end, model_of, retry_task, two_roads_task
-from skillplan.env.skill_env import SkillEnv
+from skillplan.env import SkillEnv
 from skillplan.errors import OptionError
-from skillplan.pipeline.solving import make_model
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan.pipeline import make_model
+from skillplan.task import Task, Verdict
 
 LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13
 

@@ -28,17 +28,12 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.checks.feasibility import Feasibility
-from skillplan.env.observation import Observation, RewardFunction
-from skillplan.env.skill_env import SkillEnv
-from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.checks import Feasibility
+from skillplan.env import Observation, RewardFunction, SkillEnv, SkillVectorEnv
 from skillplan.errors import BackEndError, OptionError
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.solving import make_model
-from skillplan.task.skill import Outcome, Skill
-from skillplan.task.state import Facts, State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan.model import SkillModel
+from skillplan.pipeline import make_model
+from skillplan.task import Facts, Outcome, Skill, State, Task, Verdict
 
 COMPLETE, INFEASIBLE, OUT_OF_TIME = 1, 2, 3
 LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handovers import best
-from skillplan.exporters.exporter import Handover
+from skillplan.exporters import Handover
 
 
 @pytest.fixture(scope="session")

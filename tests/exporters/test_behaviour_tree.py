@@ -7,10 +7,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.exporters.behaviour_tree import PORTS, BehaviourTreeExporter, meant, said
-from skillplan.exporters.exporter import Handover
-from skillplan.testing import chance_task, hostile_task
-from skillplan.testing.suites import solved_lid
+from skillplan.exporters import PORTS, BehaviourTreeExporter, Handover, meant, said
+from skillplan.testing import chance_task, hostile_task, solved_lid
 from skillplan.xml_tree import parse_xml
 
 bt: Any = pytest.importorskip("behaviortreepy", reason="needs behaviortreepy: skillplan[test]")

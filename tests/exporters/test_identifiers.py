@@ -8,7 +8,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.exporters.exporter import Identifiers, quoted
+from skillplan.exporters import Identifiers, quoted
 
 
 @given(st.lists(st.text(max_size=80), unique=True, max_size=20))

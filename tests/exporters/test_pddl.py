@@ -16,23 +16,23 @@ from example_count import examples
 from handovers import BY_CHART, CONFIGS, best, solved
 from random_boards import board_text, seed_blocks
 from situations import assembly, crowded_assemblies, model_of
-from skillplan.collision.aabb import AabbDetector
-from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.domains.assembly.grounding import ground
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.collision import AabbDetector
+from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, ground
 from skillplan.errors import OptionError
-from skillplan.exporters.exporter import Handover
-from skillplan.exporters.pddl.action_costs import NoActionCosts, scale_of
-from skillplan.exporters.pddl.conditions import ConsistentStates
-from skillplan.exporters.pddl.exporter import ActionNames, PddlExporter, PlanningTask
+from skillplan.exporters import (
+    ActionNames,
+    ConsistentStates,
+    Handover,
+    NoActionCosts,
+    PddlExporter,
+    PlanningTask,
+    scale_of,
+)
 from skillplan.judge import fast_downward
-from skillplan.model.replay import replay
-from skillplan.pipeline.exchange.export import exported, handed_over
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.task.state import Condition
-from skillplan.task.task import Task
+from skillplan.model import replay
+from skillplan.pipeline import Setup, exported, handed_over, load_problem, make_model, solve
+from skillplan.records import Status
+from skillplan.task import Condition, Task
 
 BY_BOXES = Setup(collision=("aabb",))
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]

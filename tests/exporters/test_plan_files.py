@@ -9,15 +9,18 @@ import pytest
 
 from handovers import best
 from skillplan.errors import OptionError
-from skillplan.exporters.behaviour_tree import BehaviourTreeExporter
-from skillplan.exporters.exporter import Exporter, Handover
-from skillplan.exporters.pddl.exporter import PddlExporter
-from skillplan.exporters.plan_files import MAX_BYTES, read_plan
-from skillplan.exporters.plan_table import CsvExporter
-from skillplan.model.replay import replay
-from skillplan.pipeline.exchange.plan_input import given_plan
-from skillplan.testing import hostile_task
-from skillplan.testing.suites import solved_lid
+from skillplan.exporters import (
+    MAX_BYTES,
+    BehaviourTreeExporter,
+    CsvExporter,
+    Exporter,
+    Handover,
+    PddlExporter,
+    read_plan,
+)
+from skillplan.model import replay
+from skillplan.pipeline import given_plan
+from skillplan.testing import hostile_task, solved_lid
 
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="plan">{}</BehaviorTree></root>'

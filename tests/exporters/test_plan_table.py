@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.exporters.exporter import Handover
-from skillplan.exporters.plan_table import COLUMNS, CsvExporter, _text, read_cell
-from skillplan.testing import hostile_task
-from skillplan.testing.suites import solved_lid
+from skillplan.exporters import COLUMNS, CsvExporter, Handover, read_cell
+from skillplan.exporters.plan_table import _text
+from skillplan.testing import hostile_task, solved_lid
 
 
 def rows(handover: Handover) -> list[dict[str, str]]:

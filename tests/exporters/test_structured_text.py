@@ -7,10 +7,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.exporters.exporter import Handover
-from skillplan.exporters.structured_text import StructuredTextExporter
-from skillplan.testing import hostile_task
-from skillplan.testing.suites import solved_lid
+from skillplan.exporters import Handover, StructuredTextExporter
+from skillplan.testing import hostile_task, solved_lid
 
 
 def text_of(handover: Handover) -> str:

@@ -12,15 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.files import atomic_file
-from skillplan.files.atomic_file import (
+from skillplan.files import (
+    atomic_file,
     is_unfinished,
+    make_folder,
     replacing,
+    sync_folder,
     write_new,
     write_whole,
     written_beside,
 )
-from skillplan.files.folder import make_folder, sync_folder
 
 
 def test_what_was_there_is_replaced(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.files.folder import FolderLock
+from skillplan.files import FolderLock
 
 HOLDER = """
 import sys

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.files.atomic_file import GrowingFile
+from skillplan.files import GrowingFile
 
 
 def test_records_are_appended_and_what_was_there_stays(tmp_path: Path) -> None:

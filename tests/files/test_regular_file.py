@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.files.regular_file import RefusedFile, open_regular, read_bytes, real_path_within
+from skillplan.files import RefusedFile, open_regular, read_bytes, real_path_within
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.files.json_file import MAX_DEPTH, parse_json
+from skillplan.files import MAX_DEPTH, parse_json
 
 VALUES = st.recursive(
     st.none()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from situations import solver_that, two_roads_task
-from skillplan.pipeline.solving import solve
-from skillplan.solvers.solution import Plan, Solution
+from skillplan.pipeline import solve
+from skillplan.solvers import Plan, Solution
 
 
 def cheapest() -> tuple[tuple[str, ...], float]:

@@ -9,14 +9,9 @@ import pytest
 
 from handovers import best
 from situations import fake_back_end, model_of
-from skillplan.judge import fast_downward
-from skillplan.judge.fast_downward import PlannerAnswer
-from skillplan.judge.planner_claims import planner_claims
-from skillplan.records.certificate import Claim, Outcome
-from skillplan.records.result import Status
-from skillplan.records.stored.result_file import StoredClaims
-from skillplan.task.state import State
-from skillplan.task.verdict import Verdict
+from skillplan.judge import PlannerAnswer, fast_downward, planner_claims
+from skillplan.records import Claim, Outcome, Status, StoredClaims
+from skillplan.task import State, Verdict
 
 MICROMETRES = 1_867_086
 

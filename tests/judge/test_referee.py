@@ -24,18 +24,14 @@ from situations import (
     solver_that,
     two_roads_task,
 )
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.collision import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.judge import referee
-from skillplan.judge.referee import counterexample, cross_examine
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Result, Status
+from skillplan.judge import counterexample, cross_examine, referee
+from skillplan.pipeline import Setup, solve
+from skillplan.records import Result, Status
+from skillplan.solvers import Plan, Policy, Solution, Stop
 from skillplan.solvers import stop as stops
-from skillplan.solvers.solution import Plan, Policy, Solution
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Condition, Facts
-from skillplan.task.verdict import Verdict
+from skillplan.task import Condition, Facts, Verdict
 from skillplan.testing import lid_content
 
 BARE = FakeSetup()

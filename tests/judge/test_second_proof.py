@@ -21,11 +21,11 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import NotASequencing
-from skillplan.judge.second_proof import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.task.verdict import Verdict
+from skillplan.judge import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
+from skillplan.model import SequencingProblem
+from skillplan.pipeline import make_model, solve
+from skillplan.records import Status
+from skillplan.task import Verdict
 
 
 def problem_of(first, costs, precedence=(), step_limit=100):

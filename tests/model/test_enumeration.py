@@ -15,13 +15,11 @@ from situations import (
     retry_task,
     small_tasks,
 )
-from skillplan.checks.feasibility import Feasibility
-from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
-from skillplan.testing import lid_task
-from skillplan.testing.executor_suite import ExpensiveBoxes
-from skillplan.workers.executor import Answer, Executor, Worker
+from skillplan.checks import Feasibility
+from skillplan.model import enumerate_feasibility
+from skillplan.task import Facts, Verdict
+from skillplan.testing import ExpensiveBoxes, lid_task
+from skillplan.workers import Answer, Executor, Worker
 
 
 @given(task=small_tasks())

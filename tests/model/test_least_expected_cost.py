@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.errors import ModelTooLarge
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.model.tabular_mdp import least_expected_cost
-from skillplan.task.state import Facts
-from skillplan.task.task import Task
+from skillplan.model import evaluate_policy, least_expected_cost
+from skillplan.task import Facts, Task
 
 
 def least(task: Task, limit: int = 1_000) -> float | None:

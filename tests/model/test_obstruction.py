@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from skillplan.domains.assembly.grounding import ground
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.model.obstruction import obstruction
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
-from skillplan.task.task import Task
+from skillplan.domains.assembly import AssemblyConfig, ground
+from skillplan.model import obstruction
+from skillplan.pipeline import Setup, make_model
+from skillplan.task import Task
 from skillplan.testing import lid_content, lid_task, shut_box_task
 
 

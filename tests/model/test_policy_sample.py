@@ -5,10 +5,8 @@ from __future__ import annotations
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task
-from skillplan.model import policy_value
-from skillplan.model.policy_value import evaluate_policy, sample_policy
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.model import evaluate_policy, policy_value, sample_policy
+from skillplan.task import Facts, Verdict
 
 
 def test_the_mean_of_roll_outs_comes_with_its_interval() -> None:

@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.errors import ModelTooLarge
-from skillplan.model import policy_value
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.model import evaluate_policy, policy_value
+from skillplan.task import Facts, Verdict
 
 
 @given(st.floats(0.01, 1.0), st.floats(0.0, 10.0))

@@ -3,11 +3,9 @@
 import pytest
 
 from situations import fake_back_end, model_of, two_roads_task
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
-from skillplan.task.reward import RewardScheme
-from skillplan.task.verdict import Verdict
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model
+from skillplan.task import RewardScheme, Verdict
 
 
 def walk(task, text, *back_ends):

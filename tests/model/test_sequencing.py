@@ -21,16 +21,11 @@ from situations import (
     make_skill,
     small_assemblies,
 )
-from skillplan.chart.partial_order import closure
-from skillplan.chart.precedence_chart import derive_chart
+from skillplan.chart import closure, derive_chart
 from skillplan.errors import NotASequencing, OptionError
-from skillplan.model.replay import replay
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.task.skill import Outcome
-from skillplan.task.state import Condition
-from skillplan.task.verdict import Verdict
+from skillplan.model import SequencingProblem, replay
+from skillplan.pipeline import Setup, load_problem, make_model, solve
+from skillplan.task import Condition, Outcome, Verdict
 from skillplan.testing import lid_task, shut_box_task
 
 

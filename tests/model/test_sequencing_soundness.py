@@ -8,11 +8,9 @@ from example_count import examples
 from sequencing_cases import changed_board, cheapest_order, sound, strict_back_end
 from situations import FakeSetup, assembly, crowded_assemblies, small_assemblies
 from skillplan.errors import NotASequencing
-from skillplan.model.replay import replay
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
+from skillplan.model import SequencingProblem, replay
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.records import Status
 
 
 def check_against_exact_search(task, setup):

@@ -13,11 +13,10 @@ from situations import (
     small_assemblies,
     two_roads_task,
 )
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility
 from skillplan.errors import SearchStopped
-from skillplan.model.skill_model import SkillModel, Transition
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.model import SkillModel, Transition
+from skillplan.task import Facts, Verdict
 from skillplan.testing import reachable_states
 
 

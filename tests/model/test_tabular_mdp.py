@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from skillplan.errors import ModelTooLarge
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model, solve
+from skillplan.model import TabularMDP
+from skillplan.pipeline import load_problem, make_model, solve
 from skillplan.testing import lid_task
 
 

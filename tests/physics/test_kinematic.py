@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from situations import assembly, config_content
-from skillplan.physics.kinematic import KinematicEngine
+from skillplan.physics import KinematicEngine
 from skillplan.testing import EngineSuite
 
 

@@ -10,10 +10,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, fetching_board
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.task.motion import AXES, Grasp, GraspKind, Motion, Route, Visit
-from skillplan.task.pose import DOWN, Point, Pose, dot, plus, unit
-from skillplan.task.task import Task
+from skillplan.physics import LinearMotion, linear_motions
+from skillplan.task import (
+    AXES,
+    DOWN,
+    Grasp,
+    GraspKind,
+    Motion,
+    Point,
+    Pose,
+    Route,
+    Task,
+    Visit,
+    dot,
+    plus,
+    unit,
+)
 
 BAR = {
     "kind": "assembly",

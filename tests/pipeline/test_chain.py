@@ -6,17 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.domains.load import Problem
+from skillplan.domains import Problem
 from skillplan.errors import OptionError, PluginError
-from skillplan.pipeline.chain import (
+from skillplan.pipeline import (
+    Setup,
+    load_problem,
     solve_chain,
+    solve_chain_with_all,
+    solver_names,
+    solvers_by_stage,
 )
-from skillplan.pipeline.comparison import solve_chain_with_all
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solver_names, solvers_by_stage
-from skillplan.records.chain_result import ChainResult
-from skillplan.records.result import Status
-from skillplan.solvers.stop import Stop
+from skillplan.records import ChainResult, Status
+from skillplan.solvers import Stop
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 GOALS = """\

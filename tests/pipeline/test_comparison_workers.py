@@ -14,10 +14,9 @@ import pytest
 
 from skillplan import load_problem
 from skillplan.errors import OptionError
-from skillplan.pipeline.comparison import Terms, compare_solvers, rows_side_by_side
-from skillplan.pipeline.setup import Setup
-from skillplan.solvers.stop import Stop
-from skillplan.workers.local_processes import LocalProcesses
+from skillplan.pipeline import Setup, Terms, compare_solvers, rows_side_by_side
+from skillplan.solvers import Stop
+from skillplan.workers import LocalProcesses
 
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "configs" / "inverter_board.yaml"

@@ -7,8 +7,7 @@ from importlib.metadata import EntryPoint, EntryPoints
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.pipeline.presentation.performing import looks_of_arm
-from skillplan.pipeline.setup import Setup
+from skillplan.pipeline import Setup, looks_of_arm
 from skillplan.plugins import installed
 from skillplan.testing import lid_task
 

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from situations import CONFIGS
-from skillplan.env.skill_env import SkillEnv
-from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.env import SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError, PluginError, TaskError
-from skillplan.task.task import Task
+from skillplan.task import Task
 
 BOARD = CONFIGS / "inverter_board.yaml"
 NAME = "skillplan/Task-v0"

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.domains.load import Problem
+from skillplan.domains import Problem
 from skillplan.errors import OptionError, PluginError
+from skillplan.pipeline import load_problem, preview, registry
 from skillplan.pipeline import obstacles as stage
-from skillplan.pipeline import registry
-from skillplan.pipeline.obstacles import preview
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.preview import DerivedOrder
+from skillplan.records import DerivedOrder
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = load_problem(CONFIGS / "inverter_board.yaml")

@@ -6,18 +6,21 @@ import pytest
 
 from expensive_back_ends import ExpensiveEngine
 from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
-from skillplan.checks.verdict_cache import DiskVerdictCache
-from skillplan.collision.aabb import AabbDetector
-from skillplan.collision.detector import Detector
+from skillplan.checks import DiskVerdictCache
+from skillplan.collision import AabbDetector, Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
-from skillplan.pipeline import registry
-from skillplan.pipeline.comparison import solve_all
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import cache_folder, make_model, make_solver, solve
-from skillplan.solvers.solution import Plan, Solution
-from skillplan.solvers.stop import Stop
-from skillplan.task.task import BackEndChoice
-from skillplan.task.verdict import Verdict
+from skillplan.files import cache_folder
+from skillplan.pipeline import (
+    Setup,
+    load_problem,
+    make_model,
+    make_solver,
+    registry,
+    solve,
+    solve_all,
+)
+from skillplan.solvers import Plan, Solution, Stop
+from skillplan.task import BackEndChoice, Verdict
 from skillplan.testing import lid_task
 
 BOARD = CONFIGS / "inverter_board.yaml"

@@ -7,14 +7,10 @@ from typing import Any
 import pytest
 
 from situations import FakeSetup, fake_back_end, two_roads_task
-from skillplan.physics.engine import Engine
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Result, Status
-from skillplan.task.back_end import BackEnd
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan.physics import Engine
+from skillplan.pipeline import solve
+from skillplan.records import Result, Status
+from skillplan.task import BackEnd, Skill, State, Task, Verdict
 
 
 def refusing(task: Task, *names: str) -> Any:

@@ -14,13 +14,10 @@ import pytest
 
 from situations import FakeSetup
 from skillplan.errors import BackEndError, SearchStopped, SolverError
-from skillplan.pipeline import registry
-from skillplan.pipeline.separate_process import GRACE_S
-from skillplan.pipeline.solving import make_solver, solve
-from skillplan.solvers.solver import Solver
-from skillplan.solvers.stop import Stop
+from skillplan.pipeline import GRACE_S, make_solver, registry, solve
+from skillplan.solvers import Solver, Stop
 from skillplan.testing import lid_task
-from skillplan.workers.processes import resident_bytes
+from skillplan.workers import resident_bytes
 
 PATIENCE_S = 20
 HEAD = """

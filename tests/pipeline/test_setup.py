@@ -4,10 +4,9 @@ import sys
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.errors import BackEndError, OptionError, TaskError
-from skillplan.pipeline import registry
-from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline import Setup, load_problem, registry
 
 TASK = """kind: assembly
 name: single

@@ -6,9 +6,9 @@ import pytest
 
 from situations import CONFIGS
 from skillplan import ChainResult, Problem, Result, Setup, Status, load_problem, solve_problem
-from skillplan.collision.aabb import AabbDetector
+from skillplan.collision import AabbDetector
 from skillplan.errors import OptionError
-from skillplan.solvers.solution import Plan
+from skillplan.solvers import Plan
 
 
 @pytest.fixture

@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.domain import Account, Listing
-from skillplan.pipeline.solving import SearchRequest, describe, grade, search, solve
-from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.result import Result, Status
-from skillplan.task.task import Task
-from skillplan.views.tables.chain import (
+from skillplan.domains import Account, Listing
+from skillplan.pipeline import SearchRequest, describe, grade, solve
+from skillplan.pipeline.solving import search
+from skillplan.records import ChainPart, ChainResult, Result, Status
+from skillplan.task import Task
+from skillplan.views import as_csv, render
+from skillplan.views.tables import (
     appendix_tables,
     chain_comparison_tables,
     chain_tables,
+    listing_table,
 )
-from skillplan.views.tables.installation import listing_table
-from skillplan.views.text.table import as_csv, render
 from swarm_situations import base_task
 
 TWO, ONE = base_task(66, 42), base_task(42, 29)

@@ -7,17 +7,12 @@ from typing import Any
 import pytest
 
 from situations import make_skill, make_task
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.evaluation import Evaluation
-from skillplan.records.result import Result
-from skillplan.solvers.solution import Plan, Solution
-from skillplan.solvers.solver import Solver
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
-from skillplan.task.task import Task
-from skillplan.views.tables.questions import evaluation_table
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.records import Evaluation, Result
+from skillplan.solvers import Plan, Solution, Solver, Stop
+from skillplan.task import Facts, Task
+from skillplan.views.tables import evaluation_table
 from sop_instances import instance
 
 BARE = Setup()

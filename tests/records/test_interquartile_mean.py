@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.records.interval import interquartile_mean, mean
+from skillplan.records import interquartile_mean, mean
 
 figures = st.floats(-1e6, 1e6, allow_nan=False)
 

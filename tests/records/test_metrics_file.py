@@ -9,14 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.errors import OptionError
-from skillplan.records.training.run_folder import (
-    FiguresRecord,
-    RunMetrics,
-    metrics_line,
-    metrics_of,
-    read_metrics,
-)
-from skillplan.solvers.learning.learner import Episode
+from skillplan.records import FiguresRecord, RunMetrics, metrics_line, metrics_of, read_metrics
+from skillplan.solvers import Episode
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 EPISODES = st.builds(

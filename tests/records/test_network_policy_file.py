@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from skillplan.env.observation import Observation
+from skillplan.env import Observation
 from skillplan.errors import OptionError
-from skillplan.records.training.network_policy_file import read_network, write_network
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.task.task import Task
+from skillplan.records import read_network, write_network
+from skillplan.solvers import NetworkPolicy
+from skillplan.task import Task
 
 CHANCE = np.random.Generator(np.random.PCG64(0))
 

@@ -11,15 +11,13 @@ from typing import Any
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.model.policy_value import roll_out
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Result
+from skillplan.model import roll_out
+from skillplan.pipeline import make_model, solve
+from skillplan.records import Result, policy_document, read_policy, start_state
 from skillplan.records.stored import policy_file
-from skillplan.records.stored.policy_file import policy_document, read_policy, start_state
-from skillplan.solvers.solution import Policy
-from skillplan.task.task import Task
-from skillplan_swarmitfix.base.task import BaseGrounding
-from skillplan_swarmitfix.bench.bench import Bench
+from skillplan.solvers import Policy
+from skillplan.task import Task
+from skillplan_swarmitfix import BaseGrounding, Bench
 from swarm_situations import SWING_S, base_task
 
 HASH = "0123456789abcdef" * 4

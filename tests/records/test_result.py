@@ -9,13 +9,12 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.output import as_json, exit_code
-from skillplan.model.replay import Step
-from skillplan.records.origin import Origin
-from skillplan.records.result import Result, SimulationOutcome, Status, tolerance
-from skillplan.task.task import Task
-from skillplan.views.tables.results import comparison_table, plan_table
-from skillplan.views.text.wording import number, percent
+from skillplan.cli import as_json, exit_code
+from skillplan.model import Step
+from skillplan.records import Origin, Result, SimulationOutcome, Status, tolerance
+from skillplan.task import Task
+from skillplan.views import number, percent
+from skillplan.views.tables import comparison_table, plan_table
 
 STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
 

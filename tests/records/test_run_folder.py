@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.training.run_folder import RunFolder, copy_name, is_run_folder
+from skillplan.pipeline import load_problem
+from skillplan.records import RunFolder, copy_name, is_run_folder
 from sop_instances import FOLDER
 from tabular_learner import learner_installed
 from training_situations import BOARD, train

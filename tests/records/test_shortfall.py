@@ -8,13 +8,11 @@ from typing import Any
 
 import pytest
 
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.optimum import Optimum
-from skillplan.records.training.result import TrainingResult
-from skillplan.records.training.shortfall import Shortfall, shortfall_of
-from skillplan.solvers.learning.learner import End, Episode
-from skillplan.task.task import Task
-from skillplan.views.tables.training import training_tables
+from skillplan.pipeline import load_problem
+from skillplan.records import Optimum, Shortfall, TrainingResult, shortfall_of
+from skillplan.solvers import End, Episode
+from skillplan.task import Task
+from skillplan.views.tables import training_tables
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 1_000

@@ -10,14 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import CONFIGS
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.task_difference import (
-    MISSING,
-    Difference,
-    differences,
-    resolved_config,
-    what_changed,
-)
+from skillplan.pipeline import load_problem
+from skillplan.records import MISSING, Difference, differences, resolved_config, what_changed
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),

@@ -8,15 +8,14 @@ from typing import Any
 
 import pytest
 
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.records.optimum import Optimum
-from skillplan.records.training.published_runs import TABLE_III, published_runs
-from skillplan.records.training.result import (
+from skillplan.model import replay
+from skillplan.pipeline import load_problem, make_model
+from skillplan.records import (
+    TABLE_III,
     GreedyRollOut,
     LayoutOutcome,
     LayoutsResult,
+    Optimum,
     RandomBaseline,
     RunOutcome,
     RunStatus,
@@ -24,13 +23,13 @@ from skillplan.records.training.result import (
     Tally,
     TrainingRecord,
     TrainingResult,
+    published_runs,
     training_record,
 )
-from skillplan.solvers.gap import deviation
-from skillplan.solvers.learning.learner import Episode
-from skillplan.task.task import Task
-from skillplan.views.tables.training import layouts_table, training_tables
-from skillplan.views.text.table import as_csv, as_markdown
+from skillplan.solvers import Episode, deviation
+from skillplan.task import Task
+from skillplan.views import as_csv, as_markdown
+from skillplan.views.tables import layouts_table, training_tables
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEST = 1.8670860141568904

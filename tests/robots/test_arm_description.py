@@ -5,10 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from skillplan.robots import panda
-from skillplan.robots.arm_description import Joint, LinkInertia, Transform
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
+from skillplan.robots import PANDA, UR5E, Joint, LinkInertia, Transform, panda
 
 LINK = LinkInertia(2.0, (0.0, 0.0, 0.1), (0.02, 0.03, 0.04, 0.001, 0.002, 0.003))
 JOINT = Joint("elbow", Transform((0.1, 0.0, 0.2)), -2.0, 1.0, 3.0, 5.0, 80.0, LINK)

@@ -6,10 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.robots.arm_description import ArmDescription, Capsule, Hull, Rod
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
-from skillplan.robots.urdf import Rigid, UrdfError, read_urdf
+from skillplan.robots import (
+    PANDA,
+    UR5E,
+    ArmDescription,
+    Capsule,
+    Hull,
+    Rigid,
+    Rod,
+    UrdfError,
+    read_urdf,
+)
 from skillplan.xml_tree import MAX_DEPTH, MAX_ELEMENTS
 from urdf_text import CAPSULE, joint, link, urdf, urdf_of
 

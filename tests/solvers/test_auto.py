@@ -17,13 +17,11 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_solver, solve
-from skillplan.records.result import Status
-from skillplan.solvers.solution import Plan
-from skillplan.solvers.stop import Stop
+from skillplan.collision import PrecedenceDetector
+from skillplan.model import replay
+from skillplan.pipeline import Setup, load_problem, make_solver, solve
+from skillplan.records import Status
+from skillplan.solvers import Plan, Stop
 from skillplan.testing import SolverSuite
 from sop_instances import BEST_KNOWN, instance
 
@@ -144,7 +142,7 @@ def test_a_plan_to_start_from_is_never_given_up_for_a_worse_one(board_task):
 def test_a_small_board_is_solved_without_numpy():
     """As one waits for every import."""
     code = (
-        "import sys; from skillplan.cli.app import main\n"
+        "import sys; from skillplan.cli import main\n"
         "try: main(['search-optimal', 'configs/inverter_board.yaml', '--solver', 'auto'])\n"
         "except SystemExit as end: assert not end.code, end.code\n"
         "heavy = {'numpy', 'numba', 'highspy'} & set(sys.modules); assert not heavy, heavy"

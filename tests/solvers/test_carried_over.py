@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.solvers.learning.carried_over import NamedNetwork
-from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers import NamedNetwork, NetworkPolicy
 
 
 def a_network(features: tuple[str, ...], actions: tuple[str, ...], seed: int) -> NamedNetwork:

@@ -8,12 +8,9 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import make_skill, make_task, retry_task
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.search.csp import CspSolver
-from skillplan.solvers.stop import Stop
-from skillplan.task.cost import ConstantCost
-from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Condition, Facts
+from skillplan.pipeline import make_model, solve
+from skillplan.solvers import CspSolver, Stop
+from skillplan.task import Case, Condition, ConstantCost, Facts, Outcome, Skill
 
 pins = st.frozensets(st.sampled_from("abcdef"), max_size=3)
 layers_of = st.lists(

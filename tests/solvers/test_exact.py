@@ -23,14 +23,11 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.search.exact import ExactSolver
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.collision import PrecedenceDetector
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.solvers import ExactSolver, Stop
+from skillplan.task import Facts, Verdict
 from skillplan.testing import SolverSuite
 
 CHART = Setup(collision=("precedence",))

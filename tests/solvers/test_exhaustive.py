@@ -19,12 +19,10 @@ from situations import (
     small_assemblies,
     two_roads_task,
 )
-from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.search.exhaustive import ExhaustiveSolver
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
+from skillplan.collision import PrecedenceDetector
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.solvers import ExhaustiveSolver, Stop
+from skillplan.task import Facts
 from skillplan.testing import SolverSuite
 
 CHART = Setup(collision=("precedence",))

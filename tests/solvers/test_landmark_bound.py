@@ -14,8 +14,8 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.solvers.search.landmark_bound import COST_UNIT, LandmarkBound, from_units, to_units
-from skillplan.task.state import Facts
+from skillplan.solvers import COST_UNIT, LandmarkBound, from_units, to_units
+from skillplan.task import Facts
 
 
 def assert_admissible_and_consistent(task):

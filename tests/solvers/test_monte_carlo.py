@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from example_count import examples
-from skillplan.pipeline.solving import make_model, make_solver
-from skillplan.solvers.learning.episode_kernels import Environment, Schedule, monte_carlo_episodes
+from skillplan.pipeline import make_model, make_solver
+from skillplan.solvers import Environment, Schedule, monte_carlo_episodes
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task, minimal_starts
 

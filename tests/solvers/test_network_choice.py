@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task, two_roads_task
-from skillplan.env.observation import Observation
-from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict
+from skillplan.env import Observation
+from skillplan.solvers import NetworkChoice, NetworkPolicy, reachable_policy
+from skillplan.task import Facts, Verdict
 
 
 def preferring(task, *names):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.solvers.learning.network_policy import NetworkPolicy, allowed_scores, random_actions
+from skillplan.solvers import NetworkPolicy, allowed_scores, random_actions
 
 
 def array(values):

@@ -13,15 +13,12 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import cheapest_by_length, make_skill, make_task, model_of, optimum, small_tasks
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.solvers.mdp.bellman_solver import BellmanSolver
-from skillplan.solvers.mdp.policy_iteration import PolicyIterationSolver
-from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
+from skillplan.model import TabularMDP
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.records import Status
+from skillplan.solvers import Stop
+from skillplan.solvers.mdp import BellmanSolver, PolicyIterationSolver, ValueIterationSolver
+from skillplan.task import Facts
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task
 

@@ -9,10 +9,9 @@ import pytest
 
 from situations import CONFIGS
 from skillplan import load_problem
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, make_solver, solve
-from skillplan.solvers.learning.episodic_solver import greedy_rows
+from skillplan.model import TabularMDP
+from skillplan.pipeline import Setup, make_model, make_solver, solve
+from skillplan.solvers import greedy_rows
 from skillplan.testing import SolverSuite, lid_task
 from swarm_situations import base_task, minimal_starts
 

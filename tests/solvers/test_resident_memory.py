@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.workers import processes
-from skillplan.workers.processes import resident_bytes, resident_bytes_of
+from skillplan.workers import processes, resident_bytes, resident_bytes_of
 
 MIB = 1024**2
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import pytest
 
-from skillplan.pipeline.solving import make_model, make_solver
-from skillplan.solvers.learning.sarsa import SarsaSolver
+from skillplan.pipeline import make_model, make_solver
+from skillplan.solvers import SarsaSolver
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task, minimal_starts
 

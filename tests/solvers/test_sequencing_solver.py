@@ -20,16 +20,13 @@ from situations import (
     small_assemblies,
     small_tasks,
 )
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.collision import PrecedenceDetector
 from skillplan.errors import NotASequencing
-from skillplan.model.replay import replay
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.pipeline.solving import make_solver as made_solver
-from skillplan.records.result import Status
-from skillplan.solvers.solution import Plan
-from skillplan.solvers.stop import Stop
+from skillplan.model import SequencingProblem, replay
+from skillplan.pipeline import Setup, load_problem, make_model, solve
+from skillplan.pipeline import make_solver as made_solver
+from skillplan.records import Status
+from skillplan.solvers import Plan, Stop
 from skillplan.testing import SolverSuite
 from sop_instances import BEST_KNOWN, FOLDER, instance, tsplib_text
 
@@ -247,7 +244,7 @@ def searched(folder, n, limit_mib, time_limit_s):
     # The size that the system keeps count of for a child begins with that of its parent.
     size = folder / "size"
     code = (
-        "import atexit, sys; from pathlib import Path; from skillplan.cli.app import main; "
+        "import atexit, sys; from pathlib import Path; from skillplan.cli import main; "
         f"atexit.register(lambda: Path({str(size)!r}).write_bytes("
         "Path('/proc/self/status').read_bytes())); sys.exit(main())"
     )

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from situations import two_roads_task
-from skillplan.solvers.solution import Plan, Policy, Solution
+from skillplan.solvers import Plan, Policy, Solution
 
 
 @pytest.mark.parametrize("skills", [["a"], "a", (1,), None, (None,)])

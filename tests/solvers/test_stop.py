@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skillplan.solvers import Plan, Progress, Stop, relative_gap
 from skillplan.solvers import stop as stops
-from skillplan.solvers.gap import relative_gap
-from skillplan.solvers.solution import Plan
-from skillplan.solvers.stop import Progress, Stop
 
 
 @pytest.mark.parametrize("time_limit_s", [0.0, -1.0, math.nan])

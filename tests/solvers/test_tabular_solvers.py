@@ -9,15 +9,12 @@ import pytest
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, make_solver, solve
-from skillplan.records.result import Status
-from skillplan.solvers.kernels import compiled
-from skillplan.solvers.learning.episode_kernels import random_bits
-from skillplan.solvers.mdp.tabular_solver import learner_rewards
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
+from skillplan.model import TabularMDP
+from skillplan.pipeline import Setup, make_model, make_solver, solve
+from skillplan.records import Status
+from skillplan.solvers import Stop, compiled, random_bits
+from skillplan.solvers.mdp import learner_rewards
+from skillplan.task import Facts
 from skillplan.testing import lid_task
 from swarm_situations import base_task, legs_of_table_3, minimal_starts
 

@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly, config_content, fake_back_end, model_of, small_assemblies
 from skillplan.errors import NotASequencing
-from skillplan.judge.second_proof import least_cost_of_orders, least_cost_of_states
-from skillplan.model.replay import replay
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.physics.engine import Engine
-from skillplan.solvers.search.exact import ExactSolver
-from skillplan.solvers.search.exhaustive import ExhaustiveSolver
-from skillplan.task.verdict import Verdict
+from skillplan.judge import least_cost_of_orders, least_cost_of_states
+from skillplan.model import SequencingProblem, replay
+from skillplan.physics import Engine
+from skillplan.solvers import ExactSolver, ExhaustiveSolver
+from skillplan.task import Verdict
 from skillplan.testing import reachable_states
 from timed_back_end import clock
 

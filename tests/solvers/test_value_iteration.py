@@ -11,14 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.mdp.label_setting import costs_to_go
-from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
-from skillplan.task.reward import DistanceReward
-from skillplan.task.task import Task
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.solvers.mdp import ValueIterationSolver, costs_to_go
+from skillplan.task import DistanceReward, Task
 from skillplan.testing import SolverSuite
-from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix import Bench
 from swarm_situations import base_task, grounding, minimal_starts
 
 

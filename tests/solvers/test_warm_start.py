@@ -5,11 +5,9 @@ from hypothesis import given
 
 from situations import make_skill, make_task, retry_task, small_tasks, two_roads_task
 from skillplan.errors import OptionError
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Status
-from skillplan.solvers.solution import Plan, Policy, Solution
-from skillplan.solvers.solver import Solver
-from skillplan.solvers.stop import Stop
+from skillplan.pipeline import solve
+from skillplan.records import Status
+from skillplan.solvers import Plan, Policy, Solution, Solver, Stop
 
 CHEAP = Plan(("to_a", "a_to_b", "finish"), 3.0)
 DEAR = Plan(("to_b", "finish"), 4.0)

@@ -1,7 +1,6 @@
 """An audit of a finished search, as searches do it."""
 
-from skillplan.checks.audit import ask_again, draw_reused
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility, ask_again, draw_reused
 
 
 def audit(feasibility: Feasibility, size: int, seed: int, *, expensive: bool) -> int:

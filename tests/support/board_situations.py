@@ -8,10 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
+from skillplan.pipeline import load_problem
+from skillplan.task import Skill, State, Task
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 

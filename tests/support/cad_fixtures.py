@@ -10,9 +10,7 @@ from pathlib import Path
 import manifold3d
 import numpy as np
 
-from skillplan_cad.contacts import Contact
-from skillplan_cad.product import Face, Part
-from skillplan_cad.relation import Blocking, Relation, RelationPart
+from skillplan_cad import Blocking, Contact, Face, Part, Relation, RelationPart
 
 FOLDER = Path(__file__).parents[2] / "plugins" / "skillplan-cad" / "tests" / "fixtures"
 

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
-from skillplan_cad.product import Product
-from skillplan_cad.reading.product_reader import ReadOptions, read_product
+from skillplan_cad import Product, ReadOptions, blocked_of, joints_of, read_product, relation_of
 
 FIXTURES = Path(__file__).parents[2] / "plugins/skillplan-cad/tests/fixtures"
 AXES = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))

@@ -18,19 +18,21 @@ import coal
 import numpy as np
 
 from skillplan import load_problem
-from skillplan.physics.linear_motions import LinearMotion
-from skillplan.robots.arm_description import Transform
-from skillplan.robots.panda import PANDA
-from skillplan.task.motion import Event, Visit
-from skillplan.task.pose import Pose
-from skillplan.task.scene import Body, Box, GraspKind, Scene, ToolKind
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
-from skillplan_pinocchio.planning.travel import Travel, Unfound
-from skillplan_pinocchio.planning.travel_planner import TravelPlanner
-from skillplan_pinocchio.shapes import ConvexPiece, box_corners
+from skillplan.physics import LinearMotion
+from skillplan.robots import PANDA, Transform
+from skillplan.task import Body, Box, Event, GraspKind, Pose, Scene, ToolKind, Visit
+from skillplan_pinocchio import (
+    ArmModel,
+    ConvexPiece,
+    HandSweeps,
+    JointPath,
+    Obstacle,
+    Travel,
+    TravelPlanner,
+    Unfound,
+    box_corners,
+    obstacles_of,
+)
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARDS = ("inverter_board", "battery_module", "motor_drive", "relay_rail", "sensor_stack")

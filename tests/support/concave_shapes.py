@@ -1,6 +1,6 @@
 """Meshes that are not convex, made here: a channel, and the boxes that it is the union of."""
 
-from skillplan.task.shape import Box, Mesh
+from skillplan.task import Box, Mesh
 
 WIDTH_M, DEPTH_M, HEIGHT_M, WALL_M = 0.10, 0.08, 0.05, 0.004
 _PROFILE = [(0, 1, 4), (1, 2, 3), (1, 3, 4), (0, 4, 5), (0, 5, 6), (0, 6, 7)]

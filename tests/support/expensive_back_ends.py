@@ -12,10 +12,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from skillplan.collision.detector import Detector
-from skillplan.physics.engine import Engine
+from skillplan.collision import Detector
+from skillplan.physics import Engine
+from skillplan.task import Verdict
 from skillplan.task import back_end as back_ends
-from skillplan.task.verdict import Verdict
 
 
 class Options(back_ends.Options):

@@ -6,9 +6,8 @@ import random
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from skillplan.task.task import Task
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.fleet.task import fleet_task
+from skillplan.task import Task
+from skillplan_swarmitfix import Bench, fleet_task
 
 SWING_S = {60: 7.47, 120: 11.63, 180: 15.80, 240: 19.97, 300: 24.13}
 Robots = dict[str, tuple[int, int]]

@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from skillplan.exporters.exporter import Handover
-from skillplan.model.replay import replay
-from skillplan.pipeline.exchange.export import handed_over
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.task.task import Task
+from skillplan.exporters import Handover
+from skillplan.model import replay
+from skillplan.pipeline import Setup, handed_over, load_problem, make_model, solve
+from skillplan.task import Task
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BY_CHART = Setup(collision=("precedence",))

@@ -9,7 +9,7 @@ import random
 import numpy as np
 from hypothesis import strategies as st
 
-from skillplan.solvers.ordering.instance import NO_FAMILY, OrderingInstance
+from skillplan.solvers.ordering import NO_FAMILY, OrderingInstance
 
 KINDS = ("whole", "real", "few", "zero", "even", "large", "spread")
 """How costs are drawn: whole numbers, real ones, three values (ties), none, a step of 6, about a

@@ -3,7 +3,7 @@
 import pickle
 import random
 
-from skillplan.workers.executor import Answer, Ended, Executor
+from skillplan.workers import Answer, Ended, Executor
 
 
 class FakeProcess:

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from skillplan.errors import TaskError
-from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline import load_problem
 
 Content = dict[str, Any]
 Place = list[float]

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan.records.training.relational_file import write_relational
-from skillplan_torch.relational.elements import ELEMENT_FEATURES
-from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
+from skillplan.records import write_relational
+from skillplan_torch import ELEMENT_FEATURES, NetworkSize, RelationalNetwork
 
 SIZE = NetworkSize(width=4, heads=1, layers=1, pair_width=1)
 # Beside it, what is counted is small, so that the normalisation of rows keeps its order.

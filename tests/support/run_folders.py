@@ -12,16 +12,12 @@ from typing import Any
 import numpy as np
 
 from skillplan import __version__
-from skillplan.domains.load import Problem
-from skillplan.env.observation import Observation
-from skillplan.files.json_file import json_text
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.records.stored.policy_file import fingerprint
-from skillplan.records.task_difference import resolved_config
-from skillplan.records.training.network_policy_file import write_network
-from skillplan.records.training.run_folder import (
+from skillplan.domains import Problem
+from skillplan.env import Observation
+from skillplan.files import json_text
+from skillplan.model import replay
+from skillplan.pipeline import Setup, load_problem, make_model
+from skillplan.records import (
     MANIFEST,
     METRICS,
     PROGRESS,
@@ -30,13 +26,15 @@ from skillplan.records.training.run_folder import (
     RunManifest,
     TaskReference,
     copy_name,
+    fingerprint,
     group_path,
     metrics_line,
+    resolved_config,
     run_path,
+    write_network,
 )
-from skillplan.solvers.learning.learner import Episode
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.task.task import Task
+from skillplan.solvers import Episode, NetworkPolicy
+from skillplan.task import Task
 
 OPTIMAL = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 SWITCHED = "0,1,4,5,2,3,8,9,10,11,6,7,13,14,15"

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.workers.executor import POLL_S, Answer, Executor, Prepare, Worker
+from skillplan.workers import POLL_S, Answer, Executor, Prepare, Worker
 
 
 class SameProcessWorker(Worker):

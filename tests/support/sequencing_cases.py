@@ -7,10 +7,7 @@ import random
 from dataclasses import replace
 
 from situations import assembly, fake_back_end
-from skillplan.task.cost import CaseCost, ConstantCost
-from skillplan.task.skill import Outcome
-from skillplan.task.state import Condition
-from skillplan.task.verdict import Verdict
+from skillplan.task import CaseCost, Condition, ConstantCost, Outcome, Verdict
 
 
 def cheapest_order(problem):

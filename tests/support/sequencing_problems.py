@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
-from skillplan.model.sequencing import SequencingProblem
+from skillplan.model import SequencingProblem
 
 SOP = Path(__file__).parents[1] / "instances" / "sop"
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
-from skillplan.robots.ur5e import UR5E
+from skillplan.robots import UR5E, ArmDescription, Joint, LinkInertia, Transform
 
 _LINK = LinkInertia(1.0, (0.0, 0.0, 0.1), (0.01, 0.01, 0.01, 0.0, 0.0, 0.0))
 

@@ -11,21 +11,25 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from skillplan.checks.feasibility import Feasibility
-from skillplan.collision.detector import Detector
-from skillplan.domains.assembly.grounding import ground
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.files.yaml import parse
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup
-from skillplan.solvers.solver import Solver
-from skillplan.solvers.stop import Stop
-from skillplan.task.cost import ConstantCost
-from skillplan.task.scene import Scene
-from skillplan.task.skill import Outcome, Skill
-from skillplan.task.state import Condition, Facts, State
-from skillplan.task.task import Metric, Task
-from skillplan.task.verdict import Verdict
+from skillplan.checks import Feasibility
+from skillplan.collision import Detector
+from skillplan.domains.assembly import AssemblyConfig, ground
+from skillplan.files import parse
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup
+from skillplan.solvers import Solver, Stop
+from skillplan.task import (
+    Condition,
+    ConstantCost,
+    Facts,
+    Metric,
+    Outcome,
+    Scene,
+    Skill,
+    State,
+    Task,
+    Verdict,
+)
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

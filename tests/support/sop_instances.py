@@ -6,8 +6,8 @@ import csv
 from functools import cache
 from pathlib import Path
 
-from skillplan.domains.load import Problem
-from skillplan.pipeline.setup import load_problem
+from skillplan.domains import Problem
+from skillplan.pipeline import load_problem
 
 FOLDER = Path(__file__).parents[1] / "instances" / "sop"
 

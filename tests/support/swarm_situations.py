@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan_swarmitfix.base.path import BasePath
-from skillplan_swarmitfix.base.task import BaseGrounding
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan.task import Skill, State, Task
+from skillplan_swarmitfix import BaseGrounding, BasePath, Bench, Timings
 
 # Table 3 of the paper: from C66 to these goals, one after the other, in so many steps.
 HOME = 66

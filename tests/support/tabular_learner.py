@@ -17,20 +17,20 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.model.skill_model import SkillModel
+from skillplan.env import SkillVectorEnv
+from skillplan.model import SkillModel
 from skillplan.pipeline import registry
-from skillplan.solvers.learning.learner import (
+from skillplan.solvers import (
     End,
     Episode,
     Learned,
     Learner,
     LearnerOptions,
+    NetworkPolicy,
     Snapshot,
+    Solution,
     Training,
 )
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.solvers.solution import Solution
 
 SUPPORT = Path(__file__).parent
 # What the environment's numbers mean.

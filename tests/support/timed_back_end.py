@@ -4,7 +4,7 @@ import random
 from functools import reduce
 from operator import or_
 
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.collision import PrecedenceDetector
 
 
 class Clock(PrecedenceDetector):

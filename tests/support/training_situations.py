@@ -8,13 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from skillplan.domains.load import Problem
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.records.training.result import TrainingResult
-from skillplan.training.trainer import Trainer
-from skillplan.training.training_folder import TrainingFolder
-from skillplan.training.training_plan import TrainingPlan, plan_training
-from skillplan.workers.executor import ExecutorChoice
+from skillplan.domains import Problem
+from skillplan.pipeline import Setup, load_problem
+from skillplan.records import TrainingResult
+from skillplan.training import Trainer, TrainingFolder, TrainingPlan, plan_training
+from skillplan.workers import ExecutorChoice
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 # What a clock decides, and files that hold nothing else.

@@ -135,7 +135,7 @@ def run(words):
     if words[0] == "ls":
         return "".join(f"{path.name}\n" for path in sorted(Path(words[1]).iterdir()))
     assert words[0] == "skillplan", words
-    from skillplan.cli.app import main
+    from skillplan.cli import main
 
     with _captured() as stream, contextlib.suppress(SystemExit):
         main(words[1:])

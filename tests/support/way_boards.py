@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from situations import assembly, fake_back_end
-from skillplan.task.verdict import Verdict
+from skillplan.task import Verdict
 
 
 def drawer_content(*, stops=("left", "right"), cost="distance", **drawer):

@@ -12,18 +12,30 @@ import pytest
 
 from same_process import studies_in_this_process
 from skillplan.errors import OptionError, PluginError
-from skillplan.pipeline import registry
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.result import Status
-from skillplan.records.sweep.plan import Choice, SampledPlan, Span, Trial, TriedSetting
-from skillplan.records.sweep.result import StartOutcome, SweepRecord
-from skillplan.sweep.option_values import read_space
-from skillplan.sweep.parameter_study import do_sampled, make_sampler, plan_sampled, value_of
-from skillplan.sweep.sampler import FinishedTrial, SharedTrials
-from skillplan.sweep.study_runs import StudyJob
-from skillplan.task.task import Task
-from skillplan.views.figures.sweep_figure import sweep_figure
-from skillplan.views.tables.sweep import setting_table
+from skillplan.pipeline import load_problem, registry
+from skillplan.records import (
+    Choice,
+    SampledPlan,
+    Span,
+    StartOutcome,
+    Status,
+    SweepRecord,
+    Trial,
+    TriedSetting,
+)
+from skillplan.sweep import (
+    FinishedTrial,
+    SharedTrials,
+    StudyJob,
+    do_sampled,
+    make_sampler,
+    plan_sampled,
+    read_space,
+    value_of,
+)
+from skillplan.task import Task
+from skillplan.views.figures import sweep_figure
+from skillplan.views.tables import setting_table
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 
@@ -253,7 +265,7 @@ class TestStudy:
 
 def replace_records(plan: SampledPlan) -> Any:
     """Return a result whose runs all arrive."""
-    from skillplan.records.sweep.result import SweepResult
+    from skillplan.records import SweepResult
 
     records = [
         replace(a_run(seed), setting=index)

@@ -22,19 +22,27 @@ from hypothesis import strategies as st
 
 from same_process import studies_in_this_process
 from skillplan import Setup, Task, load_problem
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.errors import OptionError, SkillplanError
-from skillplan.records.interval import Estimate, mean, share, t_quantile
-from skillplan.records.result import Status
-from skillplan.records.sweep.plan import GRID, Axis, Start, SweepPlan, setting_text
-from skillplan.records.sweep.result import StartOutcome, SweepRecord, SweepResult, record_of
-from skillplan.sweep.option_values import read_values, spaced
-from skillplan.sweep.parameter_study import do_study, plan_study
-from skillplan.sweep.study_folder import StudyFolder
-from skillplan.sweep.study_runs import StudyJob, do_run
-from skillplan.views.figures.figure_file import figure_bytes
-from skillplan.views.figures.sweep_figure import sweep_figure
-from skillplan.views.tables.sweep import setting_table, start_table
+from skillplan.records import (
+    GRID,
+    Axis,
+    Estimate,
+    Start,
+    StartOutcome,
+    Status,
+    SweepPlan,
+    SweepRecord,
+    SweepResult,
+    mean,
+    record_of,
+    setting_text,
+    share,
+    t_quantile,
+)
+from skillplan.sweep import StudyFolder, StudyJob, do_run, do_study, plan_study, read_values, spaced
+from skillplan.views.figures import figure_bytes, sweep_figure
+from skillplan.views.tables import setting_table, start_table
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]

@@ -7,17 +7,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import make_skill, make_task
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility
 from skillplan.errors import NotASequencing
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.model.skill_model import SkillModel
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.solving import solve
-from skillplan.task.cost import CaseCost, ConstantCost
-from skillplan.task.reward import DistanceReward
-from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Condition, Facts
-from skillplan.task.task import Metric, unreachable_facts
+from skillplan.model import SequencingProblem, SkillModel, TabularMDP
+from skillplan.pipeline import solve
+from skillplan.task import (
+    Case,
+    CaseCost,
+    Condition,
+    ConstantCost,
+    DistanceReward,
+    Facts,
+    Metric,
+    Outcome,
+    Skill,
+    unreachable_facts,
+)
 
 PLACES = tuple(f"at({i})" for i in range(5))
 FACTS = Facts((*PLACES, "blocked"), exclusive=(PLACES,))

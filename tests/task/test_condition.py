@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import any_state
-from skillplan.task.state import Condition, Facts
+from skillplan.task import Condition, Facts
 
 FACTS = Facts(tuple("abcdef"))
 bits = st.integers(0, FACTS.all_bits)

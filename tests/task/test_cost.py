@@ -8,10 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, crowded_assemblies, imagined_state
-from skillplan.task.cost import ConstantCost, Cost, DistanceCost, planar_distance
-from skillplan.task.motion import Event, Motion, Route, Visit
-from skillplan.task.pose import Pose
-from skillplan.task.state import Facts
+from skillplan.task import (
+    ConstantCost,
+    Cost,
+    DistanceCost,
+    Event,
+    Facts,
+    Motion,
+    Pose,
+    Route,
+    Visit,
+    planar_distance,
+)
 
 FACTS = Facts(("at(home)", "at(bin)", "tool(a)", "tool(b)", "other"), (("at(home)", "at(bin)"),))
 PLACES = {FACTS.bit("at(home)"): (0.0, 0.0, 0.5), FACTS.bit("at(bin)"): (3.0, 4.0, 0.1)}

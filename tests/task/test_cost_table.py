@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.task.cost import NEVER, Cost, TableCost
-from skillplan.task.state import Facts
+from skillplan.task import NEVER, Cost, Facts, TableCost
 
 FACTS = Facts(("done(a)", "at(0)", "at(1)", "at(2)", "done(b)"))
 PLACES = FACTS.of("at(0)", "at(1)", "at(2)")

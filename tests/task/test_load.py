@@ -7,12 +7,11 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.domain import Domain, Strict
-from skillplan.domains.load import load_task
+from skillplan.domains import Domain, Strict, load_task
 from skillplan.domains.sop import SopDomain
 from skillplan.errors import OptionError, PluginError, TaskError
-from skillplan.files.yaml import Document
-from skillplan.pipeline.setup import load_problem
+from skillplan.files import Document
+from skillplan.pipeline import load_problem
 from sop_instances import instance_text
 
 

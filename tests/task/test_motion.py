@@ -4,9 +4,7 @@ import math
 
 import pytest
 
-from skillplan.task.motion import Event, Motion, Route, Visit
-from skillplan.task.pose import Pose
-from skillplan.task.state import Facts
+from skillplan.task import Event, Facts, Motion, Pose, Route, Visit
 
 FACTS = Facts(("tool(a)", "tool(b)", "hand_free"))
 HERE = Visit(Pose((0.1, 0.2, 0.3)), Event.LOAD, "a")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.task.pose import DOWN, Point, Pose, cross, dot, plus, unit
+from skillplan.task import DOWN, Point, Pose, cross, dot, plus, unit
 
 angles = st.floats(-math.pi, math.pi)
 lengths = st.floats(-2, 2)

@@ -3,8 +3,7 @@
 from hypothesis import given
 
 from situations import assembly, graph_of, make_skill, make_task, model_of, small_assemblies
-from skillplan.task.state import Facts
-from skillplan.task.task import unreachable_facts
+from skillplan.task import Facts, unreachable_facts
 
 FACTS = Facts(("a", "b", "c", "d"))
 

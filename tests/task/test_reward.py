@@ -5,11 +5,9 @@ import math
 
 import pytest
 
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
-from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.state import Condition, Facts
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model
+from skillplan.task import Condition, Facts, Penalty, RewardScheme
 
 FACTS = Facts(("changed_tool",))
 AGAIN = Penalty(

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.pipeline.solving import make_model
-from skillplan.task.scene import Body, Box, Placement, Pose, Robot, Scene
-from skillplan.task.state import Facts
+from skillplan.pipeline import make_model
+from skillplan.task import Body, Box, Facts, Placement, Pose, Robot, Scene
 from skillplan.testing import reachable_states
 
 BOX = Box((0.1, 0.2, 0.3), (0.0, 0.0, 0.15))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.task.shape import Box, Cylinder, Mesh
+from skillplan.task import Box, Cylinder, Mesh
 
 # A wedge 2 m long, 1 m wide and, where it is highest, 1 m high.
 WEDGE = Mesh(

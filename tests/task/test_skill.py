@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import any_state, make_skill
-from skillplan.task.skill import Outcome, Skill
-from skillplan.task.state import Facts
+from skillplan.task import Facts, Outcome, Skill
 
 FACTS = Facts(tuple("abcdef"))
 bits = st.integers(0, FACTS.all_bits)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from situations import any_state
 from skillplan.errors import OptionError
-from skillplan.task.state import Facts, State
+from skillplan.task import Facts, State
 
 FACTS = Facts(tuple(f"fact_{i}" for i in range(70)), (("fact_0", "fact_1"),))
 names = st.lists(st.sampled_from(FACTS.names), unique=True)

@@ -6,8 +6,7 @@ import pytest
 
 from situations import make_skill, make_task, two_roads_task
 from skillplan.errors import OptionError
-from skillplan.task.state import Facts
-from skillplan.task.task import Literal, Precedence
+from skillplan.task import Facts, Literal, Precedence
 
 FACTS = Facts(("a", "b"))
 SKILLS = (make_skill(FACTS, "pick(a)", add=("a",)), make_skill(FACTS, "pick(b)", add=("b",)))

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import any_state
-from skillplan.task.state import Facts
-from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.task import Facts, Verdict, VerdictStatus
 
 FACTS = Facts(tuple("abcdef"))
 bits = st.integers(0, FACTS.all_bits)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
 from skillplan.errors import OptionError
-from skillplan.solvers.learning.learner import Snapshot
-from skillplan.training.run_files import Checkpoint, read_checkpoint, write_checkpoint
+from skillplan.solvers import Snapshot
+from skillplan.training import Checkpoint, read_checkpoint, write_checkpoint
 
 NOTES = {"chance": {"state": 2**127, "words": ["a", "ä"]}, "none": None}
 KEPT = Checkpoint(

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.cli.app import main
-from skillplan.pipeline.setup import load_problem
-from skillplan.solvers.learning.training_length import usual_steps
-from skillplan.training.training_plan import plan_training
+from skillplan.cli import main
+from skillplan.pipeline import load_problem
+from skillplan.solvers import usual_steps
+from skillplan.training import plan_training
 from training_situations import BOARD
 
 CONFIGS = BOARD.parent

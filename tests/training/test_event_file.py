@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.training.run_files import opening_record, scalars_record
+from skillplan.training import opening_record, scalars_record
 
 
 def events(content: bytes) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.training.family_training import GeneratedFamily
+from skillplan.training import GeneratedFamily
 
 
 def test_a_family_is_a_range_of_parts() -> None:

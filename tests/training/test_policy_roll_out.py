@@ -10,20 +10,12 @@ import numpy as np
 import pytest
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, lookup_network
-from skillplan.env.observation import Observation
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.solvers.stop import Stop
-from skillplan.task.task import Task
-from skillplan.training.policies import (
-    greedy_roll_out,
-    prove_optimum,
-    random_baseline,
-    sampled_roll_outs,
-)
+from skillplan.env import Observation, SkillVectorEnv
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup, load_problem, make_model
+from skillplan.solvers import NetworkPolicy, Stop
+from skillplan.task import Task
+from skillplan.training import greedy_roll_out, prove_optimum, random_baseline, sampled_roll_outs
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 BEST = 1.8670860141568904

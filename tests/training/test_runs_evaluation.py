@@ -9,12 +9,9 @@ import pytest
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, problem_of, write_runs
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.records.optimum import Optimum
-from skillplan.records.training.result import RunStatus, Sampling, Tally, TrainingResult
-from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.evaluation import RunsEvaluation, check_same_task
+from skillplan.pipeline import Setup, load_problem, make_model
+from skillplan.records import Optimum, RunFolder, RunStatus, Sampling, Tally, TrainingResult
+from skillplan.training import RunsEvaluation, check_same_task
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")

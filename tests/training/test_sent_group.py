@@ -11,9 +11,9 @@ import pytest
 
 from same_process import SameProcess, SameProcessWorker
 from skillplan.pipeline import registry
-from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.groups import FileChange, apply_changes
-from skillplan.workers.executor import Answer, Ended, ExecutorChoice, Prepare
+from skillplan.records import RunFolder
+from skillplan.training import FileChange, apply_changes
+from skillplan.workers import Answer, Ended, ExecutorChoice, Prepare
 from training_situations import counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner", "elsewhere")

@@ -12,15 +12,12 @@ from typing import Any
 
 import pytest
 
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.collision import PrecedenceDetector
 from skillplan.errors import OptionError, PluginError
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.plugins.blame import Interrupted
-from skillplan.records.training.result import RunStatus
-from skillplan.records.training.run_folder import RunFolder
-from skillplan.training.groups import GroupTraining
-from skillplan.training.training_folder import TrainingFolder
-from skillplan.training.training_plan import plan_training
+from skillplan.pipeline import Setup, load_problem
+from skillplan.plugins import Interrupted
+from skillplan.records import RunFolder, RunStatus
+from skillplan.training import GroupTraining, TrainingFolder, plan_training
 from thinned import thinned
 from training_situations import BOARD, a_plan, counts, event_lengths, learned_bytes, train
 

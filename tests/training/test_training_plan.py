@@ -6,13 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.records.training.run_folder import RunFolder
-from skillplan.sweep.study_runs import StudyJob
-from skillplan.training import training_plan
-from skillplan.training.groups import GroupJob, make_group_cache
-from skillplan.training.training_plan import GROUP_RUNS, Groups, even_groups
+from skillplan.checks import DiskVerdictCache, VerdictCache
+from skillplan.pipeline import Setup, load_problem
+from skillplan.records import RunFolder
+from skillplan.sweep import StudyJob
+from skillplan.training import (
+    GROUP_RUNS,
+    GroupJob,
+    Groups,
+    even_groups,
+    make_group_cache,
+    training_plan,
+)
 from training_situations import BOARD, a_plan, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner")

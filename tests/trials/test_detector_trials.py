@@ -7,13 +7,11 @@ from collections import Counter
 import pytest
 
 from situations import assembly, config_content, fake_back_end
-from skillplan.collision.aabb import AabbDetector
-from skillplan.physics.engine import Engine
-from skillplan.physics.kinematic import KinematicEngine
-from skillplan.records.execution.comparisons import decisive, detectors_document, wrong_verdicts
-from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.trials.detector_trials import CHART, try_detectors
-from skillplan.trials.fault_injection import OBSTACLE, Truth
+from skillplan.collision import AabbDetector
+from skillplan.physics import Engine, KinematicEngine
+from skillplan.records import decisive, detectors_document, wrong_verdicts
+from skillplan.task import Verdict, VerdictStatus
+from skillplan.trials import CHART, OBSTACLE, Truth, try_detectors
 
 
 @pytest.fixture(scope="module")

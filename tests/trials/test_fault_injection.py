@@ -7,12 +7,11 @@ from hypothesis import given, settings
 
 from example_count import examples
 from situations import assembly, config_content, crowded_assemblies
-from skillplan.collision.boxes import sweep_hits, world_boxes
-from skillplan.physics.linear_motions import grasp_of, linear_motions
-from skillplan.robots.panda import FINGER_PROFILE_M, HAND_HALF_LENGTH_M, HAND_UNDERSIDE_M, TIP_M
-from skillplan.task.motion import Event
-from skillplan.task.scene import Body, Box, GraspKind, Pose
-from skillplan.trials.fault_injection import (
+from skillplan.collision import sweep_hits, world_boxes
+from skillplan.physics import grasp_of, linear_motions
+from skillplan.robots import FINGER_PROFILE_M, HAND_HALF_LENGTH_M, HAND_UNDERSIDE_M, TIP_M
+from skillplan.task import Body, Box, Event, GraspKind, Pose
+from skillplan.trials import (
     LEAST_HIT_M,
     OBSTACLE,
     Truth,

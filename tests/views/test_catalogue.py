@@ -10,12 +10,12 @@ from importlib.metadata import EntryPoint, EntryPoints
 import pytest
 
 from skillplan.errors import PluginError
-from skillplan.pipeline.registry import names
-from skillplan.views.figures import catalogue
-from skillplan.views.figures.catalogue import (
+from skillplan.pipeline import names
+from skillplan.views.figures import (
     RUN_FIGURES,
     TASK_FIGURES,
     CatalogueEntry,
+    catalogue,
     figure_lines,
     figure_module,
     figure_names,

@@ -11,14 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skillplan.views.text.table import Column, ItemList, Table, render
-from skillplan.views.text.terminal import (
+from skillplan.views import (
     DEFAULT_WIDTH,
     LEAST_WIDTH,
+    Column,
+    ItemList,
+    Table,
+    escaped,
     output_width,
+    render,
     table_layout,
 )
-from skillplan.views.text.wording import escaped
 
 
 class Screen(io.StringIO):

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from skillplan.views.figures.figure_file import figure_bytes
-from skillplan.views.text.table import Column, Table, render
-from skillplan.views.text.wording import escaped
+from skillplan.views import Column, Table, escaped, render
+from skillplan.views.figures import figure_bytes
 
 HOSTILE = "\x1b[2J\x9b31m\x7f\r\N{RIGHT-TO-LEFT OVERRIDE}\N{ZERO WIDTH SPACE}\N{LINE SEPARATOR}"
 WRITTEN_OUT = r"\x1b[2J\x9b31m\x7f\x0d\u202e\u200b\u2028"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.views.text.wording import evidence_text
+from skillplan.views import evidence_text
 
 
 @pytest.mark.parametrize(

@@ -21,32 +21,42 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from skillplan.errors import OptionError
-from skillplan.views.figures.colours import PALETTE
-from skillplan.views.figures.figure_file import checked_path, figure_bytes, save_figure
-from skillplan.views.figures.figure_request import Run
-from skillplan.views.figures.figure_style import Heading, sheet, text_colour
-from skillplan.views.figures.label_placement import LabelPlacer
-from skillplan.views.figures.learning_figure import (
+from skillplan.views.figures import (
+    PALETTE,
+    Heading,
+    LabelPlacer,
     LearningCurve,
     LearningPanel,
+    RewardStep,
+    Run,
+    StateValues,
+    checked_path,
+    figure_bytes,
     learning_figure,
+    look,
+    q_values_figure,
+    rewards_figure,
+    save_figure,
+    sheet,
+    text_colour,
+    text_width_in,
 )
-from skillplan.views.figures.q_values_figure import StateValues, look, q_values_figure
-from skillplan.views.figures.rewards_figure import RewardStep, rewards_figure
-from skillplan.views.figures.text_width import text_width_in
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import bench_canvas
-from skillplan_swarmitfix.figures.fleet_figure import fleet_figure, paths_of
-from skillplan_swarmitfix.figures.gantt_figure import Bar, gantt_figure
-from skillplan_swarmitfix.figures.placement_figure import placement_figure
-from skillplan_swarmitfix.figures.placement_marks import (
+from skillplan_swarmitfix import (
+    Bar,
     BaseGoal,
+    Bench,
     HeadMark,
+    bench_canvas,
     colours_of,
+    fleet_figure,
+    gantt_figure,
     links_m,
+    paths_of,
+    placement_figure,
+    policy_figure,
     ranges_text,
+    steps_to,
 )
-from skillplan_swarmitfix.figures.policy_figure import policy_figure, steps_to
 
 pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
 

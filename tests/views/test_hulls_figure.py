@@ -8,10 +8,9 @@ from itertools import combinations
 import pytest
 from matplotlib.figure import Figure
 
-from skillplan.collision.hulls import Hull, HullRole, HullScene
-from skillplan.task.motion import Point
-from skillplan.views.figures.figure_style import Heading
-from skillplan.views.figures.hulls_figure import figure_image, hulls_figure
+from skillplan.collision import Hull, HullRole, HullScene
+from skillplan.task import Point
+from skillplan.views.figures import Heading, figure_image, hulls_figure
 
 HEADING = Heading("swept: place(lid)", "runs into box")
 FACES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))

@@ -8,21 +8,33 @@ from xml.etree import ElementTree
 
 import pytest
 
-from skillplan.chart.precedence_chart import Alternatives, DerivedChart
-from skillplan.chart.precedence_query import Relation
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.task import Task
-from skillplan.views.pictures.assembly_film import assembly_film
-from skillplan.views.pictures.drawing import COLOURS, Drawing, Label, Look, Shape, hull, shortened
-from skillplan.views.pictures.exploded_picture import exploded_picture
-from skillplan.views.pictures.gantt_picture import gantt_picture
-from skillplan.views.pictures.graph_layers import Bend, layers_of
-from skillplan.views.pictures.layout_picture import layout_picture
-from skillplan.views.pictures.plan_bars import FAILED, NOT_SIMULATED, PlanBar, plan_bars
-from skillplan.views.pictures.precedence_graph import precedence_graph
-from skillplan.views.pictures.precedence_picture import precedence_picture
-from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
-from skillplan.views.pictures.svg_canvas import picture_svg
+from skillplan.chart import Alternatives, DerivedChart, Relation
+from skillplan.pipeline import load_problem
+from skillplan.task import Task
+from skillplan.views import (
+    COLOURS,
+    FAILED,
+    NOT_SIMULATED,
+    NUMBER_PX,
+    Bend,
+    Drawing,
+    Label,
+    Look,
+    PlanBar,
+    Shape,
+    assembly_film,
+    exploded_picture,
+    gantt_picture,
+    hull,
+    layers_of,
+    layout_picture,
+    number_rows,
+    picture_svg,
+    plan_bars,
+    precedence_graph,
+    precedence_picture,
+    shortened,
+)
 
 PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from skillplan import load_problem, solve_problem
-from skillplan.pipeline.setup import Setup
-from skillplan.views.pictures.plan_places import path_steps
+from skillplan.pipeline import Setup
+from skillplan.views import path_steps
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -11,15 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skillplan.physics.performance import Contact, Sample
-from skillplan.robots.panda import PANDA
-from skillplan.task.pose import Pose
-from skillplan.views.playback.arm_playback import contact_entries
-from skillplan.views.playback.document import Playback, box, upright_along
-from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
-from skillplan.views.playback.tracks import Tracks, link_frames, rows_of
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.report.bases import base_rows, turning
+from skillplan.physics import Contact, Sample
+from skillplan.robots import PANDA
+from skillplan.task import Pose
+from skillplan.views import (
+    Playback,
+    Tracks,
+    box,
+    coarser,
+    contact_entries,
+    hull_mesh,
+    link_frames,
+    read_obj,
+    rows_of,
+    upright_along,
+)
+from skillplan_swarmitfix import Bench, base_rows, turning
 
 Numbers = Any
 
@@ -220,8 +227,8 @@ def test_what_pages_are_made_of_loads_no_figures_and_no_trimesh() -> None:
     """Each takes as long to import as a page without them."""
     code = (
         "import sys, skillplan.cli.report_inputs\n"
-        "from skillplan.views.figures.text_width import text_width_in\n"
-        "from skillplan.views.playback.meshes import hull_mesh\n"
+        "from skillplan.views.figures import text_width_in\n"
+        "from skillplan.views import hull_mesh\n"
         "text_width_in('pcb', 9.0), hull_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])\n"
         "heavy = ('matplotlib.figure', 'matplotlib.axes', 'trimesh')\n"
         "print([one for one in heavy if one in sys.modules])"

@@ -10,17 +10,24 @@ from html.parser import HTMLParser
 
 import pytest
 
-from skillplan.views.report.markup import Markup, number, numbers, seconds, share, table, tag, text
-from skillplan.views.report.page import (
+from skillplan.views.report import (
     Chapter,
+    Markup,
     Player,
     Section,
+    comparison_chapter,
     json_in_page,
+    lead,
+    number,
+    numbers,
     page_html,
     page_style,
+    seconds,
+    share,
+    table,
+    tag,
+    text,
 )
-from skillplan.views.report.solver_chapters import comparison_chapter
-from skillplan.views.report.summary import lead
 
 HOSTILE = "<script>alert(1)</script> \"quoted\" 'x' </title></style> \x1b[31m \u202e &amp;"
 PLAYER = Player("const a = '</script><!--';", ".player{color:red}", "MIT")

@@ -8,13 +8,11 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 
-from skillplan.physics.performance import Arrival, Performance, PerformedSkill
-from skillplan.records.execution.simulation import PlannedTimes, Simulation
-from skillplan.task.scene import Pose
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
-from skillplan.views.tables.trials import simulation_tables
-from skillplan.views.text.table import render
+from skillplan.physics import Arrival, Performance, PerformedSkill
+from skillplan.records import PlannedTimes, Simulation
+from skillplan.task import Pose, Task, Verdict
+from skillplan.views import render
+from skillplan.views.tables import simulation_tables
 
 FIGURES = {
     "sensed": {"held": "transformer", "jaw_width_m": 0.0441},

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from skillplan.views.text.table import Column, Table, as_csv, as_markdown, render
+from skillplan.views import Column, Table, as_csv, as_markdown, render
 
 AWKWARD = ["a,b", 'say "so"', "two\nlines", "a | b", "[bold]x[/bold]", "`code`", "back\\slash"]
 

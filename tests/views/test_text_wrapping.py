@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skillplan.views.text.terminal import printable, wrapped, wrapped_note
+from skillplan.views import printable, wrapped, wrapped_note
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from skillplan.task.task import Metric
-from skillplan.views.figures.figure_file import figure_bytes
-from skillplan.views.figures.figure_style import Heading
-from skillplan.views.figures.training_figures import (
+from skillplan.task import Metric
+from skillplan.views.figures import (
+    Heading,
     RunCurve,
     distances_figure,
+    figure_bytes,
     over_runs,
     success_figure,
 )

@@ -12,8 +12,8 @@ from PIL import Image as PillowImage
 
 from example_count import examples
 from skillplan.errors import OptionError
-from skillplan.physics.performance import Image
-from skillplan.views.video_file import save_picture, video_file
+from skillplan.physics import Image
+from skillplan.views import save_picture, video_file
 
 
 def plain(colour: int, width: int = 6, height: int = 4) -> Image:

@@ -5,11 +5,9 @@ from __future__ import annotations
 import pytest
 
 from situations import make_skill, make_task
-from skillplan.task.state import Facts
-from skillplan.task.task import Place
-from skillplan.views.figures.figure_request import WalkSteps
-from skillplan_swarmitfix.base.task import BaseGrounding, at
-from skillplan_swarmitfix.bench.bench import Bench
+from skillplan.task import Facts, Place
+from skillplan.views.figures import WalkSteps
+from skillplan_swarmitfix import BaseGrounding, Bench, at
 
 
 @pytest.fixture

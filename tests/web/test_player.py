@@ -13,9 +13,8 @@ import pytest
 from browser import Page, executable
 from playback_pages import part_at, playback, tip_at, with_keys, write_page
 from skillplan import load_problem
-from skillplan.views.playback.arm_playback import PLANNED, arm_playback
-from skillplan.views.playback.tracks import FRAMES_PER_S
-from skillplan.views.report.page import page_style
+from skillplan.views import FRAMES_PER_S, PLANNED, arm_playback
+from skillplan.views.report import page_style
 
 PLAYER = resources.files("skillplan") / "views" / "report" / "player" / "player.js"
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"

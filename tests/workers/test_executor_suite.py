@@ -10,17 +10,18 @@ from typing import ClassVar
 import pytest
 
 from same_process import SameProcess
-from skillplan.pipeline import registry
-from skillplan.pipeline.comparison import compare_solvers
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.sweep.parameter_study import do_study, plan_study
-from skillplan.testing import ExecutorSuite, lid_task
-from skillplan.testing.executor_suite import ExpensiveBoxes
-from skillplan.training.trainer import Trainer
-from skillplan.training.training_folder import TrainingFolder
-from skillplan.training.training_plan import plan_training
-from skillplan.workers.executor import Ended, ExecutorChoice, Prepare, Worker
+from skillplan.pipeline import (
+    Setup,
+    compare_solvers,
+    load_problem,
+    make_feasibility,
+    registry,
+    solve,
+)
+from skillplan.sweep import do_study, plan_study
+from skillplan.testing import ExecutorSuite, ExpensiveBoxes, lid_task
+from skillplan.training import Trainer, TrainingFolder, plan_training
+from skillplan.workers import Ended, ExecutorChoice, Prepare, Worker
 from tabular_learner import learner_installed
 from training_situations import BOARD
 

@@ -13,9 +13,7 @@ from typing import Any
 import pytest
 
 from skillplan.errors import SkillplanError
-from skillplan.workers.executor import Answer, Ended, Worker, packed
-from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.processes import FedProgram, output_of
+from skillplan.workers import Answer, Ended, FedProgram, LocalProcesses, Worker, output_of, packed
 
 
 @pytest.fixture

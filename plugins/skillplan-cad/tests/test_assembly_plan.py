@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cad_fixtures import box, part_of, relation_by_hand
-from skillplan_cad.planning.assembly_plan import Planner, with_groups
-from skillplan_cad.product import Product
+from skillplan_cad import Planner, Product, with_groups
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 BOTH = {"body": "key", "key": "body"}

@@ -19,15 +19,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cad_products import file
-from skillplan.cli.app import run
+from skillplan.cli import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
-from skillplan_cad.blocking.ray_mesh import RayMesh
+from skillplan_cad import Part, RayMesh, ReadOptions, parts_of, read_product
 from skillplan_cad.importing import import_cad
-from skillplan_cad.product import Part
 from skillplan_cad.reading import step_file
-from skillplan_cad.reading.glb import parts_of
-from skillplan_cad.reading.product_reader import ReadOptions, read_product
 
 END = b"\nENDSEC;\nEND-ISO-10303-21;\n"
 LARGE_BYTES = 200 * 1024 * 1024

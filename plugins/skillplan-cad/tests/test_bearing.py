@@ -10,11 +10,18 @@ import pytest
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
-from skillplan_cad.importing.planned import attitude, attitude_warnings
-from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
-from skillplan_cad.product import Face, Product
-from skillplan_cad.writing.task_document import task_of
+from skillplan_cad import (
+    ATTITUDES,
+    Bearing,
+    Face,
+    Planner,
+    Product,
+    attitude,
+    attitude_warnings,
+    bearing_of,
+    best_bearing,
+    task_of,
+)
 
 UP = ATTITUDES["z"]
 PLATE = box(0, 0, 0, 60, 60, 10)

@@ -9,9 +9,7 @@ import pytest
 import trimesh
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad.blocking.confirmation import Confirmation
-from skillplan_cad.build_relation import blocked_of
-from skillplan_cad.reading.product_reader import ReadOptions, read_product
+from skillplan_cad import Confirmation, ReadOptions, blocked_of, read_product
 from thinned import thinned
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")

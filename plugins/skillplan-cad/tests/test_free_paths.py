@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from cad_fixtures import box, part_of, rod
-from skillplan_cad.planning.free_paths import free_path
-from skillplan_cad.planning.shrunk_meshes import shrunk
-from skillplan_cad.product import Face
+from skillplan_cad import Face, free_path, shrunk
 
 TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
 L_TUNNEL = TUNNEL - box(25, 5, 3, 35, 40, 9)

@@ -11,11 +11,11 @@ import yaml
 from PIL import Image as PillowImage
 
 from cad_products import FIXTURES, file
-from skillplan.cli.app import run
+from skillplan.cli import run
 from skillplan.plugins import installed
-from skillplan.views.pictures.exploded_png import exploded_png
+from skillplan.views import exploded_png
+from skillplan_cad import read_relation
 from skillplan_cad.importing import import_cad
-from skillplan_cad.relation_file import read_relation
 
 DOCUMENTS = FIXTURES.parents[3] / "docs/reference/documents"
 SOURCE = str(file("threads"))

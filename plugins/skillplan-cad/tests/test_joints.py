@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cad_products import moved, product, relation, truth
-from skillplan_cad.build_relation import joints_of
+from skillplan_cad import joints_of
 from thinned import thinned
 
 NAMES = (

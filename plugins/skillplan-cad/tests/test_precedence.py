@@ -5,8 +5,16 @@ from __future__ import annotations
 import pytest
 
 from cad_fixtures import of_fixture, pen, relation_by_hand
-from skillplan_cad.planning.assembly_plan import groups_of, holds, names_of
-from skillplan_cad.planning.precedence import as_set, is_connected, members, precedence_of, touching
+from skillplan_cad import (
+    as_set,
+    groups_of,
+    holds,
+    is_connected,
+    members,
+    names_of,
+    precedence_of,
+    touching,
+)
 
 # Two links of a chain in a box without a lid, and a lid on it.
 CHAIN = {

@@ -11,10 +11,16 @@ import trimesh
 
 from cad_products import file, product, truth
 from skillplan.errors import OptionError
-from skillplan_cad.reading.mending import mended
-from skillplan_cad.reading.product_reader import ReadOptions, read_product, shapes_of
-from skillplan_cad.reading.raw_part import RawPart
-from skillplan_cad.reading.step_file import Limits, prepare, read_apart
+from skillplan_cad import (
+    Limits,
+    RawPart,
+    ReadOptions,
+    mended,
+    prepare,
+    read_apart,
+    read_product,
+    shapes_of,
+)
 from thinned import thinned
 
 

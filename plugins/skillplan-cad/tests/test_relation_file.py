@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan_cad.contacts import Contact
-from skillplan_cad.relation import Blocking, Fastener, Relation, RelationPart, Sensitive
-from skillplan_cad.relation_file import read_relation, relation_text
+from skillplan_cad import (
+    Blocking,
+    Contact,
+    Fastener,
+    Relation,
+    RelationPart,
+    Sensitive,
+    read_relation,
+    relation_text,
+)
 
 X, MINUS_X, Y, MINUS_Y = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 Z, MINUS_Z = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)

@@ -7,9 +7,7 @@ from dataclasses import replace
 import pytest
 
 from cad_fixtures import box, part_of, relation_by_hand
-from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.replay import replay
-from skillplan_cad.product import Product
+from skillplan_cad import Planner, Product, replay
 
 L_TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9) - box(25, 5, 3, 35, 40, 9)
 BOTH = {"body": "key", "key": "body"}

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from cad_fixtures import box, part_of, relation_by_hand, rod
-from skillplan_cad.contacts import Contact
-from skillplan_cad.planning.precedence import as_set, precedence_of, touching
-from skillplan_cad.planning.sequence import Sequencer
-from skillplan_cad.planning.stability import Stability
-from skillplan_cad.product import Product
-from skillplan_cad.relation import Relation
+from skillplan_cad import (
+    Contact,
+    Product,
+    Relation,
+    Sequencer,
+    Stability,
+    as_set,
+    precedence_of,
+    touching,
+)
 
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 

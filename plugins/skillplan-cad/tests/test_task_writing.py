@@ -10,15 +10,21 @@ import trimesh
 import yaml
 
 from cad_fixtures import box, part_of, step_path
-from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
-from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.replay import replay
-from skillplan_cad.reading.product_reader import ReadOptions, read_product
-from skillplan_cad.writing.names import task_names
-from skillplan_cad.writing.task_document import task_of
-from skillplan_cad.writing.top_grasp import top_grasp
-from skillplan_cad.writing.tray import Item, tray
-from skillplan_cad.writing.upright import standing
+from skillplan_cad import (
+    Item,
+    Planner,
+    ReadOptions,
+    blocked_of,
+    joints_of,
+    read_product,
+    relation_of,
+    replay,
+    standing,
+    task_names,
+    task_of,
+    top_grasp,
+    tray,
+)
 
 TOLERANCE_M = 1e-4
 

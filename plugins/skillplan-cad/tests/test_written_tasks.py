@@ -11,11 +11,8 @@ import yaml
 from cad_fixtures import box, part_of
 from cad_products import product, related, relation
 from skillplan import load_problem
-from skillplan.cli.app import run
-from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.bearing import best_bearing
-from skillplan_cad.product import Product
-from skillplan_cad.writing.task_document import task_of
+from skillplan.cli import run
+from skillplan_cad import Planner, Product, best_bearing, task_of
 
 DOWN = [0.0, 0.0, -1.0]
 # How many parts and screws of how many are in the task: others go round a corner, or float.

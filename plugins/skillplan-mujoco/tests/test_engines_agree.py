@@ -9,16 +9,14 @@ from importlib.metadata import EntryPoints
 import pytest
 
 from board_situations import BOARD
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility
+from skillplan.chart import derive_chart
+from skillplan.pipeline import Setup, load_problem, make_feasibility
 from skillplan.plugins import installed
-from skillplan.task.task import Task
+from skillplan.task import Task
 from skillplan.testing import lid_task
-from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
-from skillplan_mujoco.engine import MujocoEngine
-from skillplan_simulation import contact_detectors
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.trials import EngineAgreement, compare_engines
+from skillplan_mujoco import MujocoEngine
+from skillplan_simulation import ContactPairsDetector, contact_detectors
 
 CONTACTS = ("contact-pairs",)
 

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from situations import assembly, fetching_board
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
-from skillplan.task.verdict import Verdict
+from skillplan.pipeline import Setup, make_model
+from skillplan.task import Verdict
 
 BACK_ENDS = {
     "aabb": Setup(collision=("aabb",)),

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from situations import assembly
-from skillplan.task.task import Task
-from skillplan_mujoco.engine import MujocoSimulator
-from skillplan_simulation.execution.controlled_robot import ControlledRobot
-from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import (
+from skillplan.task import Task
+from skillplan_mujoco import MujocoSimulator
+from skillplan_simulation import (
+    FINGERS,
+    ControlledRobot,
+    ExecutionSettings,
+    JointMotion,
     Vector,
+    hand_of,
     of_quaternion,
     pose_of,
     turn_between,
 )
-from skillplan_simulation.motions import JointMotion
-from skillplan_simulation.robot_shapes import hand_of
-from skillplan_simulation.simulator import FINGERS
 
 SETTINGS = ExecutionSettings()
 # How a part is turned in the hand: its x is along the closing axis.

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 
 BLOCK = {"tool": "gripper", "mass_kg": 0.05, "size_m": [0.02, 0.02, 0.02]}
 # Two blocks, of which the second stands on the first.

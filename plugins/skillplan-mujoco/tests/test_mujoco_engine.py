@@ -16,13 +16,10 @@ from hypothesis import strategies as st
 
 from board_situations import BOARD, OPTIMAL, imagined
 from example_count import examples
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
-from skillplan_mujoco.engine import MujocoEngine
-from skillplan_simulation.verdicts import PairLimits, pair_verdict
+from skillplan.pipeline import load_problem
+from skillplan.task import Skill, State, Task, Verdict
+from skillplan_mujoco import MujocoEngine
+from skillplan_simulation import PairLimits, pair_verdict
 
 Query = tuple[Skill, State]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined
-from skillplan.physics.performance import HEIGHT, WIDTH, Angle
-from skillplan.pipeline.setup import load_problem
-from skillplan_mujoco.engine import MujocoEngine
+from skillplan.physics import HEIGHT, WIDTH, Angle
+from skillplan.pipeline import load_problem
+from skillplan_mujoco import MujocoEngine
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,10 @@ from pathlib import Path
 import pytest
 
 from situations import assembly
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.pose import Pose
-from skillplan.task.task import Task
-from skillplan_mujoco.engine import MujocoSimulator
-from skillplan_mujoco.world import World
-from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.simulator import STEPS_PER_S
+from skillplan.pipeline import load_problem
+from skillplan.task import Pose, Task
+from skillplan_mujoco import MujocoSimulator, World
+from skillplan_simulation import STEPS_PER_S, ExecutionSettings
 
 GEAR_UNIT = Path(__file__).parents[3] / "configs" / "gear_unit.yaml"
 

@@ -14,15 +14,11 @@ from typing import Any
 
 import pytest
 
-from skillplan.chart.partial_order import closure
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.checks.single_check import introduce
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.pipeline.taken_ways import by_ways
-from skillplan.records.result import Result
-from skillplan.task.skill import Skill
-from skillplan.task.task import Task
+from skillplan.chart import closure, derive_chart
+from skillplan.checks import introduce
+from skillplan.pipeline import Setup, by_ways, load_problem, make_feasibility, solve
+from skillplan.records import Result
+from skillplan.task import Skill, Task
 
 ROOT = Path(__file__).parents[3]
 CONFIGS = ROOT / "configs"

@@ -10,9 +10,8 @@ import pytest
 
 from framed_pegs import write_framed_peg
 from skillplan import load_problem
-from skillplan.cli.app import main
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
+from skillplan.cli import main
+from skillplan.pipeline import Setup, make_model
 
 ENGINES = ("pybullet", "mujoco")
 WIDER = pytest.mark.slow(reason="four executions; pieces that block the fit in every run")

@@ -14,11 +14,17 @@ from typing import Any, ClassVar
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.sweep.plan import SampledPlan, Span
-from skillplan.sweep.parameter_study import do_sampled, make_sampler, plan_sampled, shared_trials
-from skillplan.sweep.sampler import Question, SharedTrials
-from skillplan.sweep.study_runs import StudyJob
+from skillplan.pipeline import load_problem
+from skillplan.records import SampledPlan, Span
+from skillplan.sweep import (
+    Question,
+    SharedTrials,
+    StudyJob,
+    do_sampled,
+    make_sampler,
+    plan_sampled,
+    shared_trials,
+)
 from skillplan.testing import SamplerSuite
 
 CASES = Path(__file__).parents[3] / "configs" / "swarmitfix_cases.yaml"

@@ -15,12 +15,12 @@ from example_count import examples
 from sequencing_problems import SOP
 from situations import assembly, retry_task, small_assemblies
 from skillplan import Plan, Status, load_problem, make_model, solve
-from skillplan.cli.interruption import heeding
-from skillplan.pipeline.setup import Setup
-from skillplan.solvers.stop import Stop
+from skillplan.cli import heeding
+from skillplan.pipeline import Setup
+from skillplan.solvers import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
-from skillplan.workers.processes import resident_bytes
-from skillplan_ortools.cp_sat import CpSatSolver
+from skillplan.workers import resident_bytes
+from skillplan_ortools import CpSatSolver
 
 CONFIGS = SOP.parents[2] / "configs"
 
@@ -144,7 +144,7 @@ def test_what_is_no_sequencing_problem_is_refused_in_words():
 
 def test_the_structure_is_recognised_once(monkeypatch):
     """Asking physics twice would be expensive."""
-    from skillplan.model.sequencing import SequencingProblem
+    from skillplan.model import SequencingProblem
 
     asked = []
     recognise = SequencingProblem.from_model.__func__

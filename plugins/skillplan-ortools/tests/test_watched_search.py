@@ -13,11 +13,9 @@ from ortools.sat.python import cp_model
 from example_count import examples
 from sequencing_problems import SOP, problem_of, random_problems
 from skillplan import load_problem, make_model
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.stop import Stop
-from skillplan_ortools.order_circuit import OrderCircuit
-from skillplan_ortools.watched_search import WatchedSearch
-from skillplan_ortools.whole_costs import WholeCosts
+from skillplan.model import SequencingProblem
+from skillplan.solvers import Stop
+from skillplan_ortools import OrderCircuit, WatchedSearch, WholeCosts
 
 
 def nothing(found):

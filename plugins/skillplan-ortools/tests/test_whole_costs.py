@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 from example_count import examples
 from sequencing_problems import problem_of, random_problems
-from skillplan_ortools.whole_costs import START, WholeCosts
+from skillplan_ortools import START, WholeCosts
 
 
 def whole_cost(network, order):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from skillplan import load_problem
-from skillplan.physics.linear_motions import grasp_of
+from skillplan.physics import grasp_of
 from skillplan.robots import panda
-from skillplan.task.scene import Grasp, GraspKind
+from skillplan.task import Grasp, GraspKind
 
 ROOT = Path(__file__).parents[3]
 

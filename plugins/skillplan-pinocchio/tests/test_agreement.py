@@ -11,12 +11,11 @@ from itertools import combinations
 import pytest
 
 from situations import assembly, config_content
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.checks.feasibility import Feasibility
-from skillplan.collision.aabb import AabbDetector
-from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.chart import derive_chart
+from skillplan.checks import Feasibility
+from skillplan.collision import AabbDetector, PrecedenceDetector
 from skillplan.pipeline import registry
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan_pinocchio import SweptDetector
 
 NOTHING = frozenset()
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from skillplan.robots import panda
-from skillplan_pinocchio.arm_model import ArmModel, closing_yaw_rad, pose_down
+from skillplan_pinocchio import ArmModel, closing_yaw_rad, pose_down
 
 
 def postures(count):

@@ -6,14 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.physics.kinematic import straight_down
-from skillplan.pipeline import obstacles
-from skillplan.pipeline.obstacles import preview
-from skillplan.pipeline.setup import load_problem
-from skillplan.robots.catalogue import ARMS
-from skillplan.task.scene import Robot
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
+from skillplan.physics import straight_down
+from skillplan.pipeline import load_problem, obstacles, preview
+from skillplan.robots import ARMS
+from skillplan.task import Robot
+from skillplan_pinocchio import ArmModel, Unreachable, elbows
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

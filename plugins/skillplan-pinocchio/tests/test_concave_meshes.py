@@ -12,12 +12,9 @@ from hypothesis import strategies as st
 
 from concave_shapes import as_obj, channel, channel_boxes
 from skillplan import load_problem
-from skillplan.collision.decomposition import decomposition_of
-from skillplan.task.pose import Pose
-from skillplan.task.scene import Body
-from skillplan.task.shape import Box, Mesh
-from skillplan_pinocchio.shapes import nearness, pieces_of, standing_pieces_of
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.collision import decomposition_of
+from skillplan.task import Body, Box, Mesh, Pose
+from skillplan_pinocchio import SweptDetector, nearness, pieces_of, standing_pieces_of
 
 ORIGIN = (0.0, 0.0, 0.0)
 TASK = """kind: assembly
@@ -50,7 +47,7 @@ def task(tmp_path_factory):
 @pytest.mark.slow(reason="takes a mesh apart; its pieces move in every run")
 def test_coacd_takes_a_channel_apart_and_says_how_well():
     """The same pieces whenever it is asked, with an error far below what its walls are thick."""
-    from skillplan_pinocchio.convex_pieces import convex_pieces
+    from skillplan_pinocchio import convex_pieces
 
     mesh = channel()
     corners, faces = np.array(mesh.corners), np.array(mesh.faces)

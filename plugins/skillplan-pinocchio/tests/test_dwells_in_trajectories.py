@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import assembly
-from skillplan.cli.app import main
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import solve
-from skillplan.testing.tasks import lid_content
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.cli import main
+from skillplan.pipeline import Setup, solve
+from skillplan.testing import lid_content
+from skillplan_pinocchio import SweptDetector
 
 SWEPT = Setup(collision=("swept",))
 SECONDS = st.floats(0, 600).map(lambda value: round(value, 3))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from skillplan import Setup, Status, load_problem, solve
-from skillplan.pipeline.obstacles import preview
+from skillplan.pipeline import preview
 
 PROBLEM = load_problem(Path(__file__).parents[3] / "examples" / "sensor_box.yaml")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 
 RESULTS = Path(__file__).parent / "former_results"
 KINDS = ("named", "plain", "boxes", "infile", "feeder")

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, solve
+from skillplan.chart import derive_chart
+from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SWEPT = Setup(collision=("swept",))

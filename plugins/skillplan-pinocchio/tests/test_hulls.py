@@ -6,11 +6,10 @@ import coal
 import numpy as np
 import pytest
 
-from skillplan.physics.linear_motions import widest_m
+from skillplan.physics import widest_m
 from skillplan.robots import panda
-from skillplan.task.scene import Box, Robot, Tool, ToolKind
-from skillplan_pinocchio.hulls import hand_parts
-from skillplan_pinocchio.shapes import ConvexPiece
+from skillplan.task import Box, Robot, Tool, ToolKind
+from skillplan_pinocchio import ConvexPiece, hand_parts
 
 AT = (0.0, 0.0, 0.3)
 GRIPPER = Tool("gripper", "tool(gripper)", AT)

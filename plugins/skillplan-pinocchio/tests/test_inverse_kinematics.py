@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_pinocchio.arm_model import ArmModel, closing_yaw_rad, pose_down
-from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, solve
+from skillplan_pinocchio import ArmModel, Unreachable, closing_yaw_rad, elbows, pose_down, solve
 
 ARM = ArmModel()
 ANGLES = st.floats(-math.pi, math.pi)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from skillplan.physics.linear_motions import linear_motions
-from skillplan.physics.performance import MotionPlans
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.physics import MotionPlans, linear_motions
+from skillplan_pinocchio import SweptDetector
 
 TENTH_OF_A_MM = 1e-4
 FRAMES_PER_S = 60

@@ -8,11 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.robots.panda import PANDA
-from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.timing.least_times import least_between_s
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan.robots import PANDA
+from skillplan_pinocchio import (
+    JointLimits,
+    JointPath,
+    SweptDetector,
+    fastest_trajectory,
+    least_between_s,
+)
 
 LIMITS = JointLimits.of(PANDA).scaled(0.5)
 POSTURES = st.lists(

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from skillplan.robots.panda import PANDA, PANDA_HAND
-from skillplan.robots.ur5e import UR5E
-from skillplan.task.pose import Pose
-from skillplan_pinocchio.shapes import ConvexPiece, SurfacePiece
+from skillplan.robots import PANDA, PANDA_HAND, UR5E
+from skillplan.task import Pose
+from skillplan_pinocchio import ConvexPiece, SurfacePiece
 
 # Where a mesh of the wheel is in the frame of its joint: turned by roll, pitch and yaw, then moved
 # along z [m]. Its model is of the same arm in other frames.

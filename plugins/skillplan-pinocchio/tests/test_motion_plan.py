@@ -3,15 +3,18 @@
 import numpy as np
 import pytest
 
-from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.motion import Event, Visit
-from skillplan.task.pose import Pose
-from skillplan.task.shape import Box
-from skillplan_pinocchio.arm_clearance import LinkSweep
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.motion_plan import MotionPlanner
-from skillplan_pinocchio.obstacles import TABLE, Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, box_corners, table
+from skillplan.physics import LinearMotion
+from skillplan.task import Box, Event, Pose, Visit
+from skillplan_pinocchio import (
+    TABLE,
+    ArmModel,
+    ConvexPiece,
+    LinkSweep,
+    MotionPlanner,
+    Obstacle,
+    box_corners,
+    table,
+)
 
 ARM = ArmModel()
 TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)

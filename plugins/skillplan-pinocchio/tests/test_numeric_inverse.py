@@ -13,11 +13,8 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from serial_arms import random_arm
-from skillplan.robots.arm_description import Transform
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
-from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse, Unreached
-from skillplan_pinocchio.kinematics.serial_arm import SerialArm
+from skillplan.robots import PANDA, UR5E, Transform
+from skillplan_pinocchio import NumericInverse, SerialArm, Unreached
 
 ACCURACY = 1e-6
 ARMS = {"panda": SerialArm(PANDA), "ur5e": SerialArm(UR5E)}
@@ -123,9 +120,9 @@ def test_another_process_gives_the_same_answer():
     """To the bit."""
     code = (
         "import numpy as np\n"
-        "from skillplan.robots.panda import PANDA\n"
-        "from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse\n"
-        "from skillplan_pinocchio.kinematics.serial_arm import SerialArm\n"
+        "from skillplan.robots import PANDA\n"
+        "from skillplan_pinocchio import NumericInverse\n"
+        "from skillplan_pinocchio import SerialArm\n"
         "arm = SerialArm(PANDA)\n"
         "target = arm.tip(np.array([0.3, -0.5, 0.9, -2.0, 0.4, 1.9, -1.1]))\n"
         "print(NumericInverse(arm).solve(target).tobytes().hex())\n"

@@ -9,17 +9,18 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.robots.arm_description import Capsule, Rod
-from skillplan.robots.catalogue import ARMS, STANDARD_HAND
-from skillplan.robots.panda import PANDA, PANDA_HAND
-from skillplan.robots.ur5e import UR5E
-from skillplan.task.pose import Pose
-from skillplan.task.scene import Robot
-from skillplan_pinocchio.arm_model import ArmModel, hand_pose, pose_down
-from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, postures
-from skillplan_pinocchio.link_pieces import LinkPiece
+from skillplan.pipeline import Setup, load_problem, solve
+from skillplan.robots import ARMS, PANDA, PANDA_HAND, STANDARD_HAND, UR5E, Capsule, Rod
+from skillplan.task import Pose, Robot
+from skillplan_pinocchio import (
+    ArmModel,
+    LinkPiece,
+    Unreachable,
+    elbows,
+    hand_pose,
+    pose_down,
+    postures,
+)
 from urdf_text import CAPSULE, urdf
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan import Result, Setup, TaskError, load_problem, solve
-from skillplan.robots.catalogue import ARMS
-from skillplan.task.scene import Robot, Scene
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.gravity import GravityCheck
+from skillplan.robots import ARMS
+from skillplan.task import Robot, Scene
+from skillplan_pinocchio import ArmModel, GravityCheck
 from urdf_text import urdf_of
 
 SWEPT = Setup(collision=("swept",))

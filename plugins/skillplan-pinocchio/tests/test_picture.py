@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from situations import assembly
-from skillplan.cli.app import main
-from skillplan.collision.hulls import HullDetector, HullRole
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.cli import main
+from skillplan.collision import HullDetector, HullRole
+from skillplan_pinocchio import SweptDetector
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 
 # The cover of the starter board, with a wall beside the hole of its screw: without the cover the
 # screw has nothing beneath it, and with it the screwdriver does not get there.

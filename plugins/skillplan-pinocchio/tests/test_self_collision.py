@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 
 from skillplan import load_problem
-from skillplan.robots.catalogue import STANDARD_HAND
-from skillplan.robots.ur5e import UR5E
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import descent_paths
-from skillplan_pinocchio.planning.self_check import SelfCheck
-from skillplan_pinocchio.shapes import ConvexPiece
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.robots import STANDARD_HAND, UR5E
+from skillplan_pinocchio import ArmModel, ConvexPiece, SelfCheck, SweptDetector, descent_paths
 
 TASK = """kind: assembly
 name: close_to_its_base

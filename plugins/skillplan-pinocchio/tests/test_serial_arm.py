@@ -9,11 +9,8 @@ import pinocchio as pin
 import pytest
 
 from serial_arms import random_arm, ur_arm
-from skillplan.robots.arm_description import Transform
-from skillplan.robots.panda import PANDA, TIP_ON_FLANGE
-from skillplan.robots.ur5e import UR5E
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.kinematics.serial_arm import SerialArm
+from skillplan.robots import PANDA, TIP_ON_FLANGE, UR5E, Transform
+from skillplan_pinocchio import ArmModel, SerialArm
 
 BASE = Transform((0.3, -0.2, 0.5), (0.1, -0.4, 1.2))
 TOOL = Transform((0.01, 0.02, 0.13), (0.0, 0.2, -0.7))

@@ -6,10 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.task.scene import Body, Box, Cylinder, Mesh, Pose
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import pieces_of, table
-from skillplan_pinocchio.support import intersection, planar_hull, supports_of
+from skillplan.task import Body, Box, Cylinder, Mesh, Pose
+from skillplan_pinocchio import Obstacle, intersection, pieces_of, planar_hull, supports_of, table
 
 POINTS = st.lists(st.tuples(st.floats(-1, 1, width=16), st.floats(-1, 1, width=16)), max_size=12)
 # Triangles of a prism on a triangle, three corners, then three opposite; and of a tetrahedron.

@@ -5,11 +5,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.collision.boxes import WorldBox, sweep_hits
-from skillplan.task.scene import Body, Box, Cylinder, Mesh, Placement, Pose, Scene
-from skillplan_pinocchio.obstacles import TABLE, Obstacle, obstacles_of
-from skillplan_pinocchio.shapes import ConvexPiece, box_corners, corners_of, nearness, pieces_of
-from skillplan_pinocchio.sweep import Sweep
+from skillplan.collision import WorldBox, sweep_hits
+from skillplan.task import Body, Box, Cylinder, Mesh, Placement, Pose, Scene
+from skillplan_pinocchio import (
+    TABLE,
+    ConvexPiece,
+    Obstacle,
+    Sweep,
+    box_corners,
+    corners_of,
+    nearness,
+    obstacles_of,
+    pieces_of,
+)
 
 LENGTHS = st.floats(0.005, 0.2)
 PLACES = st.tuples(*[st.floats(-0.3, 0.3)] * 3)

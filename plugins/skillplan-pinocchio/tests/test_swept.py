@@ -9,14 +9,11 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import assembly
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.task.motion import AXES
-from skillplan.task.scene import Cylinder, Grasp, GraspKind
-from skillplan.task.verdict import VerdictStatus
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup, make_feasibility, solve
+from skillplan.task import AXES, Cylinder, Grasp, GraspKind, VerdictStatus
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan_pinocchio import SweptDetector
 
 
 class TestSweptDetector(DetectorSuite):

@@ -11,14 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly
-from skillplan.physics.linear_motions import linear_motions
-from skillplan.task.pose import Pose, cross, unit
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_model import ArmModel, hand_pose
-from skillplan_pinocchio.arm_motion import Strokes, strokes
-from skillplan_pinocchio.inverse_kinematics import Unreachable, postures
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.physics import linear_motions
+from skillplan.task import Pose, Task, Verdict, cross, unit
+from skillplan_pinocchio import (
+    ArmModel,
+    Strokes,
+    SweptDetector,
+    Unreachable,
+    hand_pose,
+    postures,
+    strokes,
+)
 
 # A drawer with a knob at its front, which the hand pushes onto a cabinet by.
 DRAWER: dict[str, Any] = {

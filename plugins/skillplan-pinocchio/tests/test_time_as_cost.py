@@ -5,10 +5,9 @@ import json
 import pytest
 
 from skillplan import load_problem
-from skillplan.cli.app import main
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
+from skillplan.cli import main
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model, solve
 
 SWEPT = Setup(collision=("swept",))
 BOARD = "configs/inverter_board.yaml"

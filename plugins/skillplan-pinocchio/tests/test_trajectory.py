@@ -13,12 +13,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from example_count import examples
-from skillplan.robots.panda import PANDA
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import descent_paths
-from skillplan_pinocchio.inverse_kinematics import Unreachable
-from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan.robots import PANDA
+from skillplan_pinocchio import (
+    ArmModel,
+    JointLimits,
+    JointPath,
+    Unreachable,
+    descent_paths,
+    fastest_trajectory,
+)
 
 NODES = st.integers(2, 9).flatmap(
     lambda count: arrays.arrays(float, (count, 7), elements=st.floats(-2.5, 2.5, width=32))
@@ -178,10 +181,10 @@ def test_every_process_finds_the_same_times_to_the_bit(tmp_path):
     """And says nothing, and loads nothing that draws: toppra would, and fail without a screen."""
     words = (
         "import numpy as np\n"
-        "from skillplan_pinocchio.kinematics.joint_path import JointPath\n"
-        "from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory\n"
+        "from skillplan_pinocchio import JointPath\n"
+        "from skillplan_pinocchio import JointLimits, fastest_trajectory\n"
         "nodes = np.sin(np.arange(63.0)).reshape(9, 7)\n"
-        "from skillplan.robots.panda import PANDA\n"
+        "from skillplan.robots import PANDA\n"
         "limits = JointLimits.of(PANDA)\n"
         "print(fastest_trajectory(JointPath(nodes), limits).times_s.tobytes().hex())\n"
         "import sys\n"

@@ -13,16 +13,21 @@ from hypothesis import strategies as st
 
 from cluttered_travels import cramped_travels, deepest_m
 from example_count import examples
-from skillplan.task.scene import Box
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.planning.arm_bodies import ArmBodies
-from skillplan_pinocchio.planning.continuous_check import ITSELF, ContinuousCheck
-from skillplan_pinocchio.planning.moving_solids import arm_solids
-from skillplan_pinocchio.planning.travel import Travel, Unfound
-from skillplan_pinocchio.planning.travel_planner import TravelPlanner
-from skillplan_pinocchio.shapes import ConvexPiece, box_corners
+from skillplan.task import Box
+from skillplan_pinocchio import (
+    ITSELF,
+    ArmBodies,
+    ArmModel,
+    ContinuousCheck,
+    ConvexPiece,
+    JointPath,
+    Obstacle,
+    Travel,
+    TravelPlanner,
+    Unfound,
+    arm_solids,
+    box_corners,
+)
 
 ROOT = Path(__file__).parents[3]
 # How far anything goes between two places that the check of its own looks at [m].

@@ -6,11 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.robots.ur5e import UR5E
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
-from skillplan_pinocchio.planning.travel_heights import TravelHeights
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.robots import UR5E
+from skillplan_pinocchio import ArmModel, SweptDetector, TravelHeights, Unreachable, elbows
 
 SAFE_M = 0.2
 BOARDS = ["inverter_board", "battery_module", "motor_drive", "relay_rail", "sensor_stack"]

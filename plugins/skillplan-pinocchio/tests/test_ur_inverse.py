@@ -12,11 +12,8 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from serial_arms import ur_arm
-from skillplan.robots.arm_description import Transform
-from skillplan.robots.panda import PANDA
-from skillplan.robots.ur5e import UR5E
-from skillplan_pinocchio.kinematics.serial_arm import SerialArm
-from skillplan_pinocchio.kinematics.ur_inverse import UrInverse, UrLengths
+from skillplan.robots import PANDA, UR5E, Transform
+from skillplan_pinocchio import SerialArm, UrInverse, UrLengths
 
 ACCURACY = 1e-9
 BASE = Transform((0.3, 0.2, 0.1), (0.2, 0.3, 0.4))

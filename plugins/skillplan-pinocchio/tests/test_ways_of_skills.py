@@ -3,13 +3,12 @@
 import pytest
 
 from situations import assembly
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.checks.feasibility import Feasibility
-from skillplan.model.replay import replay
-from skillplan.model.skill_model import SkillModel
-from skillplan.physics.kinematic import KinematicEngine
-from skillplan.solvers.auto import AutoSolver
-from skillplan_pinocchio.swept import SweptDetector
+from skillplan.chart import derive_chart
+from skillplan.checks import Feasibility
+from skillplan.model import SkillModel, replay
+from skillplan.physics import KinematicEngine
+from skillplan.solvers import AutoSolver
+from skillplan_pinocchio import SweptDetector
 from way_boards import pin_content, rails_content
 
 

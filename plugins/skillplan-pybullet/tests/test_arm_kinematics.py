@@ -12,18 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.robots.ur5e import UR5E
-from skillplan.task.pose import Pose
-from skillplan.task.scene import Robot
-from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
-from skillplan_pybullet.control import PinocchioDynamics
-from skillplan_pybullet.robot_file import JAW_LINKS
-from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
-from skillplan_pybullet.world import World
-from skillplan_simulation.execution.surroundings import LinkBounds
-from skillplan_simulation.kinematics import kinematics_of, turn_between
-from skillplan_simulation.motions import JointMotion
+from skillplan.robots import UR5E
+from skillplan.task import Pose, Robot
+from skillplan_pinocchio import JointLimits, JointPath, fastest_trajectory
+from skillplan_pybullet import JAW_LINKS, PinocchioDynamics, SimulatedArm, SimulationSettings, World
+from skillplan_simulation import JointMotion, LinkBounds, kinematics_of, turn_between
 
 ROBOT = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
 # A second arm, on a base that is turned; and one that hangs.

@@ -13,13 +13,10 @@ from hypothesis import strategies as st
 from board_situations import BOARD, imagined
 from example_count import examples
 from situations import assembly, config_content
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan_pybullet.engine import PybulletSimulator
-from skillplan_pybullet.simulated_arm import SimulationSettings
-from skillplan_simulation.execution.workcell import Fallen, SupportTrials, Workcell
+from skillplan.pipeline import load_problem
+from skillplan.task import Skill, State, Task
+from skillplan_pybullet import PybulletSimulator, SimulationSettings
+from skillplan_simulation import Fallen, SupportTrials, Workcell
 from thinned import thinned
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")

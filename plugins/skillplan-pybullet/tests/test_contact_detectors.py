@@ -12,12 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from situations import assembly, config_content
-from skillplan.checks.single_check import introduce
-from skillplan_pybullet.contact_force import ContactForceDetector
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
-from skillplan_simulation.record import Record
-from skillplan_simulation.verdicts import frame_means
+from skillplan.checks import introduce
+from skillplan_pybullet import ContactForceDetector, PybulletEngine
+from skillplan_simulation import ContactPairsDetector, Record, frame_means
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]
 

@@ -7,14 +7,12 @@ import json
 import pytest
 
 from situations import assembly, config_content
-from skillplan.checks.single_check import check, introduce
-from skillplan.records.execution.comparisons import decisive
-from skillplan.task.verdict import VerdictStatus
-from skillplan.trials.detector_trials import try_detectors
-from skillplan.trials.fault_injection import Truth, injected_collisions
-from skillplan_pybullet.contact_force import ContactForceDetector
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.checks import check, introduce
+from skillplan.records import decisive
+from skillplan.task import VerdictStatus
+from skillplan.trials import Truth, injected_collisions, try_detectors
+from skillplan_pybullet import ContactForceDetector, PybulletEngine
+from skillplan_simulation import ContactPairsDetector
 
 OPTIMUM = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 

@@ -13,13 +13,11 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, changed_product
 from situations import config_content
-from skillplan.chart.partial_order import closure, reduction
-from skillplan.chart.precedence_chart import DerivedChart, derive_chart
-from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.records.result import Result, Status
-from skillplan.task.task import Precedence, Task
+from skillplan.chart import DerivedChart, closure, derive_chart, reduction
+from skillplan.checks import VerdictCache
+from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
+from skillplan.records import Result, Status
+from skillplan.task import Precedence, Task
 from thinned import thinned
 
 SETUPS = {

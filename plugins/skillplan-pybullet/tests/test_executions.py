@@ -11,17 +11,11 @@ import pytest
 
 from board_situations import imagined
 from situations import assembly, config_content
-from skillplan.physics.linear_motions import linear_motions
-from skillplan.task.scene import Body, Box
-from skillplan.task.shape import Cylinder, Mesh
-from skillplan.task.verdict import VerdictStatus
-from skillplan_pinocchio.mass_properties import mass_properties
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
-from skillplan_pybullet.world import World
-from skillplan_simulation.contact_detectors import ContactPairsDetector
-from skillplan_simulation.execution.planned_paths import PlannedPaths
-from skillplan_simulation.execution.skill_runner import SkillRunner
+from skillplan.physics import linear_motions
+from skillplan.task import Body, Box, Cylinder, Mesh, VerdictStatus
+from skillplan_pinocchio import mass_properties
+from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
+from skillplan_simulation import ContactPairsDetector, PlannedPaths, SkillRunner
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
 SCREW_M, BIT_M = 0.002, 0.040

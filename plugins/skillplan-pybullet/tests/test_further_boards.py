@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solve
+from skillplan.pipeline import Setup, load_problem, solve
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))

@@ -7,13 +7,10 @@ from collections.abc import Iterator
 import pybullet
 import pytest
 
-from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.inverse_kinematics import elbows
-from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
-from skillplan_pybullet.world import World
-from skillplan_simulation.execution.controlled_robot import ToolChanger
-from skillplan_simulation.simulator import ROBOT
+from skillplan.task import Body, Box, Pose, Robot, Scene, Tool, ToolKind
+from skillplan_pinocchio import ArmModel, elbows
+from skillplan_pybullet import SimulatedArm, SimulationSettings, World
+from skillplan_simulation import ROBOT, ToolChanger
 
 TIP = (0.5, 0.0, 0.3)
 # From one finger to the other, and up to the palm.

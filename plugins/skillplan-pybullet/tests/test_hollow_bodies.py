@@ -10,17 +10,11 @@ import pytest
 
 from concave_shapes import as_obj
 from situations import assembly
-from skillplan.checks.single_check import introduce
-from skillplan.cli.app import main
-from skillplan.task.motion import Event, Motion, Route, Visit
-from skillplan.task.pose import Pose
-from skillplan.task.scene import Body
-from skillplan.task.shape import Box, Mesh
-from skillplan.task.task import Task
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.world import World
-from skillplan_simulation.contact_detectors import ContactPairsDetector
-from skillplan_simulation.simulator import STEPS_PER_S
+from skillplan.checks import introduce
+from skillplan.cli import main
+from skillplan.task import Body, Box, Event, Mesh, Motion, Pose, Route, Task, Visit
+from skillplan_pybullet import PybulletEngine, World
+from skillplan_simulation import STEPS_PER_S, ContactPairsDetector
 
 OUTER_M, INNER_M, HEIGHT_M, FLOOR_M = 0.1, 0.09, 0.04, 0.01
 

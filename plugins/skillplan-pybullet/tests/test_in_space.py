@@ -8,13 +8,22 @@ from dataclasses import replace
 import pytest
 
 from situations import assembly
-from skillplan.checks.single_check import introduce
-from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Motion, Route, Visit
-from skillplan.task.pose import DOWN, Pose
-from skillplan.task.scene import Box
-from skillplan.task.task import Task
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.checks import introduce
+from skillplan.task import (
+    AXES,
+    DOWN,
+    Box,
+    Event,
+    Grasp,
+    GraspKind,
+    Motion,
+    Pose,
+    Route,
+    Task,
+    Visit,
+)
+from skillplan_pybullet import PybulletEngine
+from skillplan_simulation import ContactPairsDetector
 
 ALONG_X = (1.0, 0.0, 0.0)
 # Held where it lies from above, where it stands from the side: the hand is turned with the part.

@@ -8,15 +8,12 @@ from dataclasses import replace
 import pytest
 
 from situations import assembly
-from skillplan.checks.single_check import introduce
-from skillplan.robots.arm_description import Hand
-from skillplan.robots.panda import PANDA_HAND
-from skillplan.robots.ur5e import UR5E
-from skillplan.task.pose import Pose
-from skillplan.task.task import Task
-from skillplan.testing.tasks import lid_content
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.checks import introduce
+from skillplan.robots import PANDA_HAND, UR5E, Hand
+from skillplan.task import Pose, Task
+from skillplan.testing import lid_content
+from skillplan_pybullet import PybulletEngine
+from skillplan_simulation import ContactPairsDetector
 
 # It looks along -x where its joints are at home.
 TURNED = Pose.upright((0.0, 0.0, 0.0), math.pi).orientation

@@ -8,10 +8,10 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, state_after
 from situations import assembly
-from skillplan.physics.performance import HEIGHT, WIDTH
-from skillplan.pipeline.setup import load_problem
-from skillplan.testing.tasks import lid_content
-from skillplan_pybullet.engine import PybulletEngine
+from skillplan.physics import HEIGHT, WIDTH
+from skillplan.pipeline import load_problem
+from skillplan.testing import lid_content
+from skillplan_pybullet import PybulletEngine
 
 
 @pytest.fixture(scope="module")

@@ -11,17 +11,12 @@ import pytest
 import yaml
 
 from situations import assembly, config_content
-from skillplan.checks.single_check import introduce
-from skillplan.cli.app import main
-from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.domains.assembly.grounding import ground
-from skillplan.domains.assembly.layout_family import layouts
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.pipeline.taken_ways import by_ways
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.checks import introduce
+from skillplan.cli import main
+from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, ground, layouts
+from skillplan.pipeline import Setup, by_ways, load_problem, solve
+from skillplan_pybullet import PybulletEngine
+from skillplan_simulation import ContactPairsDetector
 
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 FOLDER = Path(__file__).parents[3] / "configs"

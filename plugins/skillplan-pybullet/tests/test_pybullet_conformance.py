@@ -8,9 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from example_count import examples
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
+from skillplan.task import Skill, State, Task
 from skillplan.testing import SimulationSuite
 
 

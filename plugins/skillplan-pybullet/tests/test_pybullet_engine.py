@@ -11,12 +11,9 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined, state_after
 from skillplan.errors import TaskError
-from skillplan.pipeline.setup import load_problem
-from skillplan.task.motion import AXES
-from skillplan.task.scene import Grasp, GraspKind
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan_pybullet.engine import PybulletEngine
+from skillplan.pipeline import load_problem
+from skillplan.task import AXES, Grasp, GraspKind, Task, Verdict, VerdictStatus
+from skillplan_pybullet import PybulletEngine
 
 
 @pytest.fixture(scope="module")
@@ -273,7 +270,7 @@ class TestFaults:
         assert "beyond what the arm spans" in verdict.reason
 
     def test_a_simulation_that_blows_up_is_unknown(self, task, monkeypatch):
-        from skillplan_pybullet.world import World
+        from skillplan_pybullet import World
 
         monkeypatch.setattr(World, "is_sane", lambda self: False)
         verdict = PybulletEngine(task).check(task.skill("pick(clock)"), task.initial)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from situations import assembly
-from skillplan.checks.single_check import introduce
-from skillplan.task.verdict import VerdictStatus
-from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
+from skillplan.checks import introduce
+from skillplan.task import VerdictStatus
+from skillplan_pinocchio import SweptDetector
+from skillplan_pybullet import PybulletEngine
+from skillplan_simulation import ContactPairsDetector
 
 PLAN = ("pick(base)", "place(base)", "pick(tower)", "place(tower)")
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from board_situations import BOARD
-from skillplan.cli.app import main
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Status
-from skillplan.task.task import Task
+from skillplan.cli import main
+from skillplan.pipeline import Setup, load_problem, solve
+from skillplan.records import Status
+from skillplan.task import Task
 
 pytest.importorskip("skillplan_pinocchio", reason="geometry is asked by swept hulls")
 

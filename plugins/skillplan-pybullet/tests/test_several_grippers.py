@@ -8,14 +8,10 @@ from typing import Any
 import pytest
 
 from situations import assembly
-from skillplan.checks.single_check import introduce
-from skillplan.task.task import Task
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
-from skillplan_pybullet.world import World
-from skillplan_simulation.contact_detectors import ContactPairsDetector
-from skillplan_simulation.robot_shapes import hand_of
-from skillplan_simulation.simulator import HAND
+from skillplan.checks import introduce
+from skillplan.task import Task
+from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
+from skillplan_simulation import HAND, ContactPairsDetector, hand_of
 
 # Thin jaws, and jaws that would meet the walls beside the pin.
 SLIM_M = [[0.0, 0.004, 0.0, 0.005], [0.05, 0.004, 0.0, 0.005]]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from skillplan.cli.app import main
+from skillplan.cli import main
 
 BOARD = str(Path(__file__).parents[3] / "configs" / "inverter_board.yaml")
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"

@@ -10,19 +10,18 @@ import pytest
 
 from situations import assembly
 from skillplan import Setup
-from skillplan.task.scene import Body, Scene
-from skillplan.task.shape import Box, Cylinder
-from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
-from skillplan_pybullet.world import World
-from skillplan_simulation.execution.controlled_robot import ControlledRobot
-from skillplan_simulation.kinematics import (
+from skillplan.task import Body, Box, Cylinder, Scene
+from skillplan_pybullet import SimulatedArm, SimulationSettings, World
+from skillplan_simulation import (
+    ControlledRobot,
+    JointMotion,
+    Pads,
     Vector,
     of_quaternion,
     pose_of,
     turn_between,
+    utilisation,
 )
-from skillplan_simulation.motions import JointMotion
-from skillplan_simulation.static_friction import Pads, utilisation
 
 SETTINGS = SimulationSettings()
 ROD = Cylinder(0.02, 0.08, (0.0, 0.0, 0.04))

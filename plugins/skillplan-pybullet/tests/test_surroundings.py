@@ -8,24 +8,19 @@ from collections.abc import Sequence
 import pytest
 
 from board_situations import BOARD
-from skillplan.checks.single_check import introduce
-from skillplan.collision.boxes import world_boxes
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.task.scene import WORLD
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_simulation.contact_detectors import ContactPairsDetector
-from skillplan_simulation.execution.surroundings import (
+from skillplan.checks import introduce
+from skillplan.collision import world_boxes
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup, load_problem, make_model
+from skillplan.task import WORLD, Skill, State, Task, Verdict
+from skillplan_pybullet import PybulletEngine
+from skillplan_simulation import (
+    ArmMotion,
+    ContactPairsDetector,
     Located,
     Neighbourhood,
     Surroundings,
 )
-from skillplan_simulation.motions import ArmMotion
 
 
 def everything(

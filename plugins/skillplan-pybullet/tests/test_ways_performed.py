@@ -3,10 +3,9 @@
 import pytest
 
 from situations import assembly
-from skillplan.pipeline.taken_ways import by_ways
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.simulated_arm import SimulationSettings
-from skillplan_simulation.execution.planned_paths import PlannedPaths
+from skillplan.pipeline import by_ways
+from skillplan_pybullet import PybulletEngine, SimulationSettings
+from skillplan_simulation import PlannedPaths
 from way_boards import pin_content
 
 GRANTED = "grasp top closing along x"

@@ -7,11 +7,10 @@ import tempfile
 import numpy as np
 import pytest
 
-from skillplan.task.scene import Body, Pose
-from skillplan.task.shape import Box, Cylinder, Mesh
-from skillplan_pinocchio.mass_properties import mass_properties
-from skillplan_pybullet.world import World
-from skillplan_simulation.simulator import STEPS_PER_S
+from skillplan.task import Body, Box, Cylinder, Mesh, Pose
+from skillplan_pinocchio import mass_properties
+from skillplan_pybullet import World
+from skillplan_simulation import STEPS_PER_S
 
 PYRAMID = Mesh(
     ((0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.0, 0.04, 0.0), (0.04, 0.04, 0.0), (0.02, 0.02, 0.03)),

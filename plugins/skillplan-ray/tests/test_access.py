@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from skillplan.errors import SkillplanError
-from skillplan.workers.supervisor import descendants
+from skillplan.workers import descendants
 from skillplan_ray import access
 
 NOBODY = 65534

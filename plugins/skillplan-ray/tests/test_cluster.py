@@ -14,14 +14,13 @@ from typing import Any
 import pytest
 
 from ray_clusters import PATIENCE_S, actors, first_actors, processes_of
-from skillplan.checks.feasibility import Feasibility
+from skillplan.checks import Feasibility
 from skillplan.errors import SkillplanError
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup
-from skillplan.task.verdict import Verdict
-from skillplan.testing import lid_task, reachable_states
-from skillplan.testing.executor_suite import ExpensiveBoxes
-from skillplan.workers.executor import Answer, Ended, Executor, ExecutorChoice, Worker, packed
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup
+from skillplan.task import Verdict
+from skillplan.testing import ExpensiveBoxes, lid_task, reachable_states
+from skillplan.workers import Answer, Ended, Executor, ExecutorChoice, Worker, packed
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.8670860141568904

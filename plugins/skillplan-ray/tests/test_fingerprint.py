@@ -6,7 +6,8 @@ import re
 import tomllib
 from pathlib import Path
 
-from skillplan_ray.fingerprint import LIBRARIES, differences, fingerprint
+from skillplan_ray import LIBRARIES, differences
+from skillplan_ray.fingerprint import fingerprint
 
 ROOT = Path(__file__).parents[3]
 # Read, write, show and check, or are used by the head alone: no figure of a worker is theirs.

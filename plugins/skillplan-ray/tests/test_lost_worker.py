@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.workers.executor import Answer, Ended
-from skillplan_ray.actor import DONE, READY
-from skillplan_ray.worker import RayWorker
+from skillplan.workers import Answer, Ended
+from skillplan_ray import DONE, READY, RayWorker
 
 
 class RayError(Exception):

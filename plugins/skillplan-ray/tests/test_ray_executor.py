@@ -11,14 +11,14 @@ import pytest
 
 import expensive_back_ends
 from expensive_back_ends import ExpensiveEngine, checks_in
-from skillplan.checks.feasibility import Feasibility
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup
-from skillplan.task.verdict import Verdict
+from skillplan.checks import Feasibility
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup
+from skillplan.task import Verdict
 from skillplan.testing import ExecutorSuite, lid_task, reachable_states
-from skillplan.workers.executor import ExecutorChoice
+from skillplan.workers import ExecutorChoice
+from skillplan_ray import RayExecutor
 from skillplan_ray import executor as executors
-from skillplan_ray.executor import RayExecutor
 
 OPTIONS: dict[str, Any] = {"cpus": 0}
 

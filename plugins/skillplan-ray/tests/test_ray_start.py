@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ray_clusters import PATIENCE_S
-from skillplan_ray.cluster import signals_held
+from skillplan_ray import signals_held
 
 ORDERING = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC47.sop"
 # In so long all are gone once the command has ended [s].

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from ray_clusters import PATIENCE_S
-from skillplan.records.training.run_folder import CHECKPOINT
-from skillplan.training.run_files import read_checkpoint
+from skillplan.records import CHECKPOINT
+from skillplan.training import read_checkpoint
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 # Of many strides, each of which takes a while.

@@ -16,12 +16,11 @@ from typing import Any
 import pytest
 
 from ray_clusters import places
-from skillplan.checks.feasibility import Feasibility
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility
+from skillplan.checks import Feasibility
+from skillplan.model import SkillModel
+from skillplan.pipeline import Setup, load_problem, make_feasibility
 from skillplan.testing import reachable_states
-from skillplan.workers.executor import ExecutorChoice
+from skillplan.workers import ExecutorChoice
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"

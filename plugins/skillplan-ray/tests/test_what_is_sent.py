@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from skillplan.workers.executor import packed
+from skillplan.workers import packed
+from skillplan_ray import RayExecutor
 from skillplan_ray import executor as executors
-from skillplan_ray.executor import RayExecutor
 
 
 class Store:

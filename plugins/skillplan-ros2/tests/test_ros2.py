@@ -16,17 +16,21 @@ from rosbags.typesys import Stores, get_typestore
 
 from handovers import best, solved
 from skillplan.errors import OptionError
-from skillplan.exporters.exporter import Handover
-from skillplan.model.replay import replay
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.task.skill import Skill
-from skillplan.testing import ExporterSuite, lid_task, shut_box_task
-from skillplan.testing.suites import solved_lid
-from skillplan_pinocchio.swept import SweptDetector
-from skillplan_ros2.exporter import TEXT_TYPE, TRAJECTORY_TYPE, message_types
+from skillplan.exporters import Handover
+from skillplan.model import SkillModel, replay
+from skillplan.pipeline import (
+    Setup,
+    exported,
+    handed_over,
+    load_problem,
+    make_exporter,
+    make_model,
+    notes_of,
+)
+from skillplan.task import Skill
+from skillplan.testing import ExporterSuite, lid_task, shut_box_task, solved_lid
+from skillplan_pinocchio import SweptDetector
+from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"

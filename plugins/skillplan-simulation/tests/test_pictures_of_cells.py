@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from board_situations import BOARD
-from skillplan.physics.performance import HEIGHT, WIDTH, Angle, Image, View
-from skillplan.pipeline.setup import load_problem
-from skillplan_simulation.execution.plan_execution import Film
-from skillplan_simulation.kinematics import kinematics_of
-from skillplan_simulation.pictures.annotations import Projection
-from skillplan_simulation.pictures.painted_camera import PaintedCamera
-from skillplan_simulation.simulator import Touch
+from skillplan.physics import HEIGHT, WIDTH, Angle, Image, View
+from skillplan.pipeline import load_problem
+from skillplan_simulation import Film, PaintedCamera, Projection, Touch, kinematics_of
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.base.goals import (
+from skillplan_swarmitfix import (
     MOST_SPLITS,
+    Bench,
     GoalSet,
     How,
     ReachRules,
@@ -23,7 +24,6 @@ from skillplan_swarmitfix.base.goals import (
     unreachable,
     within_reach,
 )
-from skillplan_swarmitfix.bench.bench import Bench
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")

@@ -9,11 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.task.reward import DistanceReward
-from skillplan.task.task import Task
-from skillplan_swarmitfix.base.task import BaseGrounding, at
-from skillplan_swarmitfix.bench.bench import Bench
+from skillplan.pipeline import make_model, solve
+from skillplan.task import DistanceReward, Task
+from skillplan_swarmitfix import BaseGrounding, Bench, at
 from swarm_situations import SWING_S, base_task, grounding
 
 BENCH = Bench(6, 13, 0.34)

@@ -8,14 +8,10 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.domain import Account
-from skillplan.files.json_file import json_fault
-from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import solve
-from skillplan_swarmitfix.account import account
-from skillplan_swarmitfix.job import Job
-from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan.domains import Account
+from skillplan.files import json_fault
+from skillplan.pipeline import load_problem, solve, solve_chain
+from skillplan_swarmitfix import Job, SwarmitfixConfig, account
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 STEPS = ("retract", "park", "swing", "approach", "support")

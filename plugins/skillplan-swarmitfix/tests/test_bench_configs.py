@@ -11,16 +11,10 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.load import Problem
-from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.chain_result import ChainResult
-from skillplan.records.result import Status
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.fleet.simulator import simulate
-from skillplan_swarmitfix.heads.geometry import SupportedStretch
-from skillplan_swarmitfix.job import Job
-from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan.domains import Problem
+from skillplan.pipeline import load_problem, solve_chain
+from skillplan.records import ChainResult, Status
+from skillplan_swarmitfix import Bench, Job, SupportedStretch, SwarmitfixConfig, simulate
 from swarm_situations import GOALS, HOME, MAKESPANS
 from yaml_data import yaml_data
 

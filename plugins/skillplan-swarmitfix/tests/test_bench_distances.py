@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from skillplan_swarmitfix.bench.bench import Bench
+from skillplan_swarmitfix import Bench
 
 PAPER = Bench(rows=6, cols=13, pitch_m=0.34)
 FULL = Bench(rows=6, cols=13, pitch_m=0.34, actions=13)

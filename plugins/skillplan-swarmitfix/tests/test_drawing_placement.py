@@ -10,9 +10,9 @@ from typing import Any
 import ezdxf
 import pytest
 
-from skillplan.domains.load import Problem
+from skillplan.domains import Problem
 from skillplan.errors import Issue, TaskError
-from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline import load_problem
 
 # A triangle in the middle of the bench, in metres.
 TRIANGLE = ((0.75, 0.60), (1.75, 0.60), (1.25, 1.20))

@@ -14,23 +14,23 @@ from example_count import examples
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
 from skillplan.judge import referee
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Result
-from skillplan.solvers.stop import Stop
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
-from skillplan_swarmitfix.multiagent.configuration_search import (
+from skillplan.pipeline import make_model, solve
+from skillplan.records import Result
+from skillplan.solvers import Stop
+from skillplan.task import Skill, State, Task, Verdict
+from skillplan_swarmitfix import (
+    Bench,
     ConfigurationSearch,
+    FleetSolver,
+    FleetSwing,
+    MultiAgentProblem,
+    Objective,
+    ScheduleImprovement,
+    search_jointly,
     search_with_restarts,
+    simulate,
+    simulate_timed,
 )
-from skillplan_swarmitfix.multiagent.fleet import FleetSolver
-from skillplan_swarmitfix.multiagent.joint_search import Objective, search_jointly
-from skillplan_swarmitfix.multiagent.multi_agent import MultiAgentProblem
-from skillplan_swarmitfix.multiagent.schedule_improvement import ScheduleImprovement
 
 BENCH = Bench(6, 13, 0.34)
 # Benches by rows and columns, and how many bases fit on them, with little room to move.

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import random_robots
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.fleet.simulator import (
+from skillplan_swarmitfix import (
+    Bench,
     FleetSwing,
     FleetViolation,
     passed_pins,

@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import SWING_S, fewest, pins_are_disjoint, random_robots, task_of
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.task.task import Task
+from skillplan.pipeline import make_model, solve
+from skillplan.task import Task
 from skillplan.testing import reachable_states
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.fleet.task import fleet_faults, fleet_task, robot_at
+from skillplan_swarmitfix import Bench, fleet_faults, fleet_task, robot_at
 
 BENCH = Bench(6, 13, 0.34)
 SMALL = Bench(3, 5, 0.34)

@@ -10,10 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_swarmitfix.base.goal_choice import GoalRule, LeastSwings, choose
-from skillplan_swarmitfix.base.goals import GoalSet, How, ReachRules, goal_sets
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix import (
+    Bench,
+    GoalRule,
+    GoalSet,
+    How,
+    LeastSwings,
+    ReachRules,
+    Timings,
+    choose,
+    goal_sets,
+)
 from swarm_situations import shortest_way
 from thinned import thinned
 from yaml_data import yaml_data

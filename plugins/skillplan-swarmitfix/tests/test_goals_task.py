@@ -7,12 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.solving import make_model, solve
-from skillplan_swarmitfix.base.goal_choice import GoalRule, choose
-from skillplan_swarmitfix.base.goals import GoalSet, How
-from skillplan_swarmitfix.base.goals_task import goal_of, goals_task, serve
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan.pipeline import make_model, solve
+from skillplan_swarmitfix import (
+    Bench,
+    GoalRule,
+    GoalSet,
+    How,
+    Timings,
+    choose,
+    goal_of,
+    goals_task,
+    serve,
+)
 
 BENCH = Bench(6, 13, 0.34)
 SWING_S = Timings().swing_s

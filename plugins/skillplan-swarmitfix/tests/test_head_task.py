@@ -10,13 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.pipeline.solving import make_model, solve
-from skillplan_swarmitfix.heads.geometry import SupportedStretch, overlap
-from skillplan_swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
-from skillplan_swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault
-from skillplan_swarmitfix.trajectory.path_elements import Arc, Line
-from skillplan_swarmitfix.trajectory.workpiece import Workpiece
+from skillplan.model import TabularMDP
+from skillplan.pipeline import make_model, solve
+from skillplan_swarmitfix import (
+    Arc,
+    HeadRules,
+    Line,
+    SupportedStretch,
+    Workpiece,
+    fewest,
+    head_task,
+    heads_of,
+    overlap,
+    same_yaw,
+    segment_fault,
+    vertex_heads,
+)
 
 RULES = HeadRules()
 lengths = st.floats(0.02, 0.9)

@@ -8,20 +8,23 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.heads.geometry import SupportedStretch, overlap
-from skillplan_swarmitfix.heads.heads import (
+from skillplan_swarmitfix import (
     THIRD_RAD,
+    Arc,
     Head,
     HeadKind,
     HeadRules,
+    Line,
+    Segment,
+    SupportedStretch,
+    Workpiece,
     even_heads,
     normal_yaw,
+    overlap,
     path_between,
     same_yaw,
     vertex_heads,
 )
-from skillplan_swarmitfix.trajectory.path_elements import Arc, Line
-from skillplan_swarmitfix.trajectory.workpiece import Segment, Workpiece
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")

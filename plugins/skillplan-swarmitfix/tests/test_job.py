@@ -7,14 +7,19 @@ from typing import Any
 
 import pytest
 
-from skillplan.pipeline.solving import solve
-from skillplan.task.task import BackEndChoice, Task
-from skillplan_swarmitfix.bench.step_timings import Timings
-from skillplan_swarmitfix.domain import SwarmitfixDomain
-from skillplan_swarmitfix.job import Job
-from skillplan_swarmitfix.machine_settings import limits_of, mount_of, timings_of
-from skillplan_swarmitfix.pkm.reach import Mount, PkmLimits
-from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan.pipeline import solve
+from skillplan.task import BackEndChoice, Task
+from skillplan_swarmitfix import (
+    Job,
+    Mount,
+    PkmLimits,
+    SwarmitfixConfig,
+    SwarmitfixDomain,
+    Timings,
+    limits_of,
+    mount_of,
+    timings_of,
+)
 
 TRIANGLE = [[0.40, 0.35], [1.20, 1.60], [2.00, 0.35]]
 

@@ -10,17 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.pipeline.solving import solve
-from skillplan_swarmitfix.base.locomotion import (
+from skillplan.pipeline import solve
+from skillplan_swarmitfix import (
     Agent,
+    BasePath,
+    Bench,
     FiveStep,
     Phase,
+    Timings,
+    along,
     makespan,
     timeline,
 )
-from skillplan_swarmitfix.base.path import BasePath, along
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
 from swarm_situations import base_task, shortest_way
 
 BENCH = Bench(rows=6, cols=13, pitch_m=0.34)

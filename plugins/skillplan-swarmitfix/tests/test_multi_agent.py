@@ -9,13 +9,9 @@ import pytest
 
 from fleet_instances import random_robots, task_of
 from situations import make_skill, make_task
-from skillplan.pipeline.solving import make_model
-from skillplan.task.cost import CaseCost, ConstantCost
-from skillplan.task.skill import Case, Outcome, Skill
-from skillplan.task.state import Condition, Facts
-from skillplan.task.task import Task
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.multiagent.multi_agent import MultiAgentProblem, NotMultiAgent
+from skillplan.pipeline import make_model
+from skillplan.task import Case, CaseCost, Condition, ConstantCost, Facts, Outcome, Skill, Task
+from skillplan_swarmitfix import Bench, MultiAgentProblem, NotMultiAgent
 
 BENCH = Bench(3, 7, 0.34)
 FACTS = Facts(("a1", "a2", "b1", "b2"), (("a1", "a2"), ("b1", "b2")))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skillplan_swarmitfix.multiagent.multi_agent import Move
-from skillplan_swarmitfix.multiagent.parallel_schedule import ParallelSchedule, TimedMove
+from skillplan_swarmitfix import Move, ParallelSchedule, TimedMove
 
 
 def move(agent: int, occupies: int, duration_s: float = 1.0) -> Move:

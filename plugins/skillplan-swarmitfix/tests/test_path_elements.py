@@ -10,11 +10,13 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix import (
     MAX_CHORDS,
+    SAME_POINT_M,
     Arc,
     Element,
     Line,
+    Point2,
     Spline,
     arc_or_line,
     circle_of,
@@ -24,7 +26,6 @@ from skillplan_swarmitfix.trajectory.path_elements import (
     sample,
     sampling_error_m,
 )
-from skillplan_swarmitfix.trajectory.plane_point import SAME_POINT_M, Point2
 
 coordinates = st.floats(-3, 3, allow_subnormal=False)
 points = st.tuples(coordinates, coordinates)

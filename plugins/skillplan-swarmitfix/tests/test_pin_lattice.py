@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skillplan_swarmitfix.bench.pin_lattice import PinLattice
-from skillplan_swarmitfix.bench.swings import HEADINGS
+from skillplan_swarmitfix import HEADINGS, PinLattice
 from yaml_data import yaml_data
 
 TABLE: dict[str, Any] = yaml_data(Path(__file__).parent / "data" / "bench.yaml")

@@ -11,14 +11,17 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skillplan_swarmitfix.pkm.kinematics import (
+from skillplan_swarmitfix import (
+    Matrix,
     OutsideWorkspace,
     PkmGeometry,
     PkmJoints,
+    Pose6,
     forward,
     inverse,
+    zyz_angles,
+    zyz_matrix,
 )
-from skillplan_swarmitfix.pkm.pose6 import Matrix, Pose6, zyz_angles, zyz_matrix
 
 GEOMETRY = PkmGeometry()
 UPRIGHT = Pose6(0.0, 0.0, 0.45, 0.0, 0.0, 0.0)

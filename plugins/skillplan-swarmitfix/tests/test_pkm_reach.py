@@ -13,14 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_swarmitfix.pkm.kinematics import PkmGeometry, inverse
-from skillplan_swarmitfix.pkm.pose6 import zyz_matrix
-from skillplan_swarmitfix.pkm.reach import (
+from skillplan_swarmitfix import (
     SAFE_LIMITS,
     Mount,
+    PkmGeometry,
     PkmLimits,
     horizontal_reach_m,
+    inverse,
     rule,
+    zyz_matrix,
 )
 
 GEOMETRY, LIMITS, MOUNT = PkmGeometry(), PkmLimits(), Mount()

@@ -13,17 +13,11 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.load import Problem
+from skillplan.domains import Problem
 from skillplan.errors import TaskError
-from skillplan.pipeline.chain import solve_chain
-from skillplan.pipeline.setup import load_problem
-from skillplan.records.chain_result import ChainResult
-from skillplan.records.result import Status
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.heads.grid import HeadGrid
-from skillplan_swarmitfix.heads.heads import HeadKind
-from skillplan_swarmitfix.job import Job
-from skillplan_swarmitfix.schema import SwarmitfixConfig
+from skillplan.pipeline import load_problem, solve_chain
+from skillplan.records import ChainResult, Status
+from skillplan_swarmitfix import Bench, HeadGrid, HeadKind, Job, SwarmitfixConfig
 from swarm_situations import MAKESPANS
 
 CONFIGS = Path(__file__).parents[3] / "configs"

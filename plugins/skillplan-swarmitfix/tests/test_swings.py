@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.bench.swings import (
+from skillplan_swarmitfix import (
     ALL_TURNS,
     ANGLES_DEG,
     HEADINGS,

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.swings import SWING_ACTIONS, Direction, Turn
+from skillplan_swarmitfix import SWING_ACTIONS, Bench, Direction, Turn
 from yaml_data import yaml_data
 
 PAGE = Path(__file__).parents[3] / "docs" / "explanation" / "reproduction.md"

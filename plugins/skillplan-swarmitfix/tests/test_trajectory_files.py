@@ -21,22 +21,21 @@ from ezdxf.math import BSpline
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.trajectory.dxf_entities import CURVE_TOLERANCE_M
-from skillplan_swarmitfix.trajectory.files import (
+from skillplan_swarmitfix import (
+    CURVE_TOLERANCE_M,
     MAX_BYTES,
     SUFFIXES,
-    TrajectoryFileError,
-    TrajectoryPath,
-    read_trajectory,
-)
-from skillplan_swarmitfix.trajectory.path_elements import (
     Arc,
     Line,
     Spline,
+    TrajectoryFileError,
+    TrajectoryPath,
+    Workpiece,
     circle_of,
+    read_trajectory,
     sample,
 )
-from skillplan_swarmitfix.trajectory.workpiece import Workpiece, faults
+from skillplan_swarmitfix.trajectory.workpiece import faults
 
 DATA = Path(__file__).parent / "data"
 SLOT_M = 2 * 1.0 + math.pi * 0.5

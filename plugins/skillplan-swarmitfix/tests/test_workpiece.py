@@ -13,23 +13,21 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan_swarmitfix.trajectory.crossings import crossings
-from skillplan_swarmitfix.trajectory.path_elements import (
+from skillplan_swarmitfix import (
     MAX_CHORDS,
     Arc,
+    Corner,
     Element,
     Line,
-    Spline,
-)
-from skillplan_swarmitfix.trajectory.plane_point import Point2
-from skillplan_swarmitfix.trajectory.workpiece import (
-    Corner,
+    Point2,
     Segment,
+    Spline,
     Vertex,
     VertexKind,
     Workpiece,
-    faults,
+    crossings,
 )
+from skillplan_swarmitfix.trajectory.workpiece import faults
 
 BENCH = (0.0, 0.0, 4.0, 2.0)
 CIRCLE = [Arc((-1, 0), (0, 1)), Arc((1, 0), (0, -1))]

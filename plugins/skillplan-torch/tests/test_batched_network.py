@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from skillplan_torch.batched_adam import BatchedAdam
-from skillplan_torch.batched_network import BatchedNetwork, padded
+from skillplan_torch import BatchedAdam, BatchedNetwork, padded
 
 # Features and actions of the board, of a larger one, and of a network without hidden layers.
 SHAPES = [[17, 64, padded(16)], [83, 96, 32, padded(41)], [5, padded(3)]]

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from skillplan.cli.app import main
-from skillplan.records.training.run_folder import RunFolder
+from skillplan.cli import main
+from skillplan.records import RunFolder
 from training_situations import learned_bytes
 
 LEARNERS = ("dqn", "ppo")

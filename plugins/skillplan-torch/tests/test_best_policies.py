@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan_torch.best_policies import BestPolicies, CompletedEpisode
+from skillplan.solvers import NetworkPolicy
+from skillplan_torch import BestPolicies, CompletedEpisode
 
 
 def preferring(*actions, count=3):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan_torch.planned.conditions import Conditions, Words
+from skillplan_torch import Conditions, Words
 
 BITS = 12
 ASKED = st.sets(st.integers(0, 2 * BITS - 1), max_size=4)

@@ -13,18 +13,14 @@ from pydantic import ValidationError
 from example_count import examples
 from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
-from skillplan.env.observation import Observation
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.solvers.learning.learner import Snapshot
-from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.sweep.option_values import Choice, read_space
-from skillplan.task.state import Facts
-from skillplan.task.task import Literal
+from skillplan.env import Observation, SkillVectorEnv
+from skillplan.pipeline import make_model, solve
+from skillplan.records import Choice, Status
+from skillplan.solvers import NetworkPolicy, Snapshot
+from skillplan.sweep import read_space
+from skillplan.task import Facts, Literal
 from skillplan.testing import SolverSuite, lid_task
-from skillplan_torch.dqn import DqnSolver
-from skillplan_torch.ppo import PpoSolver
+from skillplan_torch import DqnSolver, PpoSolver
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 OPTIMUM_M = 1.86709

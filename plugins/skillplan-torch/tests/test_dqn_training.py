@@ -12,11 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.cli.app import main
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.training.trainer import Trainer
-from skillplan.training.training_folder import TrainingFolder
-from skillplan.training.training_plan import plan_training
+from skillplan.cli import main
+from skillplan.pipeline import Setup, load_problem
+from skillplan.training import Trainer, TrainingFolder, plan_training
 from training_situations import BOARD, learned_bytes
 
 PATIENCE_S = 240

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_torch.observation_counts import ObservationCounts, doubled, of_runs
+from skillplan_torch import ObservationCounts, doubled, of_runs
 
 ACTIONS = 3
 

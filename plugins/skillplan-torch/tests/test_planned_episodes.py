@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model, make_solver, solve
-from skillplan.solvers.learning.network_policy import allowing
-from skillplan_torch.observation_counts import ObservationCounts
-from skillplan_torch.planned.planned_episodes import PlannedEpisodes
+from skillplan.domains.assembly import BoardGenerator
+from skillplan.env import COMPLETE, GOES_ON, INFEASIBLE, SkillVectorEnv
+from skillplan.pipeline import load_problem, make_model, make_solver, solve
+from skillplan.solvers import allowing
+from skillplan_torch import ObservationCounts, PlannedEpisodes
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 WIDTH = 32

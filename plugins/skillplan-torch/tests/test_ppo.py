@@ -13,14 +13,11 @@ from pydantic import ValidationError
 from example_count import examples
 from situations import model_of, retry_task, two_roads_task
 from skillplan import load_problem
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.env.transition_table import COMPLETE
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.learning.learner import Snapshot
+from skillplan.env import COMPLETE, SkillVectorEnv
+from skillplan.pipeline import Setup, make_model, solve
+from skillplan.solvers import Snapshot
 from skillplan.testing import SolverSuite, lid_task
-from skillplan_torch.ppo import PpoSolver
-from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
+from skillplan_torch import PpoSolver, RolloutBuffer
 
 pytestmark = pytest.mark.slow(reason="trainings; DQN's in every run")
 

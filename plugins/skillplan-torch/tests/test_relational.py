@@ -10,15 +10,18 @@ import pytest
 import torch
 
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.training.relational_file import write_relational
-from skillplan.solvers.learning.family_learner import FamilyLesson
-from skillplan.training.family_training import GeneratedFamily, follow_policy, read_policy
-from skillplan_torch.relational import RelationalSolver
-from skillplan_torch.relational.learning import Board, Lessons, TorchNetwork
-from skillplan_torch.relational.network import NetworkSize
-from skillplan_torch.relational.solver import RelationalOptions
+from skillplan.pipeline import load_problem, make_model, solve
+from skillplan.records import write_relational
+from skillplan.solvers import FamilyLesson
+from skillplan.training import GeneratedFamily, follow_policy, read_policy
+from skillplan_torch import (
+    Board,
+    Lessons,
+    NetworkSize,
+    RelationalOptions,
+    RelationalSolver,
+    TorchNetwork,
+)
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TINY = {"boards": 2, "rounds": 2, "updates": 3, "batch": 8, "width": 16, "layers": 1}
@@ -125,7 +128,7 @@ def test_the_command_line_trains_and_keeps_what_was_learned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The printed document is the kept one; a second training does not go into the folder."""
-    from skillplan.cli.app import main
+    from skillplan.cli import main
 
     out = tmp_path / "run"
     words = [word for key, value in TINY.items() for word in ("-O", f"{key}={value}")]

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.records.stored.result_folder import is_relational
-from skillplan.records.training.relational_file import write_relational
-from skillplan.training.family_training import read_policy
-from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
+from skillplan.records import is_relational, write_relational
+from skillplan.training import read_policy
+from skillplan_torch import NetworkSize, RelationalNetwork
 
 SIZE = NetworkSize(width=8, heads=2, layers=1, pair_width=4)
 

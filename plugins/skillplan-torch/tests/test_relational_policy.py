@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 import yaml
 
-from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.domains.assembly import BoardGenerator
 from skillplan.errors import OptionError
-from skillplan.model.policy_value import roll_out
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.task.task import Task
-from skillplan_torch.relational.elements import ElementOrder, ElementPaths, ElementView, Sight
-from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork
+from skillplan.model import roll_out
+from skillplan.pipeline import load_problem, make_model
+from skillplan.task import Task
+from skillplan_torch import (
+    ElementChoice,
+    ElementOrder,
+    ElementPaths,
+    ElementView,
+    NetworkSize,
+    RelationalNetwork,
+    Sight,
+)
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SMALL = NetworkSize(width=16, heads=2, layers=2, pair_width=4)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_torch.dqn.replay_memory import ReplayMemory
+from skillplan_torch import ReplayMemory
 
 TRANSITIONS = st.tuples(
     st.integers(0, 2),  # observation

@@ -8,11 +8,10 @@ import pytest
 
 from situations import two_roads_task
 from skillplan import load_problem
-from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME
-from skillplan.pipeline.solving import make_model
-from skillplan.task.reward import DistanceReward
-from skillplan_torch.reward_scaling import RewardScaling
+from skillplan.env import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME, SkillVectorEnv
+from skillplan.pipeline import make_model
+from skillplan.task import DistanceReward
+from skillplan_torch import RewardScaling
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 

@@ -1,1 +1,5 @@
 """Precedence derived from checks in hypothetical states; it never searches for a plan."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

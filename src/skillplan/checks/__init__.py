@@ -2,3 +2,7 @@
 
 It never knows about solvers.
 """
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

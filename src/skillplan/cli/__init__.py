@@ -1,1 +1,5 @@
 """The command line: one file per command, and no logic of its own."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -3,7 +3,10 @@
 Importing this package registers the environment ``skillplan/Task-v0`` with Gymnasium.
 """
 
+import lazy_loader as _lazy
 from gymnasium.envs.registration import register, registry
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 
 ENVIRONMENT = "skillplan/Task-v0"
 

@@ -1,1 +1,5 @@
 """The straight line: set a task up, make its model, solve it, have it judged, certify it."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

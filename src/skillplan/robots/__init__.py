@@ -1,1 +1,5 @@
 """Descriptions of robots as data; it never moves one."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """Pure data: states, conditions, skills, scenes, tasks, and the loading of task files."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

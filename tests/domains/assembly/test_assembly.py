@@ -5,9 +5,8 @@ import math
 import pytest
 
 from situations import assembly, config_content
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import make_model
+from skillplan.model import replay
+from skillplan.pipeline import Setup, make_model
 from skillplan.testing import DomainSuite, lid_content, reachable_states
 
 

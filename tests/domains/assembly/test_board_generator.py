@@ -15,14 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.chart.partial_order import closure, cycle
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
+from skillplan.chart import closure, cycle, derive_chart
+from skillplan.domains.assembly import MOST_PARTS, MOST_TOOLS, BoardGenerator
 from skillplan.errors import OptionError
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, solve
-from skillplan.records.result import Status
-from skillplan.task.task import Task
+from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
+from skillplan.records import Status
+from skillplan.task import Task
 from yaml_data import yaml_text
 
 BOARDS = st.builds(

@@ -8,14 +8,12 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import assembly, model_of, small_assemblies
-from skillplan.collision.aabb import AabbDetector
-from skillplan.domains.assembly.overview import hints
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.collision import AabbDetector
+from skillplan.domains.assembly import AssemblyConfig, hints
 from skillplan.domains.load import _content_hash
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import solve
-from skillplan.testing.tasks import lid_content
+from skillplan.model import replay
+from skillplan.pipeline import Setup, solve
+from skillplan.testing import lid_content
 
 PLAN = (
     "pick(box),place(box),pick(fuse),place(fuse),pick(lid),place(lid),"

@@ -9,14 +9,12 @@ from typing import Any
 import pytest
 
 from situations import assembly, config_content
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.chart import derive_chart
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
 from skillplan.errors import TaskError
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, make_model, solve
-from skillplan.task.task import Task
+from skillplan.model import evaluate_policy
+from skillplan.pipeline import Setup, load_problem, make_feasibility, make_model, solve
+from skillplan.task import Task
 from skillplan.testing import DomainSuite, lid_content, reachable_states
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -5,12 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, config_content
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.physics.linear_motions import grasp_of, jaws_about
-from skillplan.task.motion import AXES
-from skillplan.task.scene import Grasp, GraspKind, ToolKind
-from skillplan.task.shape import Box, Cylinder
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
+from skillplan.physics import grasp_of, jaws_about
+from skillplan.task import AXES, Box, Cylinder, Grasp, GraspKind, ToolKind
 from skillplan.testing import lid_content
 
 CYLINDER = {"diameter_m": 0.03, "height_m": 0.02}

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
 
 
 def hints(lying: dict[str, Any], handed_out: dict[str, Any] | None = None) -> list[str]:

@@ -13,15 +13,18 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import config_content
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.consistency import issues
-from skillplan.domains.assembly.geometry_faults import distances_m
-from skillplan.domains.assembly.layout import goal_of, hole_of, start_of
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.load import Problem
+from skillplan.domains import Problem
+from skillplan.domains.assembly import (
+    AssemblyConfig,
+    AssemblyDomain,
+    distances_m,
+    goal_of,
+    hole_of,
+    issues,
+    start_of,
+)
 from skillplan.errors import OptionError, TaskError
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import solve
+from skillplan.pipeline import Setup, load_problem, solve
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"

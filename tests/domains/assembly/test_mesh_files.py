@@ -12,17 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.assembly import mesh_files, robot_schema
-from skillplan.domains.assembly.mesh_files import (
+from skillplan.domains.assembly import (
     MAX_BYTES,
     MAX_CORNERS,
     SUFFIXES,
+    ArmFileError,
     MeshFileError,
+    mesh_files,
     parsed,
+    read_arm,
     read_mesh,
+    robot_schema,
 )
-from skillplan.domains.assembly.robot_schema import ArmFileError, read_arm
-from skillplan.task.shape import Mesh
+from skillplan.task import Mesh
 from urdf_text import urdf
 
 # Corners and faces of a wedge: 2 long, 1 wide, 1 high where it is highest.

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan import load_problem
-from skillplan.cli.app import main
+from skillplan.cli import main
 from skillplan.errors import TaskError
 
 FACES = [

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import skillplan
-from skillplan.cli.app import run
+from skillplan.cli import run
 
 BOARD = """\
 kind: assembly

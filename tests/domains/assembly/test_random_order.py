@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.chart.partial_order import closure, cycle, reduction
-from skillplan.domains.assembly.board_generator import RandomOrder
+from skillplan.chart import closure, cycle, reduction
+from skillplan.domains.assembly import RandomOrder
 
 COUNTS = st.integers(0, 12)
 

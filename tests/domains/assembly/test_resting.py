@@ -5,12 +5,18 @@ import math
 import pytest
 
 from skillplan import load_problem
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.layout import goal_pose, hole_of, start_pose
-from skillplan.domains.assembly.resting import TABLE, bearers_at_start, rests_at_goal
-from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly import (
+    TABLE,
+    AssemblyConfig,
+    AssemblyDomain,
+    bearers_at_start,
+    goal_pose,
+    hole_of,
+    rests_at_goal,
+    start_pose,
+)
 from skillplan.errors import TaskError
-from skillplan.task.pose import Pose
+from skillplan.task import Pose
 
 QUARTER = math.pi / 2
 FLOOR_M = 0.003

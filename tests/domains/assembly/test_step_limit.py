@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from situations import assembly, config_content
-from skillplan.domains.assembly.grounding import MOST_STEPS
+from skillplan.domains.assembly import MOST_STEPS
 
 BOARD = "inverter_board"
 

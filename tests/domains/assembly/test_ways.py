@@ -5,9 +5,8 @@ import math
 import pytest
 
 from situations import assembly
-from skillplan.domains.assembly import AssemblyDomain
-from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.task.motion import Event, GraspKind
+from skillplan.domains.assembly import AssemblyConfig, AssemblyDomain
+from skillplan.task import Event, GraspKind
 
 FLOOR = [{"size_m": [0.2, 0.2, 0.01], "centre_m": [0.0, 0.0, 0.005]}]
 WALLS = [

@@ -14,15 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.chart.precedence_chart import derive_chart
-from skillplan.domains.sop import SopDomain
-from skillplan.domains.sop.problem import NodeOrder, SopConfig, nodes_of
+from skillplan.chart import derive_chart
+from skillplan.domains.sop import NodeOrder, SopConfig, SopDomain, nodes_of
 from skillplan.errors import TaskError
-from skillplan.model.replay import replay
-from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.pipeline.solving import make_feasibility, make_model, solve
-from skillplan.records.result import Status
-from skillplan.task.task import Task
+from skillplan.model import replay
+from skillplan.pipeline import Setup, load_problem, make_feasibility, make_model, solve
+from skillplan.records import Status
+from skillplan.task import Task
 from skillplan.testing import DomainSuite, reachable_states
 from sop_instances import BEST_KNOWN, FOLDER, instance
 
@@ -305,8 +303,7 @@ def test_a_sop_file_needs_no_arrays() -> None:
     """Reading, grounding and searching a small one import no numerics."""
     path = FOLDER / "ESC07.sop"
     code = (
-        "import sys\nfrom skillplan.pipeline.setup import load_problem\n"
-        "from skillplan.pipeline.solving import solve\n"
+        "import sys\nfrom skillplan.pipeline import load_problem, solve\n"
         f"assert solve(load_problem({str(path)!r}).task, 'exact').cost == 2125\n"
         "assert 'numpy' not in sys.modules and 'skillplan.domains.assembly' not in sys.modules"
     )

@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.sop import SopDomain, tsplib_file
-from skillplan.domains.sop.tsplib_file import read_tsplib
+from skillplan.domains.sop import SopDomain, read_tsplib, tsplib_file
 from skillplan.errors import TaskError
-from skillplan.pipeline.setup import load_problem
+from skillplan.pipeline import load_problem
 from sop_instances import BEST_KNOWN, instance, instance_text, tsplib_text
 
 SMALL = """NAME: small.sop

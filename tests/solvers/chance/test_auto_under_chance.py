@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import solve
-from skillplan.records.result import Status
-from skillplan.solvers.chance.job_values_solver import JobValuesSolver
-from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
-from skillplan.task.task import Task
+from skillplan.domains.assembly import BoardGenerator
+from skillplan.pipeline import load_problem, solve
+from skillplan.records import Status
+from skillplan.solvers.chance import JobValuesSolver
+from skillplan.solvers.mdp import ValueIterationSolver
+from skillplan.task import Task
 
 
 @pytest.fixture

@@ -13,21 +13,22 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import make_skill, make_task, model_of
-from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.domains.assembly import BoardGenerator
 from skillplan.errors import NotASequencing
-from skillplan.model.component_jobs import ComponentJobs
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.model.skill_model import SkillModel
-from skillplan.model.tabular_mdp import least_expected_cost
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.solvers.chance.job_sets import feasible_sets
-from skillplan.solvers.chance.job_values import JobValues, Ways, tried_once, values_of_sets
-from skillplan.solvers.chance.job_values_solver import JobValuesSolver
-from skillplan.solvers.chance.retries import retried
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts
+from skillplan.model import ComponentJobs, SkillModel, evaluate_policy, least_expected_cost
+from skillplan.pipeline import load_problem, make_model, solve
+from skillplan.records import Status
+from skillplan.solvers import Stop
+from skillplan.solvers.chance import (
+    JobValues,
+    JobValuesSolver,
+    Ways,
+    feasible_sets,
+    retried,
+    tried_once,
+    values_of_sets,
+)
+from skillplan.task import Facts
 from skillplan.testing import SolverSuite
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -16,12 +16,10 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.errors import TaskError
-from skillplan.model.skill_model import SkillModel
-from skillplan.model.tabular_mdp import least_expected_cost
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.records.result import Status
-from skillplan.task.state import State
+from skillplan.model import SkillModel, least_expected_cost
+from skillplan.pipeline import load_problem, make_model, solve
+from skillplan.records import Status
+from skillplan.task import State
 
 MOST = 1 - 1e-9
 NEAR_ONE = [0.9, 0.999, 1 - 1e-6, 1 - 1e-8, MOST]

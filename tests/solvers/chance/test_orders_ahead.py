@@ -15,24 +15,23 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
-from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.domains.assembly import BoardGenerator
 from skillplan.errors import NotASequencing
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.job_sets import (
+from skillplan.model import SkillModel, evaluate_policy
+from skillplan.pipeline import load_problem, make_model
+from skillplan.solvers import Stop
+from skillplan.solvers.chance import (
+    AdaptiveSearch,
     CertainModel,
     OrdersAhead,
+    ReplanSolver,
     costs_to_go,
     feasible_sets,
     orders_ahead,
+    relaxed,
+    retried,
 )
-from skillplan.solvers.chance.replan import ReplanSolver
-from skillplan.solvers.chance.retries import relaxed, retried
-from skillplan.solvers.stop import Stop
-from skillplan.task.state import Facts, State
+from skillplan.task import Facts, State
 
 BOARDS = st.builds(
     BoardGenerator,

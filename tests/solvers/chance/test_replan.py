@@ -13,18 +13,12 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
-from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.model.policy_value import evaluate_policy
-from skillplan.model.tabular_mdp import least_expected_cost
-from skillplan.pipeline.setup import load_problem
-from skillplan.pipeline.solving import make_model
-from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
-from skillplan.solvers.chance.replan import ReplanSolver
-from skillplan.solvers.chance.retries import relaxed, retried, why_not_retried
-from skillplan.solvers.stop import Stop
-from skillplan.task.cost import CaseCost
-from skillplan.task.state import Facts
-from skillplan.task.task import Task
+from skillplan.domains.assembly import BoardGenerator
+from skillplan.model import evaluate_policy, least_expected_cost
+from skillplan.pipeline import load_problem, make_model
+from skillplan.solvers import Stop
+from skillplan.solvers.chance import AdaptiveSearch, ReplanSolver, relaxed, retried, why_not_retried
+from skillplan.task import CaseCost, Facts, Task
 from skillplan.testing import SolverSuite
 
 CONFIGS = Path(__file__).parents[3] / "configs"

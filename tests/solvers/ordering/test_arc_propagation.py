@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
-from skillplan.solvers.ordering.instance import NO_ARC
-from skillplan.solvers.ordering.relaxation.precedence_cuts import propagate
+from skillplan.solvers.ordering import NO_ARC, propagate
 
 
 @settings(max_examples=examples(250))

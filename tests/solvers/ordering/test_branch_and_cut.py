@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.instance import NO_ARC
-from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering import NO_ARC, BranchAndCut, CutRelaxation
 
 
 def search_of(instance, *, cost=np.inf, stop=lambda: False, kind=CutRelaxation):

@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.instance import NO_ARC
-from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, repaired
+from skillplan.solvers.ordering import NO_ARC, CutRelaxation, repaired, tighten
 
 
 def never():

@@ -7,19 +7,16 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders
-from skillplan.solvers.ordering.instance import OrderingInstance
-from skillplan.solvers.ordering.local_search.iterated_descent import (
-    _added,
-    _exchange,
-    descend_again,
-    note_reversals,
-)
-from skillplan.solvers.ordering.local_search.ruin_and_recreate import (
+from skillplan.solvers.ordering import (
     Annealing,
+    OrderingInstance,
     cheapest_first,
+    descend_again,
     followers,
     nearest,
+    note_reversals,
 )
+from skillplan.solvers.ordering.local_search.iterated_descent import _added, _exchange
 
 
 def kicked(instance, order, seed, kicks=60):

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from ordering_instances import all_orders
 from sequencing_problems import problem_of, random_problems
-from skillplan.solvers.ordering.instance import JobOrders
+from skillplan.solvers.ordering import JobOrders
 
 
 @given(problem=random_problems())

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
-from skillplan.solvers.ordering.instance import MOST, NO_ARC, OrderingInstance
+from skillplan.solvers.ordering import MOST, NO_ARC, OrderingInstance
 
 
 def bare(n, value=1.0):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
+from skillplan.solvers.ordering import METHODS, OrderingSearch
 
 PROVING = tuple((method,) for method in METHODS if method != "local-search")
 EXACT = METHODS[1:]

@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
-from skillplan.solvers.ordering.relaxation.cut_relaxation import (
+from skillplan.solvers.ordering import (
+    NO_ARC,
     CutRelaxation,
     Duals,
+    OrderingInstance,
     PairPrices,
-    charges_of,
-)
-from skillplan.solvers.ordering.relaxation.pair_relaxation import (
     PairRelaxation,
+    TwoEndedSearch,
+    beam,
+    charges_of,
     open_pairs,
+    separate_between,
+    tighten,
     violated_triples,
 )
-from skillplan.solvers.ordering.relaxation.precedence_cuts import separate_between
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, beam
 
 MUCH = 10**9
 

@@ -18,17 +18,24 @@ from hypothesis import given, settings
 from example_count import examples
 from ordering_instances import instance_of, least_cost, orderings
 from sequencing_problems import SOP
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.pipeline.solving import make_model, solve
-from skillplan.solvers.ordering import parallel_search, portfolio, search_worker
-from skillplan.solvers.ordering.instance import JobOrders, OrderingInstance
-from skillplan.solvers.ordering.parallel_search import Helpers
-from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
-from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, side_by_side
-from skillplan.solvers.stop import Stop
-from skillplan.workers.executor import Answer, Ended, Executor
-from skillplan.workers.supervisor import descendants
+from skillplan.model import SequencingProblem
+from skillplan.pipeline import make_model, solve
+from skillplan.solvers import Stop
+from skillplan.solvers.ordering import (
+    METHODS,
+    CutRelaxation,
+    Duals,
+    Helpers,
+    JobOrders,
+    OrderingInstance,
+    OrderingSearch,
+    TwoEndedSearch,
+    parallel_search,
+    portfolio,
+    search_worker,
+    side_by_side,
+)
+from skillplan.workers import Answer, Ended, Executor, descendants
 from sop_instances import BEST_KNOWN, instance
 
 PATIENCE_S = 120

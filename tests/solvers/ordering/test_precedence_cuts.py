@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
-from skillplan.solvers.ordering.relaxation.precedence_cuts import separate
+from skillplan.solvers.ordering import separate
 
 
 def all_pairs(before):

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders, instance_of, orderings
-from skillplan.solvers.ordering.instance import OrderingInstance
-from skillplan.solvers.ordering.local_search.ruin_and_recreate import followers, improve, nearest
+from skillplan.solvers.ordering import OrderingInstance, followers, improve, nearest
 
 
 def improved(instance, order, seed, iterations=300, moves=0.5):

@@ -10,13 +10,18 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of
-from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.instance import NO_ARC, JobOrders, OrderingInstance
+from skillplan.model import SequencingProblem
+from skillplan.solvers.ordering import (
+    NO_ARC,
+    CutRelaxation,
+    JobOrders,
+    OrderingInstance,
+    PairRelaxation,
+    least_changes,
+    set_up_cuts,
+    tighten,
+)
 from skillplan.solvers.ordering.relaxation import precedence_cuts as counted
-from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
-from skillplan.solvers.ordering.relaxation.precedence_cuts import least_changes, set_up_cuts
 
 
 @settings(max_examples=examples(80))

@@ -7,13 +7,15 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.relaxation.branch_and_cut import tighten
-from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation, Duals
-from skillplan.solvers.ordering.subsets.two_ended_search import (
+from skillplan.solvers.ordering import (
+    NO_ARC,
     CompletionBounds,
+    CutRelaxation,
+    Duals,
+    OrderingInstance,
     TwoEndedSearch,
     beam,
+    tighten,
 )
 
 

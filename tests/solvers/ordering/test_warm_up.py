@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.domains.assembly import BoardGenerator
 
 INSTANCES = Path(__file__).parents[2] / "instances" / "sop"
 

@@ -11,7 +11,6 @@ from pydantic import Field
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_pybullet import quiet_output
 from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
@@ -19,6 +18,7 @@ from skillplan_pybullet.control import (
     torques,
     tracking_torques,
 )
+from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_pybullet.robot_file import RobotFile, robot_file
 from skillplan_pybullet.world import World
 from skillplan_simulation.execution_settings import ExecutionSettings

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.mass_properties import MassProperties, mass_properties
-from skillplan_pybullet import quiet_output
+from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     LEAST_INERTIA_KG_M2,

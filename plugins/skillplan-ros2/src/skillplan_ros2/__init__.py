@@ -3,4 +3,8 @@
 It finds no path and times none itself: what `swept` plans is what it writes.
 """
 
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
 __version__ = "0.2.0"

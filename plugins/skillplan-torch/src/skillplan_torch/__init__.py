@@ -6,6 +6,10 @@ imports the command line, views or trainings of skillplan.
 
 import os
 
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
 __version__ = "0.2.0"
 
 try:

@@ -1,1 +1,5 @@
 """Solvers of tasks with chance and too many states for tables; they never list all states."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

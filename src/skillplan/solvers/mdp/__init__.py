@@ -1,1 +1,5 @@
 """Markov decision processes: dynamic programming on the arrays of a model; it never samples."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,33 @@
+from .app import COMMANDS as COMMANDS
+from .app import EPILOG as EPILOG
+from .app import app as app
+from .app import main as main
+from .app import run as run
+from .commands.warm_up import NOTICE as NOTICE
+from .commands.warm_up import compilation_announced as compilation_announced
+from .deadline import Deadline as Deadline
+from .interruption import heeding as heeding
+from .options.values import memory_size as memory_size
+from .output import exit_code as exit_code
+from .result_output import ResultFolder as ResultFolder
+from .result_output import write_folder as write_folder
+from .waiting import figures_text as figures_text
+from .writing import as_json as as_json
+
+__all__ = [
+    "COMMANDS",
+    "EPILOG",
+    "NOTICE",
+    "Deadline",
+    "ResultFolder",
+    "app",
+    "as_json",
+    "compilation_announced",
+    "exit_code",
+    "figures_text",
+    "heeding",
+    "main",
+    "memory_size",
+    "run",
+    "write_folder",
+]

@@ -1,0 +1,5 @@
+from .blame import Interrupted as Interrupted
+
+__all__ = [
+    "Interrupted",
+]
