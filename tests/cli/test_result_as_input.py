@@ -280,7 +280,7 @@ class TestRuns:
         """By name."""
         outcome = cli(command, str(good), BOARD)
         assert 2 == outcome.code
-        assert f"{BOARD} is no folder of training runs" in outcome.err
+        assert f"{BOARD} is not a folder of training runs" in outcome.err
 
     @pytest.mark.slow(reason="evaluates twice; a folder in every run")
     def test_the_document_of_a_folder_means_the_folder(self, cli: Any, good: Path) -> None:

@@ -130,7 +130,7 @@ def kinds(annotation: Any) -> set[Any]:
     if origin is Annotated:
         return kinds(get_args(annotation)[0])
     if origin in (Union, UnionType):
-        return {kind for one in get_args(annotation) for kind in kinds(one)}
+        return {kind for get_arg in get_args(annotation) for kind in kinds(get_arg)}
     return {origin or annotation}
 
 
@@ -207,11 +207,11 @@ def checked(
     OptionError
         If one is wrong.
     """
-    made = registry.make_options("solver", solver, plugin, values).model_dump(mode="json")
+    model_dump = registry.make_options("solver", solver, plugin, values).model_dump(mode="json")
     for name in values:
-        if isinstance(made[name], float) and not math.isfinite(made[name]):
+        if isinstance(model_dump[name], float) and not math.isfinite(model_dump[name]):
             raise OptionError(f"Option {entry or name}: must be a finite number.")
-    return made
+    return model_dump
 
 
 ALL = "*"
@@ -294,7 +294,9 @@ def _values_of(values: Dimension | tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _ascend(values: Sequence[Value]) -> bool:
     """Whether these are numbers that ascend."""
-    numbers = [one for one in values if isinstance(one, int | float) and not isinstance(one, bool)]
+    numbers = [
+        value for value in values if isinstance(value, int | float) and not isinstance(value, bool)
+    ]
     return len(numbers) == len(values) and sorted(numbers) == numbers
 
 

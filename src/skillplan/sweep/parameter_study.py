@@ -133,15 +133,18 @@ def plan_sampled(
     PluginError
         If a plugin is unknown or broken.
     """
-    wanted = read_space(solver, values)
-    job, common = _common(task, solver, setup, _with(setup, solver, wanted.fixed), starts, warm)
+    space = read_space(solver, values)
+    job, common = _common(task, solver, setup, _with(setup, solver, space.fixed), starts, warm)
     plan = SampledPlan(
         name=name or task.name,
         design=SAMPLED,
-        axes=tuple(Axis(one.option, (wanted.centre[one.option],)) for one in wanted.dimensions),
-        centre=wanted.centre,
+        axes=tuple(
+            Axis(dimension.option, (space.centre[dimension.option],))
+            for dimension in space.dimensions
+        ),
+        centre=space.centre,
         seeds=tuple(range(seed, seed + runs)),
-        space=wanted.dimensions,
+        space=space.dimensions,
         minimise=minimise,
         sampler=sampler,
         **common,
@@ -407,7 +410,7 @@ def value_of(records: Sequence[SweepRecord], minimise: str) -> float | None:
     arrived = [
         record
         for record in records
-        if record.error is None and all(one.arrived for one in record.outcomes)
+        if record.error is None and all(outcome.arrived for outcome in record.outcomes)
     ]
     if all(record.error is not None for record in records):
         return None
@@ -418,7 +421,7 @@ def value_of(records: Sequence[SweepRecord], minimise: str) -> float | None:
 
 def _paid(record: SweepRecord, minimise: str) -> float:
     if minimise == "seconds":
-        times_s = [one.learning_s for one in record.outcomes]
+        times_s = [outcome.learning_s for outcome in record.outcomes]
         return max(times_s) if record.shared else sum(times_s)
     if minimise == "steps":
         return float(sum(one.steps or 0 for one in record.outcomes))

@@ -196,7 +196,7 @@ class StudyFolder(HeldFolder):
         for number, line in enumerate(whole.decode("utf-8", "replace").splitlines(), start=1):
             try:
                 record = record_of(line)
-                fits = [one.start for one in record.outcomes] in (starts, [])
+                fits = [outcome.start for outcome in record.outcomes] in (starts, [])
                 if (
                     not fits
                     or record.setting >= len(plan.settings)

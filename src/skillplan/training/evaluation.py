@@ -1,4 +1,4 @@
-"""Stored policies of training runs, tried on their task: what ``skillplan evaluate RUN`` does."""
+"""Stored policies of training runs, evaluated on their task and on unseen layouts of its family."""
 
 from __future__ import annotations
 
@@ -38,61 +38,56 @@ from skillplan.training.policies import (
     sampled_roll_outs,
 )
 
-# So many episodes are rolled out side by side at most.
+# Largest number of episodes that run in parallel.
 _MOST_PLACES = 1_024
 _NO_POLICY = "it has no policy yet: its training was cut off; train --resume goes on"
 
 
 def check_same_task(folder: RunFolder, problem: Problem, *, quoted: bool = True) -> None:
-    """See that a file is the task that the runs have learned.
+    """Check that the runs have learned this task file.
 
     Parameters
     ----------
-    folder
-        The runs.
-    problem
-        What was loaded.
     quoted
-        Whether what the file holds may be told.
+        True if the message may quote the file.
 
     Raises
     ------
     OptionError
-        If its content has another hash; what has changed is named.
+        If its content has changed; the message names the changes.
     """
     if problem.sha256 == folder.manifest.task.sha256:
         return
     if not quoted:
         raise OptionError(
             f"{problem.source}: is not the task that {folder.path} has learned, which names it. "
-            f"--task {folder.task_copy} is what it was; --task {problem.source} tells what changed."
+            f"--task {folder.task_copy} takes the learned one; --task {problem.source} shows the "
+            "changes."
         )
     changed = what_changed(folder.config, resolved_config(problem))
     raise OptionError(
         f"{problem.source}: is not the task that {folder.path} has learned: {changed}. "
-        f"--task {folder.task_copy} is what it was; --changed-task evaluates on this one."
+        f"--task {folder.task_copy} takes the learned one; --changed-task evaluates on this one."
     )
 
 
 class RunsEvaluation:
-    """The policies of a folder of runs, to be tried on a task.
+    """The policies of a folder of runs, to be evaluated on a task.
 
     Parameters
     ----------
-    folder
-        The runs.
     task
-        What the policies are tried on.
+        The task to evaluate on.
     sampling
-        How many roll-outs are drawn for every run, and how; chance alone gets as many as all
-        runs together.
+        Number and temperature of the sampled roll-outs per run. The random baseline gets as many as
+        all runs together.
     changed_task
-        Whether the policies may have been learned on another task.
+        True if the policies may have been learned on another task.
 
     Raises
     ------
     OptionError
-        If no policy can act on the task at all.
+        If no policy can act on the task.
     """
 
     def __init__(
@@ -104,22 +99,18 @@ class RunsEvaluation:
         self.changed_task = changed_task
         self._stored = folder.runs()
         self._observation = Observation.of(task, folder.manifest.observation)
-        policies = [one.policy for one in self._stored if one.policy is not None]
+        policies = [run.policy for run in self._stored if run.policy is not None]
         misfits = [policy.misfit(task, self._observation) for policy in policies]
         if misfits and all(misfits):
             raise OptionError(f"No policy of {folder.path} can act on {task.name}: {misfits[0]}.")
 
     def evaluate(self, model: SkillModel, setup: Setup, optimum: Optimum) -> TrainingResult:
-        """Try all policies, and chance alone.
+        """Evaluate all policies and a random baseline.
 
         Parameters
         ----------
-        model
-            Of the task.
-        setup
-            Its back ends.
         optimum
-            What the task costs at least.
+            The proved optimum of the task.
 
         Raises
         ------
@@ -135,7 +126,7 @@ class RunsEvaluation:
             mask=manifest.mask,
             objective=manifest.objective,
         )
-        outcomes = tuple(self._outcome(model, env, one) for one in stored)
+        outcomes = tuple(self._evaluate_run(model, env, run) for run in stored)
         episodes = self.sampling.episodes * len(stored)
         baseline = random_baseline(env, episodes, self.sampling.seed, manifest.mask)
         return TrainingResult(
@@ -155,20 +146,20 @@ class RunsEvaluation:
             wall_s=time.perf_counter() - begin_s,
             shortfall=self._shortfall(outcomes),
             warm_start=manifest.warm_start,
-            interrupted=any(not one.failure and one.steps < manifest.steps for one in stored),
+            interrupted=any(not run.failure and run.steps < manifest.steps for run in stored),
             family=manifest.family is not None,
             notes=self._notes(),
         )
 
     def _shortfall(self, outcomes: Sequence[RunOutcome]) -> Shortfall | None:
-        """Return why runs do not complete the task; None of another one than they learned."""
+        """Explain why runs do not complete the task; None on another task than they learned."""
         manifest = self.folder.manifest
         if self.task.sha256 != manifest.task.sha256 or manifest.family is not None:
             return None
         episodes = {
-            one.run: one.episodes
-            for one, outcome in zip(self._stored, outcomes, strict=True)
-            if outcome.status is RunStatus.INCOMPLETE and one.episodes
+            run.run: run.episodes
+            for run, outcome in zip(self._stored, outcomes, strict=True)
+            if outcome.status is RunStatus.INCOMPLETE and run.episodes
         }
         return shortfall_of(self.task, manifest.solver, manifest.options, manifest.steps, episodes)
 
@@ -185,24 +176,26 @@ class RunsEvaluation:
         return tuple(notes)
 
     def policies(self) -> list[StoredNetwork]:
-        """Return the reported policies of the runs, those left out that cannot act or be read."""
+        """Return the usable policies of the runs."""
         return [
-            one.policy for one in self._stored if one.policy is not None and not self._fault(one)
+            run.policy for run in self._stored if run.policy is not None and not self._fault(run)
         ]
 
     def greedy(self, model: SkillModel, policy: StoredNetwork) -> GreedyRollOut:
-        """Follow a policy greedily on a model, of the task or another layout of its family.
+        """Follow a policy greedily on the task or another layout of its family.
 
         Raises
         ------
         BackEndError
             If a back end fails.
         """
-        said, seen = policy.content, Observation.of(model.task, policy.content.observation)
-        return greedy_roll_out(model, seen, policy.network, said.mask, said.kept, said.step)
+        content, seen = policy.content, Observation.of(model.task, policy.content.observation)
+        return greedy_roll_out(
+            model, seen, policy.network, content.mask, content.kept, content.step
+        )
 
     def _fault(self, stored: StoredRun) -> str | None:
-        """Return why the policy of a run cannot be tried; None where it can."""
+        """Explain why the policy of a run cannot be evaluated; None if it can."""
         if stored.policy is None:
             where = run_path(self.folder.path, stored.run)
             done = stored.steps >= self.folder.manifest.steps
@@ -210,18 +203,20 @@ class RunsEvaluation:
             return stored.failure or (lost if done else _NO_POLICY)
         manifest = self.folder.manifest
         for policy in (stored.policy, stored.last or stored.policy):
-            said, there = policy.content, policy.content.task
+            content, there = policy.content, policy.content.task
             if not self.changed_task and there.sha256 != manifest.task.sha256:
                 return f"its policy was learned on another task, {there.name}"
             for key in ("observation", "mask", "objective"):
-                if getattr(said, key) != getattr(manifest, key):
+                if getattr(content, key) != getattr(manifest, key):
                     return f"its policy was learned with another {key} than manifest.json has"
             misfit = policy.misfit(self.task, self._observation)
             if misfit is not None:
                 return misfit
         return None
 
-    def _outcome(self, model: SkillModel, env: SkillVectorEnv, stored: StoredRun) -> RunOutcome:
+    def _evaluate_run(
+        self, model: SkillModel, env: SkillVectorEnv, stored: StoredRun
+    ) -> RunOutcome:
         known = bool(stored.episodes or stored.steps)
         record = training_record(stored.episodes, stored.steps, stored.wall_s) if known else None
         fault, policy = self._fault(stored), stored.policy
@@ -235,35 +230,31 @@ class RunsEvaluation:
             stored.failure,
             None if best is None else self.greedy(model, best),
             self.greedy(model, last),
-            self._sampled(env, policy, stored.run),
+            self._sample(env, policy, stored.run),
             record,
         )
 
-    def _sampled(self, env: SkillVectorEnv, policy: StoredNetwork, run: int) -> Tally:
-        # Runs draw numbers of their own, and the same ones whoever is beside them.
+    def _sample(self, env: SkillVectorEnv, policy: StoredNetwork, run: int) -> Tally:
+        # The random numbers of a run do not depend on the other runs.
         drawn = self.sampling
         seed = drawn.seed + (run + 1) * 2**64
         return sampled_roll_outs(env, policy.network, drawn.episodes, seed, drawn.temperature)
 
 
 def unseen_layouts(evaluation: RunsEvaluation, problem: Problem, count: int) -> tuple[Task, ...]:
-    """Return layouts of a file's family that no run of a folder has learned on.
+    """Return layouts of a file's family that no run has learned on.
 
-    They are drawn like those that were learned on, and come after them.
+    They continue the random sequence of the training.
 
     Parameters
     ----------
-    evaluation
-        Of the runs.
-    problem
-        The task file.
     count
-        How many, >= 1.
+        Number of layouts, >= 1.
 
     Raises
     ------
     OptionError
-        If the file describes no family.
+        If the file has no family.
     """
     family = evaluation.folder.manifest.family
     seed, seen = (0, 0) if family is None else (family.seed, family.count)
@@ -278,20 +269,18 @@ def evaluate_layouts(
     *,
     jobs: int = 1,
 ) -> Iterator[LayoutOutcome]:
-    """Yield what the policies do on every layout, and what exact search does, both from scratch.
+    """Yield the greedy results of all policies on every layout, and the proved optimum.
+
+    Policies and proof both start with an empty verdict cache.
 
     Parameters
     ----------
-    evaluation
-        Of the runs.
     layouts
-        As `unseen_layouts` gives them.
-    setup
-        Back ends.
+        As returned by `unseen_layouts`.
     make_stop
-        Returns when to give up proving the optimum of a layout.
+        Makes the limits for the proof of one layout.
     jobs
-        In how many processes expensive back ends check.
+        Number of processes for expensive back ends, >= 1.
 
     Raises
     ------
@@ -302,7 +291,7 @@ def evaluate_layouts(
         optimum = prove_optimum(task, setup, VerdictCache(), make_stop(), jobs=jobs)
         answers, times_s = [], []
         for policy in evaluation.policies():
-            # Each policy starts as exact search does: with a model that has checked nothing yet.
+            # Like exact search, every policy starts with a model without verdicts.
             begin_s = time.perf_counter()
             model = make_model(task, setup, VerdictCache(), jobs=jobs)
             with closing(model.feasibility):

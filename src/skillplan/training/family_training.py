@@ -93,8 +93,8 @@ class GeneratedFamily:
                 f"--family {text}: is neither a number of layouts nor generated:LEAST-MOST, such "
                 "as generated:6-12."
             )
-        least = int(match[1])
-        return cls(least, int(match[2] or least))
+        low = int(match[1])
+        return cls(low, int(match[2] or low))
 
     def boards(self, count: int, seed: int) -> Iterator[BoardGenerator]:
         """Yield `count` boards.

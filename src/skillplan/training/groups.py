@@ -104,7 +104,7 @@ class GroupJob:
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether the group has a checkpoint to conclude from."""
+        """True if the group has a checkpoint to conclude from."""
         return (group_path(self.folder, self.group) / CHECKPOINT).exists()
 
     @property
@@ -143,7 +143,7 @@ class GroupReport:
 
 @dataclass(frozen=True, slots=True)
 class GroupOutcome:
-    """Greedy roll-outs of what the runs of a group have learned.
+    """Greedy roll-outs of the policies of a group.
 
     Parameters
     ----------
@@ -161,11 +161,11 @@ class GroupFailure:
     Parameters
     ----------
     fatal
-        Whether all other groups must end, too: a file is damaged or cannot be written.
+        True if all other groups must end, too: a file is damaged or cannot be written.
     back_end
-        Whether a back end has failed.
+        True if a back end has failed.
     stopped
-        Whether the group was only stopped, and lost the work since its last checkpoint.
+        True if the group was only stopped, and lost the work since its last checkpoint.
     """
 
     group: int
@@ -202,7 +202,7 @@ def make_group_cache(job: GroupJob) -> VerdictCache:
 
 
 class GroupTraining:
-    """Drives the training of one group and stores what it produces.
+    """Drives the training of one group and stores its results.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class GroupTraining:
 
     @property
     def finished(self) -> bool:
-        """Whether all steps are done."""
+        """True if all steps are done."""
         return self._training.steps >= self._job.plan.steps
 
     @property
@@ -417,7 +417,7 @@ def serve(
     """Return a function that carries out orders for a group.
 
     It returns errors of the group instead of raising them. The first order opens the files, the
-    last one closes them. Parameters are those of `GroupTraining`.
+    last one closes them. Parameters as for `GroupTraining`.
     """
     training: GroupTraining | None = None
 
@@ -458,7 +458,7 @@ def _describe_failure(job: GroupJob, error: BaseException) -> GroupFailure:
 
 
 def _is_over(answer: GroupAnswer | None, job: GroupJob) -> bool:
-    """Whether a group has done all its steps, or cannot continue."""
+    """Return True if a group has done all its steps, or cannot continue."""
     if isinstance(answer, GroupReport):
         return answer.steps >= job.plan.steps
     return answer is not None
@@ -474,8 +474,8 @@ def drive_groups(
 ) -> Iterator[Ending]:
     """Train all groups, and yield the outcome of each as it ends.
 
-    After a stop every group that has a checkpoint concludes with what it has learned so far; a
-    group without one is skipped.
+    After a stop every group that has a checkpoint concludes with its current policies; a group
+    without one is skipped.
 
     Parameters
     ----------
@@ -489,7 +489,7 @@ def drive_groups(
         Receives the verdicts of groups that run in this process. Every group still has a cache of
         its own, because its counts must not depend on where it runs.
     executor
-        Where the groups run instead; it brings its own number of processes.
+        Runs the groups instead, with its own number of processes.
 
     Raises
     ------
@@ -541,7 +541,7 @@ def _drive_here(
 
 
 class _Overdue:
-    """Whether a stop was requested more than `GRACE_S` ago; never while a group concludes."""
+    """True if a stop was requested more than `GRACE_S` ago; never while a group concludes."""
 
     def __init__(self, stopped: Callable[[], bool]) -> None:
         self._stopped = stopped

@@ -1,4 +1,4 @@
-"""Policies followed on a model: greedily, by drawn actions, and chance alone for comparison."""
+"""Policies on a model: greedy and sampled roll-outs, random actions, and the proved optimum."""
 
 from __future__ import annotations
 
@@ -45,20 +45,16 @@ def greedy_roll_out(
     kept: Literal["best", "last"] = "best",
     step: int | None = None,
 ) -> GreedyRollOut:
-    """Follow a policy without any chance of its own, and have the model judge what it does.
+    """Follow a policy greedily and let the model judge it.
 
     Parameters
     ----------
-    model
-        Queried about every step that the policy takes.
     observation
-        What the policy sees; of the model's task.
-    policy
-        Of as many inputs as are observed, and as many actions as there are skills.
+        Observation of the policy.
     mask
-        What its choice is limited to, ``none``, ``applicable`` or ``feasible``, as it learned.
+        Restriction of its choice, as it learned: ``none``, ``applicable`` or ``feasible``.
     kept, step
-        Which policy it is, and after how many steps it was kept.
+        Kind of the policy, and the step at which it was kept.
 
     Raises
     ------
@@ -69,14 +65,18 @@ def greedy_roll_out(
 
     choose = NetworkChoice(policy, model, observation.kind, mask)
     skills = roll_out(model, choose)
-    walked = replay(model, skills)
-    done = [step.skill for step in walked.steps]
-    if len(done) < len(skills) and walked.violations:
+    replayed = replay(model, skills)
+    done = [step.skill for step in replayed.steps]
+    if len(done) < len(skills) and replayed.violations:
         done.append(skills[len(done)].name)
     cost: float | None
     if task.deterministic:
-        cost = walked.cost if walked.complete else None
-        reason = "" if walked.complete else _why(walked.violations[0].reason, done, walked.feasible)
+        cost = replayed.cost if replayed.complete else None
+        reason = (
+            ""
+            if replayed.complete
+            else _explain_failure(replayed.violations[0].reason, done, replayed.feasible)
+        )
     else:
         try:
             value = evaluate_policy(model, choose)
@@ -87,7 +87,7 @@ def greedy_roll_out(
     return GreedyRollOut(kept, actions, tuple(done), cost, step, reason)
 
 
-def _why(reason: str, done: list[str], feasible: bool) -> str:
+def _explain_failure(reason: str, done: list[str], feasible: bool) -> str:
     if feasible:
         return f"after {len(done)} skills {reason}"
     return f"{done[-1]} at step {len(done)}: {reason}"
@@ -96,20 +96,16 @@ def _why(reason: str, done: list[str], feasible: bool) -> str:
 def sampled_roll_outs(
     env: SkillVectorEnv, policy: NetworkPolicy, episodes: int, seed: int, temperature: float
 ) -> Tally:
-    """Return how often a policy completes the task where every action is drawn by its score.
+    """Count how often a policy completes the task if it samples its actions.
 
     Parameters
     ----------
     env
-        As it learned; its places are reset. With as many places as episodes it is fastest.
-    policy
-        The policy.
+        The environment of the training; it is reset. As many places as episodes are fastest.
     episodes
-        How many, >= 1.
-    seed
-        Governs all chance.
+        Number of episodes, >= 1.
     temperature
-        > 0; the lower, the greedier.
+        Temperature of the sampling, > 0; lower is greedier.
 
     Raises
     ------
@@ -124,24 +120,22 @@ def sampled_roll_outs(
     ) -> NDArray[np.int64]:
         return policy.sample(observed, masks, uniforms, temperature)
 
-    return _episodes(env, choose, episodes, seed)[0]
+    return _run_episodes(env, choose, episodes, seed)[0]
 
 
 def random_baseline(
     env: SkillVectorEnv, episodes: int, seed: int, mask: str = "applicable"
 ) -> RandomBaseline:
-    """Return what even chance among the actions allowed achieves.
+    """Measure uniformly random actions.
 
     Parameters
     ----------
     env
-        Its mask is what chance is limited to; its places are reset.
+        Its mask restricts the actions; it is reset.
     episodes
-        How many, >= 1.
-    seed
-        Governs all chance.
+        Number of episodes, >= 1.
     mask
-        What the environment's mask is called.
+        Name of the environment's mask.
 
     Raises
     ------
@@ -156,26 +150,26 @@ def random_baseline(
     ) -> NDArray[np.int64]:
         return random_actions(masks, uniforms)
 
-    tally, best_cost = _episodes(env, choose, episodes, seed)
+    tally, best_cost = _run_episodes(env, choose, episodes, seed)
     return RandomBaseline(tally, best_cost, mask)
 
 
-def _episodes(
+def _run_episodes(
     env: SkillVectorEnv, choose: Choose, episodes: int, seed: int
 ) -> tuple[Tally, float | None]:
-    """Return how many episodes succeed, and the least that one costs.
+    """Count the episodes that succeed, and find the lowest cost.
 
-    Of every place the first episode counts and no further one: were it the first that end, those
-    that fail early would count for more.
+    Only the first episode of every place counts. The first episodes to end would over-represent
+    early failures.
     """
     if episodes < 1:
         raise ValueError(f"There must be at least one episode, not {episodes}.")
     chance = np.random.Generator(np.random.PCG64(seed))
     successes, best, done = 0, np.inf, 0
     while done < episodes:
-        wanted = min(env.num_envs, episodes - done)
+        count = min(env.num_envs, episodes - done)
         observed, infos = env.reset(seed=int(chance.integers(2**62)))
-        costs, going = np.zeros(env.num_envs), np.arange(env.num_envs) < wanted
+        costs, going = np.zeros(env.num_envs), np.arange(env.num_envs) < count
         while going.any():
             uniforms = chance.random(env.num_envs)
             observed, _, _, _, infos = env.step(choose(observed, infos["action_mask"], uniforms))
@@ -184,7 +178,7 @@ def _episodes(
             successes += int(complete.sum())
             best = min(best, float(costs[complete].min(initial=np.inf)))
             going &= infos["end"] == 0
-        done += wanted
+        done += count
     return Tally(successes, episodes), float(best) if np.isfinite(best) else None
 
 
@@ -196,14 +190,14 @@ def prove_optimum(
     *,
     jobs: int = 1,
 ) -> Optimum:
-    """Return what a task costs at least: a sequence, or under chance the best policy on average.
+    """Prove the lowest cost of a task, under chance the lowest expected cost.
 
     Parameters
     ----------
     task, setup, cache, jobs
         As for `skillplan.pipeline.solving.solve`.
     stop
-        When to give up.
+        Limits of the proof.
 
     Raises
     ------
@@ -224,7 +218,7 @@ def prove_optimum(
 
 @dataclass(frozen=True)
 class _Kept:
-    """A policy, which of a run's it is, and when and at what cost it was kept."""
+    """A policy of a run, with the step and cost at which it was kept."""
 
     network: NetworkPolicy
     kept: Literal["best", "last"]
@@ -235,25 +229,17 @@ class _Kept:
 def store_policies(
     plan: TrainingPlan, folder: Path, run: int, learned: Learned, steps: int, model: SkillModel
 ) -> tuple[GreedyRollOut | None, GreedyRollOut]:
-    """Write the reported policy of a run and the last one; return what they do.
+    """Write the best and the last policy of a run, and follow both greedily.
 
     Parameters
     ----------
-    plan, folder
-        What is trained, and where.
-    run
-        The run's number.
-    learned
-        Its policies.
     steps
-        Environment steps that it has done.
-    model
-        Of the plan's task.
+        Environment steps of the run.
 
     Returns
     -------
     best, last
-        Followed greedily; the best is None where no policy ever completed the task.
+        Greedy roll-outs; the best is None if no policy completed the task.
 
     Raises
     ------
@@ -268,18 +254,18 @@ def store_policies(
         best = _Kept(learned.best, "best", learned.best_step or 0, learned.best_cost)
     _write(plan, folder, run, "policy", best or last)
     _write(plan, folder, run, "last", last)
-    return None if best is None else _followed(plan, model, best), _followed(plan, model, last)
+    return None if best is None else _follow(plan, model, best), _follow(plan, model, last)
 
 
-def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, one: _Kept) -> None:
+def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, policy: _Kept) -> None:
     task = plan.task
     with writing(folder, f"runs/{run:02d}/{stem}.json"):
         write_network(
             run_path(folder, run),
             stem,
-            one.network,
+            policy.network,
             within=folder,
-            features=list(_observation(plan).features),
+            features=list(_get_observation(plan).features),
             actions=[skill.name for skill in task.skills],
             observation=plan.options["observation"],
             mask=plan.options["mask"],
@@ -293,16 +279,18 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, one: _Kept) ->
                 "fingerprint": fingerprint(task),
             },
             seed=plan.seeds[run],
-            step=one.step,
-            cost=one.cost,
-            kept=one.kept,
+            step=policy.step,
+            cost=policy.cost,
+            kept=policy.kept,
         )
 
 
-def _followed(plan: TrainingPlan, model: SkillModel, one: _Kept) -> GreedyRollOut:
+def _follow(plan: TrainingPlan, model: SkillModel, policy: _Kept) -> GreedyRollOut:
     mask = str(plan.options["mask"])
-    return greedy_roll_out(model, _observation(plan), one.network, mask, one.kept, one.step)
+    return greedy_roll_out(
+        model, _get_observation(plan), policy.network, mask, policy.kept, policy.step
+    )
 
 
-def _observation(plan: TrainingPlan) -> Observation:
+def _get_observation(plan: TrainingPlan) -> Observation:
     return Observation.of(plan.task, str(plan.options["observation"]))

@@ -1,7 +1,13 @@
-"""Checkpoints: all that runs which learn side by side go on from, in one file.
+"""Files that a training writes as it runs: metrics, curves for TensorBoard, and checkpoints.
 
-The file is there whole or not at all. It vouches for itself: arrays as safetensors, everything
+Metrics and curves grow by whole records. A resumed training cuts them to the lengths in its
+checkpoint. A checkpoint is always complete and checks itself: arrays as safetensors, everything
 else as JSON in their header, with a hash over both.
+
+Curves are in the format of TensorFlow event files: length, record and their masked CRC-32C; a
+record is the protocol buffer message ``Event``, of which four fields are needed. This is our own
+code because other writers cannot cut a file at a checkpoint, use a thread and load a learning
+library.
 """
 
 from __future__ import annotations
@@ -40,14 +46,14 @@ from skillplan.solvers.learning.learner import Episode, Snapshot
 from skillplan.workers.processes import available_bytes
 
 _KEY = "skillplan"
-# More than any replay memory that fits into a machine of today.
+# Larger than any replay buffer that fits into memory today.
 MOST_BYTES = 64 * 1024**3
 _MOST_SHOWN = 40
 _REMEDY = "Delete it, and --resume begins its runs again"
 
 
 class _Content(BaseModel):
-    """What stands beside the arrays: anybody can make a hash that fits."""
+    """Content of a checkpoint without the arrays. It is validated because a hash can be forged."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -58,16 +64,16 @@ class _Content(BaseModel):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where runs that learn side by side stand.
+    """State of the runs of a group.
 
     Parameters
     ----------
     steps
         Environment steps done in every run.
     lengths
-        How long files of the run folder were then [bytes], by path from the folder.
+        Lengths of the growing files [B], by path from the folder of the training.
     snapshot
-        What the learner goes on from.
+        State of the learner.
     """
 
     steps: int
@@ -76,21 +82,17 @@ class Checkpoint:
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None = None) -> None:
-    """Write a checkpoint, which replaces the one before.
+    """Write a checkpoint, which replaces the previous one.
 
     Parameters
     ----------
-    path
-        Of the file.
-    checkpoint
-        What it holds.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that the file must be in, with no link on the way. Default: any folder.
 
     Raises
     ------
     OSError
-        If it cannot be written; the one before stays.
+        If it cannot be written; the previous one stays.
     ValueError
         If the notes of the snapshot are not JSON.
     """
@@ -107,35 +109,35 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None 
     }
     text = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
     header = {"content": text, "sha256": _digest(text, arrays)}
-    # One key only: the order of several would be left to chance.
+    # A single key, because the order of several keys is not fixed.
     write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}), within=within)
 
 
 def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | None:
-    """Return a checkpoint; None where there is none. Its arrays may be written to.
+    """Read a checkpoint, with writable arrays; return None if there is none.
 
     Parameters
     ----------
-    path
-        Of the file.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that the file must be in, with no link on the way. Default: any folder.
 
     Raises
     ------
     OptionError
-        If it cannot be read, is not as it was written, or there is no room for it in memory.
+        If it cannot be read, is damaged, or does not fit into memory.
     """
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
     try:
-        data, said = read_safetensors(path, MOST_BYTES, room_bytes=available_bytes(), within=within)
+        data, file_header = read_safetensors(
+            path, MOST_BYTES, room_bytes=available_bytes(), within=within
+        )
         kept = load(data)
         del data
-        # One after the other: that of the parser goes where its copy, to be written to, comes.
+        # Copied one by one, so that the parser's array is freed before the next copy.
         arrays = {name: np.array(kept.pop(name)) for name in list(kept)}
-        header = parse_json(said["__metadata__"][_KEY])
+        header = parse_json(file_header["__metadata__"][_KEY])
         text = header["content"]
         if _digest(text, arrays) != header["sha256"]:
             raise ValueError("its hash is another one")
@@ -179,12 +181,12 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def opening_record(wall_s: float) -> bytes:
-    """Return the record that every event file begins with."""
+    """Return the first record of every event file."""
     return _framed(_double(1, wall_s) + _delimited(3, b"brain.Event:2"))
 
 
 def scalars_record(wall_s: float, step: int, scalars: Mapping[str, float]) -> bytes:
-    """Return the record of some figures.
+    """Return a record of figures.
 
     Parameters
     ----------
@@ -193,7 +195,7 @@ def scalars_record(wall_s: float, step: int, scalars: Mapping[str, float]) -> by
     step
         Environment steps done, >= 0.
     scalars
-        Figures by tag; single precision is kept of them.
+        Figures by tag, stored in single precision.
     """
     values = b"".join(
         _delimited(1, _delimited(1, tag.encode()) + _float(2, value))
@@ -254,21 +256,21 @@ def _masked_crc(data: bytes) -> int:
     return ((crc >> 15 | crc << 17) + _MASK_ADDED) & 0xFFFFFFFF
 
 
-# The success rate shown is that of so many last episodes, as in the figures of a training.
+# Number of episodes that the success rate is of.
 RECENT_EPISODES = 100
-# Beyond this, single precision has no numbers.
+# Largest number in single precision, about.
 _MOST_SINGLE = 3e38
 _EVENTS = "events.out.tfevents.skillplan"
 
 
 @contextmanager
 def writing(folder: Path, name: str) -> Iterator[None]:
-    """Turn a failure to write into the one message that names what is safe.
+    """Turn a failed write into a message that names the intact files.
 
     Raises
     ------
     OptionError
-        If anything within raises an OSError.
+        If the body raises an OSError.
     """
     try:
         yield
@@ -281,36 +283,33 @@ def writing(folder: Path, name: str) -> Iterator[None]:
 
 
 def events_path(folder: Path, run: int) -> Path:
-    """Return the file of a run's curves."""
+    """Return the path of a run's curves."""
     return folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
 
 
 class RunLog:
-    """Notes what happens in a run.
+    """Writes the metrics and curves of a run.
 
     Parameters
     ----------
     folder
-        Of all runs.
-    run
-        The run's number.
+        Folder of the training.
     lengths
-        How long its files were at the checkpoint, by path from the folder; empty for a run that
-        is yet to begin.
+        Lengths of the files at the checkpoint [B], by path from the folder; empty for a new run.
 
     Attributes
     ----------
     episodes
-        How many have ended.
+        Number of finished episodes.
     recent
-        Whether the last `RECENT_EPISODES` of them succeeded.
+        Successes among the last `RECENT_EPISODES` episodes.
     best_cost
-        The least that a successful one cost; None without one.
+        Lowest cost of a successful episode, if any.
 
     Raises
     ------
     OptionError
-        If a file cannot be written, is shorter than it was, or is damaged.
+        If a file cannot be written, is damaged, or is shorter than at the checkpoint.
     """
 
     def __init__(self, folder: Path, run: int, lengths: Mapping[str, int]) -> None:
@@ -337,23 +336,23 @@ class RunLog:
             raise
 
     def note(self, step: int, episodes: Sequence[Episode], figures: Mapping[str, float]) -> None:
-        """Append what happened since the last call.
+        """Append the episodes and figures since the last call.
 
         Parameters
         ----------
         step
             Environment steps done.
         episodes
-            Those of this run that ended, in order.
+            Finished episodes of this run, in order.
         figures
-            What the learner thinks worth a curve; may be empty.
+            Figures of the learner; may be empty.
 
         Raises
         ------
         OptionError
-            If it cannot be written.
+            If a file cannot be written.
         ValueError
-            If an episode's figures are not finite.
+            If the figures of an episode are not finite.
         """
         self._count(episodes)
         lines = [metrics_line(episode) for episode in episodes]
@@ -367,15 +366,15 @@ class RunLog:
         }
         if episodes:
             scalars["episode/success_rate"] = sum(self.recent) / len(self.recent)
-            scalars["episode/reward"] = sum(one.reward for one in episodes) / len(episodes)
-            costs = [one.cost for one in episodes if one.success]
+            scalars["episode/reward"] = sum(episode.reward for episode in episodes) / len(episodes)
+            costs = [episode.cost for episode in episodes if episode.success]
             if costs:
                 scalars["episode/cost_of_success"] = sum(costs) / len(costs)
         if scalars:
             self._append(self._events, scalars_record(time.time(), step, scalars))
 
     def sync(self) -> dict[str, int]:
-        """Force all to disk; return how long the files are [bytes], by path from the folder.
+        """Flush all files to disk; return their lengths [B] by path from the folder.
 
         Raises
         ------
@@ -390,7 +389,7 @@ class RunLog:
         return lengths
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         for file in self._files.values():
             file.close()
         self._files.clear()
@@ -402,7 +401,7 @@ class RunLog:
             file = self._files[name] = GrowingFile(path, self._folder)
             if file.length < length:
                 raise OptionError(
-                    f"{path}: is damaged: it is shorter than the checkpoint says. Bring it back "
+                    f"{path}: is damaged: it is shorter than at the checkpoint. Bring it back "
                     "from a copy, or train again in another folder."
                 )
             file.cut(length)

@@ -1,4 +1,4 @@
-"""The straight line of a training: drive its groups, prove the optimum, say what came of it."""
+"""One training from its plan to its result: train all groups, prove the optimum, summarise."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
 from skillplan.training.groups import (
     NO_PROGRESS,
-    Ending,
     GroupFailure,
     GroupJob,
+    GroupOutcome,
     GroupReport,
     drive_groups,
     write_progress,
@@ -30,31 +30,29 @@ from skillplan.training.training_plan import TrainingPlan
 
 
 class Trainer:
-    """Trains all runs of a plan in a folder, and proves what they could have reached.
+    """Trains all runs of a plan in a folder, and proves the optimum to compare with.
 
     Parameters
     ----------
-    plan
-        What is trained.
     folder
-        Where everything is kept; what is there already is not done again.
+        Folder of the training; finished work in it is not repeated.
     jobs
-        In how many processes groups of runs learn; nothing that is learned depends on it.
+        Number of processes, >= 1. Results do not depend on it.
     time_limit_s
-        How long proving the optimum may take [s], > 0; None for no limit.
+        Time limit for proving the optimum [s], > 0.
 
     Attributes
     ----------
     on_report
-        Called with how a group stands, now and then.
+        Called with the state of a group after every stride.
     on_optimum
-        Called with the optimum as soon as it is known.
+        Called with the optimum as soon as it is proved.
     back_end_failed
-        Whether a back end has failed in some group.
+        True if a back end has failed in some group.
     interrupted
-        Whether `interrupt` or `end_in_time` was called.
+        True if `interrupt` or `end_in_time` was called.
     timed_out
-        Whether `end_in_time` was called, before any interruption.
+        True if `end_in_time` was called, before any interruption.
     """
 
     def __init__(
@@ -76,21 +74,21 @@ class Trainer:
         self._cache = warm_cache() if plan.warm else VerdictCache()
 
     def interrupt(self) -> None:
-        """Stop with what there is: runs are kept where they stand, and nothing more is proved."""
+        """Stop soon: the runs are kept, and nothing more is proved."""
         self.interrupted = True
         if self._proof is not None:
             self._proof.interrupt()
 
     def end_in_time(self) -> None:
-        """Stop as `interrupt` does, because the time is over."""
+        """Stop like `interrupt`, because the time limit is over."""
         self.timed_out = not self.interrupted
         self.interrupt()
 
     def train(self) -> TrainingResult:
-        """Do what is left to do, keep the result in the folder, and return it.
+        """Train until all steps are done, store the result and return it.
 
-        The optimum is proved first, so that people who wait see the gap; where back ends are
-        expensive it is proved last, so that the runs count the checks they need themselves.
+        The optimum is proved first, so that the progress display can show the gap. With expensive
+        back ends it is proved last, so that the runs count the checks that they need themselves.
 
         Raises
         ------
@@ -103,24 +101,24 @@ class Trainer:
         plan, path = self._plan, self._folder.path
         stored = RunFolder(path)
         before = [stored.progress(group) for group in range(len(plan.groups))]
-        elapsed_s = max((one.elapsed_s for one in before if one is not None), default=0.0)
+        elapsed_s = max((group.elapsed_s for group in before if group is not None), default=0.0)
         expensive = any(back_end.expensive for back_end in plan.setup.back_ends(plan.task))
-        # Proved first, it must not spare the runs the checks they have to make themselves.
+        # An own cache: the proof must not save the runs checks that they count.
         optimum = None if expensive else self._prove(VerdictCache())
         jobs = [GroupJob(plan, path, group, elapsed_s) for group in range(len(plan.groups))]
-        endings: dict[int, Ending] = {}
+        endings: dict[int, GroupOutcome | GroupFailure] = {}
         maker = plan.setup.make_executor
         executor = None if maker is None else maker(self._jobs)
-        for ending in drive_groups(
+        for group, ending in drive_groups(
             jobs, self._jobs, lambda: self.interrupted, self._report, self._cache, executor
         ):
-            endings[ending[0]] = ending
-            if isinstance(ending[1], GroupFailure):
-                self._fail(ending[1], stored)
+            endings[group] = ending
+            if isinstance(ending, GroupFailure):
+                self._store_failure(ending, stored)
         if self._strides:
             elapsed_s += time.monotonic() - begun_s
         optimum = optimum or self._prove(self._cache)
-        result = self._result(stored, endings, optimum, elapsed_s)
+        result = self._make_result(stored, endings, optimum, elapsed_s)
         self._folder.finish(result.document())
         return result
 
@@ -131,7 +129,7 @@ class Trainer:
         try:
             optimum = prove_optimum(plan.task, plan.setup, cache, self._proof)
         except SkillplanError as error:
-            # What was learned counts without it.
+            # The training counts without a proof.
             return Optimum(reason=str(error))
         self.on_optimum(optimum)
         return optimum
@@ -140,8 +138,8 @@ class Trainer:
         self._strides += 1
         self.on_report(report)
 
-    def _fail(self, failure: GroupFailure, stored: RunFolder) -> None:
-        """Keep why the runs of a group have failed."""
+    def _store_failure(self, failure: GroupFailure, stored: RunFolder) -> None:
+        """Store why the runs of a group have failed."""
         reason = failure.reason
         if failure.back_end:
             self.back_end_failed = True
@@ -150,42 +148,35 @@ class Trainer:
         progress = before.model_copy(update={"failures": failures})
         write_progress(self._folder.path, failure.group, progress)
 
-    def _result(
+    def _make_result(
         self,
         stored: RunFolder,
-        endings: dict[int, Ending],
+        endings: dict[int, GroupOutcome | GroupFailure],
         optimum: Optimum,
         wall_s: float,
     ) -> TrainingResult:
         plan = self._plan
-        outcomes = []
-        short: dict[int, Sequence[Episode]] = {}
+        outcomes: list[RunOutcome] = []
+        incomplete: dict[int, Sequence[Episode]] = {}
         progress: list[GroupProgress] = []
         for group, runs in enumerate(plan.groups):
-            ending = endings[group][1] if group in endings else None
-            policies = {} if ending is None or isinstance(ending, GroupFailure) else ending.policies
-            found = stored.progress(group)
-            progress += [] if found is None else [found]
-            for run in runs:
-                one = stored.run(run)
-                best, last = policies.get(run, (None, None))
-                outcomes.append(
-                    RunOutcome(
-                        run,
-                        one.seed,
-                        one.failure,
-                        best,
-                        last,
-                        training=training_record(one.episodes, one.steps, one.wall_s),
-                    )
-                )
-                if outcomes[-1].status is RunStatus.INCOMPLETE and one.episodes:
-                    short[run] = one.episodes
-        steps = sum(one.training.steps for one in outcomes if one.training is not None)
+            ending = endings.get(group)
+            policies = ending.policies if isinstance(ending, GroupOutcome) else {}
+            done = stored.progress(group)
+            progress += [] if done is None else [done]
+            for index in runs:
+                run = stored.run(index)
+                best, last = policies.get(index, (None, None))
+                record = training_record(run.episodes, run.steps, run.wall_s)
+                outcome = RunOutcome(index, run.seed, run.failure, best, last, training=record)
+                outcomes.append(outcome)
+                if outcome.status is RunStatus.INCOMPLETE and run.episodes:
+                    incomplete[index] = run.episodes
+        steps = sum(outcome.training.steps for outcome in outcomes if outcome.training is not None)
         undone = any(
-            one.training is None or one.training.steps < plan.steps
-            for one in outcomes
-            if not one.failure
+            outcome.training is None or outcome.training.steps < plan.steps
+            for outcome in outcomes
+            if not outcome.failure
         )
         return TrainingResult(
             task=plan.task,
@@ -197,21 +188,21 @@ class Trainer:
             options=plan.options,
             physics=self._folder.manifest.physics,
             collision=plan.setup.detector_names(plan.task),
-            checks=sum(one.checks for one in progress),
-            executions=sum(one.executions for one in progress),
+            checks=sum(group.checks for group in progress),
+            executions=sum(group.executions for group in progress),
             wall_s=wall_s,
             steps_per_s=steps / wall_s if steps and wall_s > 0 else None,
             interrupted=undone,
             shortfall=None
             if plan.family is not None
-            else shortfall_of(plan.task, plan.solver, plan.options, plan.steps, short),
+            else shortfall_of(plan.task, plan.solver, plan.options, plan.steps, incomplete),
             family=self._folder.manifest.family is not None,
             warm_start=self._folder.manifest.warm_start,
         )
 
 
 def next_folder(task: str, solver: str) -> Path:
-    """Return a folder for a training that names none: the first under ``runs`` that is free."""
+    """Return the first folder ``runs/TASK-SOLVER-N`` that does not exist."""
     stem = f"{task}-{solver}".replace("/", "-")
     number = 1
     while (path := Path("runs") / f"{stem}-{number}").exists():

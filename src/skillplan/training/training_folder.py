@@ -1,6 +1,6 @@
-"""The folder of training runs as it is written: begun, or taken up again; one writer a time.
+"""The folder of a training as it is written: begun, or resumed; by one program at a time.
 
-The manifest is the last file that describes what is trained: where it is, the others are, too.
+The manifest is written last of the files that describe a training: if it exists, they do.
 """
 
 from __future__ import annotations
@@ -53,58 +53,56 @@ from skillplan.workers.processes import output_of
 SCHEDULE = "schedule_steps"
 
 
-def gone_on_with(was: RunManifest, wanted: RunManifest) -> RunManifest:
-    """Return a manifest of the training that is wanted, with the schedules that are there.
+def keep_schedules(existing: RunManifest, requested: RunManifest) -> RunManifest:
+    """Return the requested manifest with the schedules of the training that exists.
 
-    Where nothing is said of schedules, a training that is extended keeps those that it has: they
-    spanned its steps, and stay at their ends. So it is the training that these schedules and all
-    its steps would have been from the start.
+    An extended training keeps its schedules unless the request names one. They spanned the original
+    steps and stay at their final values. The result equals a training that had these schedules and
+    all steps from the start.
 
     Parameters
     ----------
-    was
-        The training that is there.
-    wanted
+    existing
+        Manifest of the training that exists.
+    requested
         The same with as many steps, or more.
     """
-    if wanted.options.get(SCHEDULE, 0) is not None:
-        return wanted
-    known = was.options.get(SCHEDULE)
-    if known is None and wanted.steps > was.steps:
-        known = was.steps
-    return wanted.model_copy(update={"options": {**wanted.options, SCHEDULE: known}})
+    if requested.options.get(SCHEDULE, 0) is not None:
+        return requested
+    known = existing.options.get(SCHEDULE)
+    if known is None and requested.steps > existing.steps:
+        known = existing.steps
+    return requested.model_copy(update={"options": {**requested.options, SCHEDULE: known}})
 
 
 def with_steps(manifest: RunManifest, steps: int) -> RunManifest:
-    """Return a manifest of the same training with more steps [-], and schedules as they are."""
+    """Return the manifest of the same training with more steps and the same schedules."""
     options = {**manifest.options, "steps": steps}
     if SCHEDULE in options and options[SCHEDULE] is None:
         options[SCHEDULE] = manifest.steps
     return manifest.model_copy(update={"steps": steps, "options": options})
 
 
-def refuse_longer(folder: Path, manifest: RunManifest, steps: int, *, said: bool) -> None:
-    """Refuse what would not be the same as if all steps had been asked for from the start.
+def check_extension(folder: Path, manifest: RunManifest, steps: int, *, requested: bool) -> None:
+    """Refuse an extension that would differ from a training with all steps from the start.
 
     Parameters
     ----------
-    folder
-        Of the training, for the message.
     manifest
-        Of the training as it is.
+        The training before its extension.
     steps
-        How many environment steps it is to have instead, more than now.
-    said
-        Whether somebody said how many; otherwise they are derived from the task.
+        Environment steps after it, more than before.
+    requested
+        True if the user gave this number; otherwise it is derived from the task.
 
     Raises
     ------
     OptionError
-        If nobody asked for more, the learner has no schedules of their own length, or the training
-        ends between two notes of its figures.
+        If no extension is requested, the learner has no option for the length of its schedules, or
+        the training ends between two strides.
     """
     was = manifest.steps
-    if not said:
+    if not requested:
         raise OptionError(
             f"--resume: the training in {folder} is of {was} steps. Give --steps {was} to go on "
             f"with it, or more to extend it; without --steps it would be {steps}."
@@ -123,8 +121,8 @@ def refuse_longer(folder: Path, manifest: RunManifest, steps: int, *, said: bool
         )
 
 
-def extension_words(manifest: RunManifest) -> str:
-    """Return what a training is that has been extended to the steps of a manifest."""
+def describe_extension(manifest: RunManifest) -> str:
+    """Describe a training that has been extended."""
     schedule = manifest.options.get(SCHEDULE)
     return (
         f"extended to {manifest.steps:,} steps; schedules stay at their ends, as if begun with "
@@ -132,57 +130,50 @@ def extension_words(manifest: RunManifest) -> str:
     )
 
 
-# What a training may differ in from the one that is gone on with, in words. What it takes to
-# keep checkpoints, and in how many processes, changes nothing that is learned.
+# Settings that must not change when a training is resumed, with their names in messages.
+# Checkpoints and the number of processes may change: they do not affect the results.
 _WORDS: Mapping[str, str] = {
     "solver": "the solver",
     "options": "the solver's options",
     "physics": "the physics engine",
     "collision": "the collision detectors",
     "back_end_options": "the options of back ends",
-    "screening": "whether geometry is asked first",
+    "screening": "whether geometry is checked first",
     "family": "the family",
-    "warm_start": "what the runs begin with",
+    "warm_start": "the networks that the runs start from",
     "versions": "the versions",
 }
 _MOST_NAMED = 4
 
 
 class TrainingFolder(HeldFolder):
-    """A folder that is being written by one training; a context manager.
+    """A folder that one training writes; a context manager.
 
     Parameters
     ----------
     path
-        The folder, made if need be.
-    plan
-        What is trained.
-    problem
-        The task file it came from.
+        The folder, created if necessary.
     part, changes
-        Of a chain the task meant, and what was changed of the file.
+        The task of a chain, and the entries of ``--set``.
     resume
-        Whether a training that was begun there is gone on with.
+        True to continue the training in the folder.
     command
-        The words of the command line, to be kept.
+        The words of the command line, stored in the manifest.
 
     Attributes
     ----------
-    path
-        The folder.
     manifest
-        What is trained there.
+        The settings of the training.
     plan
-        The same, to be done: of a training that is gone on with, with the schedules and groups
-        that it has.
+        The training to do; a resumed one has the schedules and groups of its manifest.
     extended
-        What the training has become by more steps, in words; empty where it has as many as before.
+        Description of an extension by more steps; empty without one.
 
     Raises
     ------
     OptionError
-        If the folder cannot be used, holds something else, or another training: what differs is
-        named.
+        If the folder cannot be used, or holds something else or another training; the message names
+        the difference.
     """
 
     def __init__(
@@ -197,15 +188,15 @@ class TrainingFolder(HeldFolder):
         command: Sequence[str] = (),
     ) -> None:
         super().__init__(path)
-        wanted = _manifest(plan, problem, part, changes or {}, command)
+        manifest = _make_manifest(plan, problem, part, changes or {}, command)
         self.extended = ""
         with self._opening("training"):
-            self.manifest = self._opened(wanted, problem, resume, plan.steps_said)
-        # Checkpoints are of the groups that the training was begun with.
+            self.manifest = self._open_manifest(manifest, problem, resume, plan.steps_said)
+        # Checkpoints belong to the groups that the training began with.
         self.plan = replace(plan, options=self.manifest.options, groups=self.manifest.groups)
 
     def finish(self, result: Mapping[str, Any]) -> None:
-        """Write the result, and what all runs have noted in one file.
+        """Write the result, and the metrics of all runs in one file.
 
         Parameters
         ----------
@@ -228,58 +219,64 @@ class TrainingFolder(HeldFolder):
             contents = {METRICS: "".join(lines), RESULT: text}
             write_as_one(self.path, contents, within=self.path)
 
-    def _opened(
-        self, wanted: RunManifest, problem: Problem, resume: bool, steps_said: bool
+    def _open_manifest(
+        self, requested: RunManifest, problem: Problem, resume: bool, steps_said: bool
     ) -> RunManifest:
-        there = {one.name for one in self.path.iterdir()}
+        there = {path.name for path in self.path.iterdir()}
         copy = copy_name(problem.source)
-        # A program that was ended before it wrote the manifest has done nothing yet.
-        begun = {name for name in there if is_unfinished(name)} | {copy, TASK_CONFIG}
+        # A program that ended before it wrote the manifest has done nothing else yet.
+        unfinished = {name for name in there if is_unfinished(name)} | {copy, TASK_CONFIG}
         if there and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
-            wanted = gone_on_with(stored.manifest, wanted)
-            longer = stored.manifest.steps < wanted.steps
-            kept = with_steps(stored.manifest, wanted.steps) if longer else stored.manifest
-            self._compare(stored, kept, wanted, problem)
+            requested = keep_schedules(stored.manifest, requested)
+            longer = stored.manifest.steps < requested.steps
+            kept = with_steps(stored.manifest, requested.steps) if longer else stored.manifest
+            self._compare(stored, kept, requested, problem)
             if longer:
-                refuse_longer(self.path, stored.manifest, wanted.steps, said=steps_said)
+                check_extension(self.path, stored.manifest, requested.steps, requested=steps_said)
                 write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
-                self.extended = extension_words(kept)
+                self.extended = describe_extension(kept)
             runs = [run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
             groups = [group_path(self.path, group) for group in range(len(stored.manifest.groups))]
             for folder in (self.path, *runs, *groups):
                 remove_unfinished(folder, within=self.path)
             return kept
-        if there - begun:
+        if there - unfinished:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
         write_whole(self.path / copy, content, within=self.path)
         config = json_text(schemas.RESOLVED_TASK, resolved_config(problem))
         write_whole(self.path / TASK_CONFIG, config, within=self.path)
-        write_whole(self.path / MANIFEST, json_text(schemas.RUN, wanted), within=self.path)
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, requested), within=self.path)
         remove_unfinished(self.path, within=self.path)
-        return wanted
+        return requested
 
     def _compare(
-        self, stored: RunFolder, was: RunManifest, wanted: RunManifest, problem: Problem
+        self, stored: RunFolder, existing: RunManifest, requested: RunManifest, problem: Problem
     ) -> None:
-        if (was.task.sha256, was.task.part) != (wanted.task.sha256, wanted.task.part):
+        task, other = existing.task, requested.task
+        if (task.sha256, task.part) != (other.sha256, other.part):
             changed = what_changed(stored.config, resolved_config(problem))
-            if was.task.sha256 == wanted.task.sha256:
-                changed = f"the part: {was.task.part} there, {wanted.task.part} now"
+            if task.sha256 == other.sha256:
+                changed = f"the part: {task.part} there, {other.part} now"
             self._refuse("the task", changed)
-        if was.seeds != wanted.seeds:
-            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, wanted))
+        if existing.seeds != requested.seeds:
+            there, now = (
+                f"{len(manifest.seeds)} from seed {manifest.seed}"
+                for manifest in (existing, requested)
+            )
             self._refuse("the runs", f"{there} there, {now} now")
         for key, words in _WORDS.items():
-            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, wanted))
-            if one != other:
-                found = differences(one, other)
-                changed = "; ".join(str(difference) for difference in found[:_MOST_NAMED])
+            there, now = (
+                manifest.model_dump(mode="json")[key] for manifest in (existing, requested)
+            )
+            if there != now:
+                changes = differences(there, now)[:_MOST_NAMED]
+                changed = "; ".join(str(difference) for difference in changes)
                 self._refuse(words, changed.replace("the file: ", ""))
 
     def _refuse(self, words: str, changed: str) -> None:
@@ -289,7 +286,7 @@ class TrainingFolder(HeldFolder):
         )
 
 
-def _manifest(
+def _make_manifest(
     plan: TrainingPlan,
     problem: Problem,
     part: str | None,
@@ -321,8 +318,8 @@ def _manifest(
         checkpoint_steps=plan.checkpoint_steps,
         groups=plan.groups,
         command=tuple(command),
-        versions=_versions(plan.solver),
-        git_commit=_git_commit(),
+        versions=_collect_versions(plan.solver),
+        git_commit=_find_git_commit(),
         machine={
             "system": platform.platform(),
             "processor": platform.processor() or platform.machine(),
@@ -331,9 +328,9 @@ def _manifest(
     )
 
 
-def _versions(solver: str) -> dict[str, str]:
-    """Return the versions of what figures rest on, those the solver's distribution needs, too."""
-    found = {"python": sys.version.split()[0], "skillplan": skillplan.__version__}
+def _collect_versions(solver: str) -> dict[str, str]:
+    """Return the versions of skillplan, the solver's package and its requirements."""
+    versions = {"python": sys.version.split()[0], "skillplan": skillplan.__version__}
     names = ["numpy"]
     for entry in registered("solver").select(name=solver):
         if entry.dist is not None:
@@ -343,14 +340,14 @@ def _versions(solver: str) -> dict[str, str]:
                     names += re.findall(r"^[\w.-]+", needed)
     for name in dict.fromkeys(names):
         try:
-            found.setdefault(name, version(name))
+            versions.setdefault(name, version(name))
         except PackageNotFoundError:
-            continue  # needed elsewhere, under another Python for example
-    return found
+            continue  # required on other platforms only
+    return versions
 
 
-def _git_commit() -> str | None:
-    """Return the commit of the source that runs, or None where it is no checkout."""
+def _find_git_commit() -> str | None:
+    """Return the commit of the running source; None if it is not a checkout."""
     source = Path(skillplan.__file__)
     git = ["git", "-C", str(source.parent)]
     if output_of([*git, "ls-files", "--error-unmatch", source.name]) is None:

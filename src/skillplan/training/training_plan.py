@@ -1,4 +1,4 @@
-"""What is trained: one task or the layouts of a family, by one learner, from several seeds."""
+"""Plan of a training: one task or the layouts of a family, one learner, several seeds."""
 
 from __future__ import annotations
 
@@ -26,43 +26,39 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True)
 class WarmStart:
-    """What a training begins with; can be sent to another process.
+    """Networks that the runs of a training start from. It can be sent to another process.
 
     Parameters
     ----------
     record
-        Where it is from, and how much of it the task knows.
+        Origin of the networks, and the share of the task that they know.
     networks
-        One for every run, with inputs and outputs of the task.
+        One per run, with the inputs and outputs of the task.
     """
 
     record: WarmStartRecord
     networks: tuple[NetworkPolicy, ...]
 
 
-def warm_start(
+def load_warm_start(
     path: str, solver: str, learner: Learner, options: Mapping[str, Any], task: Task, runs: int
 ) -> WarmStart:
-    """Return the networks of earlier runs, made to fit a task.
+    """Load the networks of an earlier training and adapt them to a task.
 
-    The runs take those of the earlier runs in turn: of the runs that have completed their task,
-    or else of all that have learned something.
+    The new runs take the networks of the earlier runs in turn: of runs that completed their task,
+    or of all runs with a policy if none did.
 
     Parameters
     ----------
     path
-        The folder of the earlier training, as the user named it.
-    solver, learner, options
-        Who learns, and its options.
-    task
-        What is learned now.
+        Folder of the earlier training.
     runs
-        How many runs there will be, >= 1.
+        Number of new runs, >= 1.
 
     Raises
     ------
     OptionError
-        If nothing there fits the solver and the task.
+        If no network there fits the solver and the task.
     """
     if is_relational(path):
         raise OptionError(
@@ -81,28 +77,28 @@ def warm_start(
             f"--from {path}: has networks of {earlier.solver}, not of {solver}. Add "
             f"--solver {earlier.solver}, or name another folder."
         )
-    found = [(run, kept) for run, kept in _policies(folder) if kept.kept == "best"]
-    found = found or _policies(folder)
-    if not found:
+    policies = [(run, kept) for run, kept in _read_policies(folder) if kept.kept == "best"]
+    policies = policies or _read_policies(folder)
+    if not policies:
         raise OptionError(f"--from {path}: none of its runs has a policy yet.")
-    _check_layers(path, solver, learner, found)
+    _check_layers(path, solver, learner, policies)
     features = Observation.of(task, str(options["observation"])).features
     actions = [skill.name for skill in task.skills]
-    chosen = [found[at % len(found)] for at in range(runs)]
+    chosen = [policies[at % len(policies)] for at in range(runs)]
     content = chosen[0][1].content
     known_features = sum(name in set(content.features) for name in features)
     known_skills = sum(name in set(content.actions) for name in actions)
     if not known_features or not known_skills:
-        what = "no skill" if not known_skills else "nothing that is observed"
+        what = "no skill" if not known_skills else "no feature"
         raise OptionError(
             f"--from {path}: {what} of {earlier.task.name} has a name of {task.name}, so there is "
             "nothing to begin with."
         )
     networks = tuple(
         NamedNetwork(
-            one.network, tuple(one.content.features), tuple(one.content.actions)
+            policy.network, tuple(policy.content.features), tuple(policy.content.actions)
         ).carried_over(features, actions)
-        for _, one in chosen
+        for _, policy in chosen
     )
     record = WarmStartRecord(
         run_dir=path,
@@ -112,41 +108,41 @@ def warm_start(
         skills_known=known_skills,
         features=len(features),
         features_known=known_features,
-        sha256=_digest(networks),
+        sha256=_hash_networks(networks),
     )
     return WarmStart(record, networks)
 
 
-def _policies(folder: RunFolder) -> list[tuple[int, StoredNetwork]]:
-    return [(one.run, one.policy) for one in folder.runs() if one.policy is not None]
+def _read_policies(folder: RunFolder) -> list[tuple[int, StoredNetwork]]:
+    return [(run.run, run.policy) for run in folder.runs() if run.policy is not None]
 
 
 def _check_layers(
-    path: str, solver: str, learner: Learner, found: Sequence[tuple[int, StoredNetwork]]
+    path: str, solver: str, learner: Learner, policies: Sequence[tuple[int, StoredNetwork]]
 ) -> None:
-    """See that hidden layers are those of the learner.
+    """Check that networks have the hidden layers of the learner.
 
     Raises
     ------
     OptionError
         If they are not.
     """
-    wanted = learner.hidden_layers
-    for _, one in found:
-        there = tuple(outputs for _, outputs in one.content.layers[:-1])
-        if there != wanted:
+    layers = learner.hidden_layers
+    for _, policy in policies:
+        there = tuple(outputs for _, outputs in policy.content.layers[:-1])
+        if there != layers:
             raise OptionError(
-                f"--from {path}: its networks have hidden layers of {_units(there)} units, those "
-                f"of {solver} here {_units(wanted or ())}. Give {solver} the options it had there: "
+                f"--from {path}: its networks have hidden layers of {_join(there)} units, those "
+                f"of {solver} here {_join(layers or ())}. Give {solver} the options it had there: "
                 f"{Path(path) / 'manifest.json'} lists them."
             )
 
 
-def _units(layers: Sequence[int]) -> str:
+def _join(layers: Sequence[int]) -> str:
     return ", ".join(map(str, layers)) or "no"
 
 
-def _digest(networks: Sequence[NetworkPolicy]) -> str:
+def _hash_networks(networks: Sequence[NetworkPolicy]) -> str:
     digest = hashlib.sha256()
     for network in networks:
         for array in (*network.weights, *network.biases):
@@ -156,25 +152,20 @@ def _digest(networks: Sequence[NetworkPolicy]) -> str:
 
 
 GROUP_RUNS = 5
-"""So many runs learn side by side at most, however many processes there are."""
+"""Largest number of runs that learn together."""
 LEAST_GROUPS = 2
-"""So many groups there are at least, of as many runs or more."""
+"""Smallest number of groups, unless there are fewer runs."""
 
 
 Groups = tuple[tuple[int, ...], ...]
 
 
 def even_groups(runs: int) -> Groups:
-    """Return the numbers of the runs that learn side by side, in groups as even as can be.
+    """Split runs into groups of almost equal size that learn together.
 
-    Runs side by side share the cost of every small operation, so that few large groups are the
-    least work; two of them at least, so that a second process has something to do. Nothing else
-    goes into it, the number of processes least of all: what is checked and kept is the same.
-
-    Parameters
-    ----------
-    runs
-        How many there are, >= 1.
+    Large groups need the least work, because their runs share the cost of every small operation.
+    With at least two groups, a second process helps. The number of processes has no influence, so
+    it does not change the results.
     """
     count = max(-(-runs // GROUP_RUNS), min(runs, LEAST_GROUPS))
     ends = [-(-runs * group // count) for group in range(count + 1)]
@@ -183,39 +174,37 @@ def even_groups(runs: int) -> Groups:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """What is trained; can be sent to another process.
+    """A training to do. It can be sent to another process.
 
     Parameters
     ----------
     task
-        What the policies are judged on.
+        The task that judges the policies.
     layouts
-        What is learned on, the same task or the layouts of its family; at least one.
+        The tasks to learn on: the same task, or layouts of its family; at least one.
     solver, options
-        Who learns, and all its options, ``steps`` included.
-    setup
-        Back ends, and the options given for them.
+        The learner and all its options, including ``steps``.
     seeds
-        One for every run, at least one.
+        One per run, at least one.
     family
-        Of the layouts; None where the task itself is learned.
+        Origin of the layouts; None if the task itself is learned.
     checkpoint_steps
         Steps between two checkpoints, >= 1.
     warm
-        Whether verdicts kept on disk are used.
+        True to use verdicts stored on disk.
     start
-        Networks that the runs begin with; None for drawn ones.
+        Networks to start from. Default: random ones.
     steps_said
-        Whether somebody said how many steps; otherwise they are derived from the task.
+        True if the user gave the number of steps; otherwise it is derived from the task.
     derived
-        Which of `options` were chosen by what is learned on, and what else was.
+        Values that the task determines, by name.
     groups
-        Numbers of the runs that learn side by side; `even_groups` of them where none are given.
+        Numbers of the runs that learn together. Default: `even_groups`.
 
     Raises
     ------
     ValueError
-        If there is no layout, no seed, or less than a step between checkpoints.
+        If layouts or seeds are missing, or the checkpoint interval is less than a step.
     """
 
     task: Task
@@ -244,7 +233,7 @@ class TrainingPlan:
         return int(self.options["steps"])
 
     def learner(self) -> Learner:
-        """Return the solver, with its options."""
+        """Make the learner with its options."""
         solver = make_solver(self.solver, self.options)
         assert isinstance(solver, Learner)
         return solver
@@ -264,33 +253,26 @@ def plan_training(
     warm: bool = False,
     start: str | None = None,
 ) -> TrainingPlan:
-    """Return the plan of a training, having seen that it can begin.
+    """Plan a training, and check that it can begin.
 
     Parameters
     ----------
-    problem
-        The task file.
-    solver
-        The learner's name.
     setup
         Back ends, and options of all plugins.
     part
-        Of a file that describes a chain, the task meant.
+        The task of a chain.
     runs
-        How many, >= 1, with the seeds from `seed` on.
+        Number of runs, >= 1, with seeds from `seed` on.
     steps
-        Environment steps of every run; None for the learner's option ``steps``, before which
-        this goes. Options that are null are chosen by the task.
-    seed
-        The first seed, >= 0.
+        Environment steps per run; overrides the learner's option ``steps``.
     family
-        How many layouts of the file's family are learned on; 0 for the file's own.
+        Number of layouts of the file's family to learn on; 0 for the file's own.
     checkpoint_steps
         Steps between two checkpoints, >= 1.
     warm
-        Whether verdicts kept on disk are used.
+        True to use verdicts stored on disk.
     start
-        Folder of an earlier training whose networks the runs begin with; None for drawn ones.
+        Folder of an earlier training to start from.
 
     Raises
     ------
@@ -300,7 +282,7 @@ def plan_training(
     PluginError
         If a plugin is unknown or broken.
     """
-    plugin = _learner(solver)
+    plugin = _load_learner(solver)
     values = dict(setup.options.get(solver, {}))
     options = registry.make_options("solver", solver, plugin, values)
     if steps is not None:
@@ -327,47 +309,49 @@ def plan_training(
         steps_said=steps is not None or values.get("steps") is not None,
         derived={**derived, **learner.scales(layouts[0])},
     )
-    made = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
-    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))
+    back_ends = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
+    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=back_ends))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
     if start is None:
         return plan
-    begun = warm_start(start, solver, plan.learner(), plan.options, task, runs)
-    return replace(plan, start=begun)
+    networks = load_warm_start(start, solver, plan.learner(), plan.options, task, runs)
+    return replace(plan, start=networks)
 
 
-def _learner(name: str) -> type[Learner]:
+def _load_learner(name: str) -> type[Learner]:
     """Return the class of a learner.
 
     Raises
     ------
     OptionError
-        If the solver does not learn; those that do are named.
+        If the solver does not learn; the message lists the learners.
     PluginError
         If it is unknown or broken.
     """
     known = registry.names("solver")
     if name not in known:
-        raise PluginError(f"Unknown solver {name!r}. {name_hint(name, known)} {_learners(known)}")
+        raise PluginError(
+            f"Unknown solver {name!r}. {name_hint(name, known)} {_name_learners(known)}"
+        )
     plugin = registry.load("solver", name)
     if not issubclass(plugin, Learner):
         raise OptionError(
-            f"The solver {name!r} trains no policies step by step. {_learners(known)}"
+            f"The solver {name!r} trains no policies step by step. {_name_learners(known)}"
         )
     return plugin
 
 
-def _learners(names: list[str]) -> str:
-    """Return the sentence that says which installed solvers learn."""
-    found = []
+def _name_learners(names: list[str]) -> str:
+    """Return a sentence that lists the installed learners."""
+    learners = []
     for name in names:
         try:
             plugin = registry.load("solver", name)
         except PluginError:
-            continue  # what is broken can learn nothing
+            continue  # a broken plugin cannot be chosen
         if issubclass(plugin, Learner):
-            found.append(name)
-    if not found:
+            learners.append(name)
+    if not learners:
         return "No learner is installed: pip install skillplan-torch."
-    return f"Learners installed: {', '.join(found)}."
+    return f"Learners installed: {', '.join(learners)}."

@@ -54,7 +54,11 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
             continue
         done = {one for one, fact in task.operations.items() if fact in trial.state}
         fewer = [frozenset(done - {one}) for one in sorted(done)]
-        more = [frozenset(done | {one}) for one in task.operations if one != visit.subject]
+        more = [
+            frozenset(done | {operation})
+            for operation in task.operations
+            if operation != visit.subject
+        ]
         for others in dict.fromkeys([frozenset(), *fewer, *more]):
             if others == done:
                 continue
@@ -62,12 +66,12 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
             standing = standing_boxes(task, state)
             if not is_possible(standing):
                 continue
-            found = _fault(task, skill, visit, standing)
-            key = (skill.name, found[1] if found else "", frozenset(standing))
-            if found is None or key in seen or not skill.applicable(state):
+            fault = _fault(task, skill, visit, standing)
+            key = (skill.name, fault[1] if fault else "", frozenset(standing))
+            if fault is None or key in seen or not skill.applicable(state):
                 continue
             seen.add(key)
-            truth, words, kind = found
+            truth, words, kind = fault
             yield Trial(task, skill, state, truth, kind, words)
 
 
@@ -203,7 +207,9 @@ def try_detectors(
     interrupted = False
 
     def try_one(trial: Trial, checkers: Sequence[BackEnd]) -> bool:
-        verdicts = {one.name: check(one, trial.skill, trial.state).verdict for one in checkers}
+        verdicts = {
+            checker.name: check(checker, trial.skill, trial.state).verdict for checker in checkers
+        }
         found.append(CheckedTrial(trial, verdicts))
         note()
         return not stopped()
@@ -229,7 +235,7 @@ def try_detectors(
                 interrupted = True
                 break
     reference = CHART if task.chart else "more than half of the back ends grant"
-    names = tuple(one.name for one in back_ends[1:])
+    names = tuple(back_end.name for back_end in back_ends[1:])
     return DetectorTrials(task, back_ends[0].name, names, reference, tuple(found), interrupted)
 
 
@@ -249,7 +255,9 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTri
                     continue
                 for one in [skill.by(way) for way in skill.ways] or [skill]:
                     new, verdicts = _asked(cache, back_ends, one, state)
-                    most = 2 * sum(said.is_feasible for said in verdicts.values()) > len(back_ends)
+                    most = 2 * sum(verdict.is_feasible for verdict in verdicts.values()) > len(
+                        back_ends
+                    )
                     if most or (chart is not None and not skill.ways):
                         break
                 else:
@@ -319,7 +327,7 @@ def _in_turn(skills: dict[str, list[Trial]], begin: int) -> Iterator[Trial]:
     while remaining:
         for name in list(remaining):
             trials = remaining[name]
-            new = next((one for one in trials if (name, one.fault) not in said), None)
+            new = next((trial for trial in trials if (name, trial.fault) not in said), None)
             if new is None:
                 del remaining[name]
                 continue

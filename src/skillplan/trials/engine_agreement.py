@@ -106,7 +106,7 @@ def compare_engines(
     BackEndError
         If an engine fails.
     """
-    found = _Findings(task, engines)
+    findings = _Findings(task, engines)
     level = list(dict.fromkeys((task.initial, *task.starts)))
     seen, complete = set(level), True
     for _ in range(task.step_limit):
@@ -123,16 +123,16 @@ def compare_engines(
             if stopped():
                 complete = False
                 break
-            for (skill, state), granted in zip(few, found.ask(few), strict=True):
+            for (skill, state), granted in zip(few, findings.ask(few), strict=True):
                 note()
                 if granted:
                     following |= {one.apply(state): None for one in skill.outcomes_in(state)}
-        found.states += len({state for _, state in queries}) if complete else 0
+        findings.states += len({state for _, state in queries}) if complete else 0
         level = [state for state in following if state not in seen]
         seen.update(level)
         if not (complete and level):
             break
-    return found.agreement(complete)
+    return findings.agreement(complete)
 
 
 class _Findings:
@@ -164,7 +164,10 @@ class _Findings:
         return found
 
     def _note(self, skill: Skill, state: State, verdicts: Mapping[str, Verdict]) -> None:
-        words = [(one.status, one.reason, one.present, one.absent) for one in verdicts.values()]
+        words = [
+            (verdict.status, verdict.reason, verdict.present, verdict.absent)
+            for verdict in verdicts.values()
+        ]
         key = (skill.name, *words)
         if key not in self._first:
             stages = {
@@ -179,7 +182,7 @@ class _Findings:
             replace(one, states=self._count[key]) for key, one in self._first.items()
         )
         names = {
-            name: tuple(one.name for one in engine.back_ends)
+            name: tuple(back_end.name for back_end in engine.back_ends)
             for name, engine in self.engines.items()
         }
         executions = {name: engine.executions for name, engine in self.engines.items()}

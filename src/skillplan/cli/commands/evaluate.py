@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
 
-OF_TASK, OF_RESULT, OF_RUN = "Of a task", "Of a result or a run", "Of a run"
+OF_TASK, OF_RESULT, OF_RUN = "For a task", "For a result or a run", "For a run"
 # Proves the optimum to compare with; options without a plugin name belong to it.
 DEFAULT_SOLVER = "auto"
 
@@ -32,7 +32,7 @@ TaskOfResult = Annotated[
         "--task",
         metavar="FILE",
         autocompletion=task_files,
-        help="Task file to use instead of the one that was solved or learned.",
+        help="Task file to use instead of the stored one.",
         rich_help_panel=OF_RESULT,
     ),
 ]
@@ -82,7 +82,7 @@ class Replayed:
 
 @dataclass(frozen=True, slots=True)
 class RollOuts:
-    """How the policies of training runs are tried."""
+    """Roll-outs of the policies of training runs."""
 
     episodes: Annotated[
         int,
@@ -170,7 +170,7 @@ def command(
     runs = [folder for folder in folders if folder is not None]
     if len(inputs) > 1 and None in folders:
         odd = inputs[folders.index(None)]
-        raise OptionError(f"{odd} is no folder of training runs; of others evaluate takes one.")
+        raise OptionError(f"{odd} is not a folder of training runs, so evaluate takes it alone.")
     if runs:
         check_options(ctx, evaluate_runs, kinds)
         changes = Reading(reading.changes)

@@ -41,7 +41,7 @@ _PROOF_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Solving:
-    """How the plan of a figure is found, if it is not stored."""
+    """Solver and seeds of a figure."""
 
     solver: Annotated[
         str | None,
@@ -151,7 +151,7 @@ def command(
 
     A TASK is solved first. A RESULT is drawn as stored if the figure shows only its plan;
     otherwise, or with another solver, it is solved again with its task, back ends and options.
-    plot verifies a RESULT before it draws it, for at most 10 s, and refuses one that is wrong.
+    plot verifies a RESULT before it draws it, for at most 10 s, and refuses to draw a wrong one.
     Several RUNs of one task share a figure. Prints the names of the files written.
     """
     from skillplan.records.stored.result_folder import is_result, run_folder
@@ -166,7 +166,7 @@ def command(
     runs = [folder for folder in folders if folder is not None]
     if len(sources) > 1 and None in folders:
         odd = sources[folders.index(None)]
-        raise OptionError(f"{odd} is no folder of training runs; of others plot takes one.")
+        raise OptionError(f"{odd} is not a folder of training runs, so plot takes it alone.")
     if runs:
         check_options(ctx, plot_runs, kinds)
         return plot_runs(runs, figure, limits, against, file)
@@ -283,7 +283,7 @@ def _draw(
     requested: _Request,
     kept: LoadedResult | None = None,
 ) -> int:
-    """Solve what a figure needs, or take it from a stored result, and draw it."""
+    """Draw a figure from new searches or from a stored result."""
     from skillplan.cli.output import exit_code
     from skillplan.cli.waiting import stoppable
     from skillplan.pipeline.registry import load, make_options

@@ -26,42 +26,33 @@ _DESIGNS = ("one-at-a-time", "grid")
 _AIMS = ("cost", "steps", "seconds")
 
 EPILOG = (
-    "Values: -O gamma=0.8:0.999:12 takes 12 evenly spaced values, -O alpha=0.001:1:7:log evenly "
-    "spaced logarithms, -O epsilon=0.01,0.1,0.5 those listed. One value, as -O gamma=0.99, holds "
-    "in all runs; given beside several values of the same option it is the centre instead of the "
-    "default. A start counts as failed beyond the task's step limit; --set step_limit=1000 sets "
-    "it. With --out every finished run is on disk, and --resume goes on after whatever ended the "
-    "program.\n\n"
-    "--sampler optuna (plugin skillplan-optuna) chooses settings instead: -O gamma=0.8:0.999 takes "
-    "any value between, -O alpha=0.001:1:log with evenly drawn logarithms, -O policy=a,b those "
-    "listed, -O 'gamma=*' all that the option allows. The same command in other processes, or on "
-    "other machines that see the folder of --out, joins in; so does a later one, which goes on. "
-    "Which settings are tried depends on the order in which runs end, so that such a study cannot "
-    "be repeated or resumed bit for bit; every trial that is finished is kept."
+    "Values: -O gamma=0.8:0.999:12 takes 12 evenly spaced values, -O alpha=0.001:1:7:log 7 values "
+    "with evenly spaced logarithms, -O epsilon=0.01,0.1,0.5 the listed values. One value, such "
+    "as -O gamma=0.99, holds in all runs. Given together with several values of the same option, "
+    "it replaces the default as the centre. A start fails if its plan exceeds the task's step "
+    "limit; --set step_limit=1000 changes the limit. With --out every finished run is stored at "
+    "once, and --resume continues after any interruption.\n\n"
+    "--sampler optuna (plugin skillplan-optuna) chooses settings from ranges instead: -O "
+    "gamma=0.8:0.999 for any value between, -O alpha=0.001:1:log on a logarithmic scale, -O "
+    "policy=a,b for listed values, -O 'gamma=*' for everything that the option allows. The same "
+    "command in another process, or on another machine that shares the folder of --out, joins the "
+    "study; a later one continues it. The settings depend on the order in which runs end. "
+    "Therefore such a study cannot be repeated or resumed bit for bit, but it keeps every finished "
+    "trial."
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What a study varies.
-
-    Parameters
-    ----------
-    starts
-        Where the task is done from, with commas; None for the task's own start.
-    design
-        ``one-at-a-time`` or ``grid``.
-    runs
-        How many of every setting, >= 1.
-    """
+    """Settings, starts and runs of a study."""
 
     starts: Annotated[
         str | None,
         typer.Option(
             "--starts",
             metavar="A,B,C",
-            help="Where the task is done from: places such as C20, or facts joined by +; default: "
-            "the task's own start. A policy is learned once and answers from all of them.",
+            help="Starts: places such as C20, or facts joined by +. Default: the start of the "
+            "task. A policy is learned once and answers from all starts.",
             rich_help_panel=STUDY,
         ),
     ] = None
@@ -71,8 +62,8 @@ class Study:
             "--design",
             parser=one_of(_DESIGNS),
             metavar="DESIGN",
-            help="one-at-a-time varies every option alone while the others stay at the centre; "
-            "grid takes all combinations.",
+            help="one-at-a-time varies one option while the others stay at the centre; grid takes "
+            "all combinations.",
             rich_help_panel=STUDY,
         ),
     ] = "one-at-a-time"
@@ -82,7 +73,7 @@ class Study:
             "--runs",
             least=1,
             most=10_000,
-            text="Runs of every setting, with the seeds from --seed on.",
+            text="Runs per setting, with seeds from --seed on.",
             rich_help_panel=STUDY,
         ),
     ] = 5
@@ -90,17 +81,7 @@ class Study:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Who chooses the settings, where that is not the design.
-
-    Parameters
-    ----------
-    sampler
-        Name of a plugin; None for the design.
-    trials
-        How many settings are tried, >= 1.
-    minimise
-        ``cost``, ``steps`` or ``seconds``.
-    """
+    """The sampler of a study without a design."""
 
     sampler: Annotated[
         str | None,
@@ -108,8 +89,8 @@ class Sampling:
             "--sampler",
             metavar="NAME",
             autocompletion=plugin_names("sampler"),
-            help="Have a plugin choose the settings, each by what has come of those before: "
-            "optuna, if skillplan-optuna is installed. Needs --out; not resumed bit for bit.",
+            help="Plugin that chooses the settings from earlier trials, such as optuna from "
+            "skillplan-optuna. Needs --out; cannot be resumed bit for bit.",
             rich_help_panel=STUDY,
         ),
     ] = None
@@ -119,8 +100,8 @@ class Sampling:
             "--trials",
             least=1,
             most=100_000,
-            text="With --sampler: try settings until so many are finished, by all processes that "
-            "share the folder together.",
+            text="With --sampler: total number of trials, over all processes that share the "
+            "folder.",
             rich_help_panel=STUDY,
         ),
     ] = 50
@@ -131,33 +112,24 @@ class Sampling:
             parser=one_of(_AIMS),
             metavar="WHAT",
             help="With --sampler: cost, steps or seconds (of learning), as the mean of the runs "
-            "that arrive. The share of runs that do not arrive always counts first.",
+            "that reach the goal. The share of runs that fail always counts first.",
             rich_help_panel=STUDY,
         ),
     ] = "cost"
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """Where a study is kept.
-
-    Parameters
-    ----------
-    out
-        The folder; None for none.
-    resume
-        Whether the folder holds a study to go on with.
-    plot
-        The file of a figure; None for none.
-    """
+class Output:
+    """Folder and figure of a study."""
 
     out: Annotated[
         str | None,
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Keep manifest.json, runs.jsonl, sweep.json and starts.csv in a new folder; with "
-            "--sampler trials.jsonl, sweep.json and starts.csv, also in one of the same study.",
+            help="Write manifest.json, runs.jsonl, sweep.json and starts.csv to a new folder; with "
+            "--sampler trials.jsonl, sweep.json and starts.csv, also to a folder of the same "
+            "study.",
             rich_help_panel=OUTPUT,
         ),
     ] = None
@@ -165,7 +137,7 @@ class Kept:
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the study in the folder of --out; with --sampler that is always so.",
+            help="Continue the study in the folder of --out; always on with --sampler.",
             rich_help_panel=OUTPUT,
         ),
     ] = False
@@ -174,7 +146,7 @@ class Kept:
         typer.Option(
             "--plot",
             metavar="FILE",
-            help="Also draw a panel for every option that varies, as .png or .svg.",
+            help="Also draw a figure with a panel per varied option, as .png or .svg.",
             rich_help_panel=OUTPUT,
         ),
     ] = None
@@ -186,35 +158,34 @@ def command(
     study: Study,
     sampling: Sampling,
     *,
-    solver: Annotated[str, solver_option("Which solver is studied.")] = "sarsa",
+    solver: Annotated[str, solver_option("Solver to study.")] = "sarsa",
     seed: Seed = 0,
     workers: Workers,
     back_ends: BackEnds,
     warm: Annotated[
         bool,
         typer.Option(
-            "--warm", help="Let runs use verdicts kept on disk.", rich_help_panel=BACK_ENDS
+            "--warm", help="Let runs use verdicts stored on disk.", rich_help_panel=BACK_ENDS
         ),
     ] = False,
-    kept: Kept,
+    output: Output,
     style: Style = "table",
 ) -> int:
-    """Study how a solver's options act on TASK: several values, several seeds, several starts.
+    """Study the options of a solver on TASK: several values, seeds and starts.
 
-    Says how often each setting arrives and at the optimum, in how many steps and how fast,
-    each with its 95 % interval. Ctrl-C prints what the finished runs show.
+    Prints for every setting how often its runs reach the goal and the optimum, in how many steps
+    and how fast, each with its 95 % interval. Ctrl-C prints the results of the finished runs.
     """
     from skillplan.errors import OptionError
 
-    if kept.resume and kept.out is None:
+    if output.resume and output.out is None:
         raise OptionError("--resume needs --out DIR, the folder of the study to go on with.")
     starts = split_names(study.starts or "")
     if study.starts is not None and not starts:
         raise OptionError("--starts names no start.")
-    problem = reading.problem(task, back_ends)
-    loaded = problem.part(reading.part)
-    values, others = _split(back_ends.options, solver)
-    part = reading.part
+    problem, part = reading.problem(task, back_ends), reading.part
+    loaded = problem.part(part)
+    values, others = _split_options(back_ends.options, solver)
     common = {
         "starts": starts,
         "runs": study.runs,
@@ -222,71 +193,74 @@ def command(
         "warm": warm,
         "name": problem.name if part is None else f"{problem.name}, {loaded.name}",
     }
-    asked = _Asked(loaded, solver, values, common, workers.jobs, kept)
-    given, chosen = replace(back_ends, options=others), sampling.sampler
-    if chosen is None:
+    request = _Request(loaded, solver, values, common, workers.jobs, output)
+    sampler = sampling.sampler
+    if sampler is None:
+        given = replace(back_ends, options=others)
         setup = given.setup(loaded, (solver,), executor=workers.executor)
-        return _shown(_designed(asked, setup, study.design), kept, style)
+        return _show(_run_design(request, setup, study.design), output, style)
     if study.design == "grid":
-        raise OptionError("--design grid says which settings are tried; leave out --sampler.")
-    if kept.out is None:
+        raise OptionError("--design grid chooses the settings itself; leave out --sampler.")
+    if output.out is None:
         raise OptionError(
-            f"--sampler {chosen} needs --out DIR, a folder that keeps its trials and that other "
+            f"--sampler {sampler} needs --out DIR, a folder that keeps its trials and that other "
             "processes may share."
         )
-    mine = [one for one in others if one.startswith(f"{chosen}.")]
-    rest = [one for one in others if one not in mine]
-    setup = replace(back_ends, options=rest).setup(loaded, (solver,), executor=workers.executor)
-    return _shown(_sampled(asked, setup, sampling, mine), kept, style)
+    own = [entry for entry in others if entry.startswith(f"{sampler}.")]
+    given = replace(back_ends, options=[entry for entry in others if entry not in own])
+    setup = given.setup(loaded, (solver,), executor=workers.executor)
+    return _show(_run_sampler(request, setup, sampling, own), output, style)
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """What is asked for, whoever chooses the settings."""
+class _Request:
+    """A study as the command line requests it."""
 
     task: Task
     solver: str
     values: list[tuple[str, str]]
     common: dict[str, Any]
     jobs: int
-    kept: Kept
+    output: Output
 
 
-def _designed(asked: _Asked, setup: Setup, design: str) -> SweepResult:
-    """Do a study whose settings its design says."""
+def _run_design(request: _Request, setup: Setup, design: str) -> SweepResult:
+    """Run a study with the settings of a design."""
     from contextlib import ExitStack
 
     from skillplan.cli.counting import counting
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import StudyFolder
 
-    kept = asked.kept
+    output = request.output
     plan, job = plan_study(
-        asked.task, asked.solver, asked.values, setup, design=design, **asked.common
+        request.task, request.solver, request.values, setup, design=design, **request.common
     )
-    _check_picture(kept)
+    _check_plot(output)
     with ExitStack() as stack:
         folder = None
-        if kept.out is not None:
+        if output.out is not None:
             words = tuple(sys.argv[1:])
-            opened = StudyFolder(kept.out, plan, resume=kept.resume, command=words)
+            opened = StudyFolder(output.out, plan, resume=output.resume, command=words)
             folder = stack.enter_context(opened)
         total = len(plan.settings) * len(plan.seeds)
-        count = stack.enter_context(counting(asked.solver, total))
+        count = stack.enter_context(counting(request.solver, total))
         result = do_study(
             plan,
             job,
-            jobs=asked.jobs,
+            jobs=request.jobs,
             folder=folder,
             stopped=lambda: count.interrupted,
             on_run=lambda record: count.one_more(),
         )
-        _keep(result, kept)
+        _store(result, output)
     return result
 
 
-def _sampled(asked: _Asked, setup: Setup, sampling: Sampling, options: list[str]) -> SweepResult:
-    """Do a study whose settings a sampler chooses."""
+def _run_sampler(
+    request: _Request, setup: Setup, sampling: Sampling, options: list[str]
+) -> SweepResult:
+    """Run a study whose settings a sampler chooses."""
     from skillplan.cli.counting import counting
     from skillplan.cli.options.values import parse_options
     from skillplan.sweep.parameter_study import (
@@ -296,39 +270,39 @@ def _sampled(asked: _Asked, setup: Setup, sampling: Sampling, options: list[str]
         shared_trials,
     )
 
-    name, kept = sampling.sampler, asked.kept
+    name, output = sampling.sampler, request.output
     assert name is not None
-    assert kept.out is not None
+    assert output.out is not None
     sampler = make_sampler(name, parse_options(options, None).get(name, {}))
     plan, job = plan_sampled(
-        asked.task,
-        asked.solver,
-        asked.values,
+        request.task,
+        request.solver,
+        request.values,
         setup,
         sampler=name,
         minimise=sampling.minimise,
-        **asked.common,
+        **request.common,
     )
-    _check_picture(kept)
-    trials = shared_trials(kept.out, plan, sampler, asked.common["seed"])
+    _check_plot(output)
+    trials = shared_trials(output.out, plan, sampler, request.common["seed"])
     left = max(0, sampling.trials - trials.done())
-    with counting(f"{asked.solver}, trials", left) as count:
+    with counting(f"{request.solver}, trials", left) as count:
         result = do_sampled(
             plan,
             job,
             trials,
             sampling.trials,
-            jobs=asked.jobs,
+            jobs=request.jobs,
             stopped=lambda: count.interrupted,
             on_trial=count.one_more,
         )
-        _keep(result, kept)
+        _store(result, output)
     return result
 
 
-def _keep(result: SweepResult, kept: Kept) -> None:
-    """Write the document and the table of the starts, where there is a folder."""
-    if kept.out is None:
+def _store(result: SweepResult, output: Output) -> None:
+    """Write the document and the table of the starts to the folder, if there is one."""
+    if output.out is None:
         return
     from skillplan.cli.result_output import write_folder
     from skillplan.cli.writing import as_json
@@ -337,30 +311,32 @@ def _keep(result: SweepResult, kept: Kept) -> None:
     from skillplan.views.text.table import as_csv
 
     starts_csv = as_csv(start_table(result))
-    write_folder(Path(kept.out), {STARTS: starts_csv, RESULT: as_json(result.document())})
+    write_folder(Path(output.out), {STARTS: starts_csv, RESULT: as_json(result.document())})
 
 
-def _shown(result: SweepResult, kept: Kept, style: str) -> int:
+def _show(result: SweepResult, output: Output, style: str) -> int:
     """Draw and print a study; return the exit code."""
     from skillplan.cli.output import emit
+    from skillplan.errors import exit_code
     from skillplan.views.tables.sweep import setting_table, start_table
 
-    if kept.plot is not None and len(result.records) > len(result.failed):
-        _draw(result, _picture(kept.plot))
-    code = _exit_code(result)
+    if output.plot is not None and len(result.records) > len(result.failed):
+        _draw(result, _check_path(output.plot))
+    arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
+    code = exit_code(interrupted=result.interrupted, solved=arrived)
     tables = [setting_table(result), *([start_table(result)] if style == "csv" else [])]
     emit(style, result.document(), tables, failed=code != 0 or bool(result.failed))
     return code
 
 
-def _check_picture(kept: Kept) -> None:
-    """See before anything is done that the figure can be drawn and go where it is to go."""
-    if kept.plot is not None:
-        _picture(kept.plot)
+def _check_plot(output: Output) -> None:
+    """Check before the first run that the figure can be drawn and written."""
+    if output.plot is not None:
+        _check_path(output.plot)
 
 
-def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return option and text for the solver's entries of -O, and the other entries."""
+def _split_options(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], list[str]]:
+    """Separate the options of the solver, as name and text, from other entries of -O."""
     values, others = [], []
     for entry in entries:
         key, equals, text = entry.partition("=")
@@ -372,16 +348,7 @@ def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], 
     return values, others
 
 
-def _exit_code(result: SweepResult) -> int:
-    """Return the exit code: whether any run arrived anywhere."""
-    from skillplan.errors import exit_code
-
-    arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
-    return exit_code(interrupted=result.interrupted, solved=arrived)
-
-
 def _draw(result: SweepResult, path: Path) -> None:
-    """Draw what a study shows."""
     from skillplan.errors import OptionError, SkillplanError
     from skillplan.views.figures.figure_file import save_figure
     from skillplan.views.figures.sweep_figure import sweep_figure
@@ -392,8 +359,8 @@ def _draw(result: SweepResult, path: Path) -> None:
         raise OptionError(str(error).replace("--out", "--plot", 1)) from None
 
 
-def _picture(plot: str) -> Path:
-    """Return where the figure goes, having seen that it can be drawn and go there."""
+def _check_path(plot: str) -> Path:
+    """Return the path of the figure, having checked that it can be drawn and written."""
     from skillplan.errors import OptionError
 
     try:

@@ -52,7 +52,7 @@ def parse_family(value: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """How long is trained, and from where."""
+    """Length and start of a training."""
 
     runs: Annotated[
         int,

@@ -1,4 +1,4 @@
-"""Which options fit the input of a command: a task file, a result or a folder of runs."""
+"""Checks that options fit the input of a command: a task file, a result or a folder of runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Mode = Callable[..., int]
 
 
 def is_given(ctx: typer.Context, name: str) -> bool:
-    """Whether a parameter is given on the command line."""
+    """Return True if a parameter is given on the command line."""
     source = ctx.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"
 
@@ -33,7 +33,7 @@ def check_options(ctx: typer.Context, mode: Mode, inputs: Mapping[Mode, str]) ->
     Raises
     ------
     OptionError
-        If another option is given; the message says which inputs it is for.
+        If another option is given; the message names the inputs it is for.
     """
     taken = {function: _option_names(function) for function in inputs}
     for parameter in ctx.command.params:

@@ -1,1 +1,1 @@
-"""What commands do with folders of training runs."""
+"""Training runs on the command line: train, evaluate and draw them."""

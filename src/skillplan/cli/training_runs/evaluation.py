@@ -46,16 +46,16 @@ _LAYOUTS = 20
 
 @dataclass(frozen=True, slots=True)
 class RunsRequest:
-    """What the command line requests for folders of runs.
+    """An evaluation of training runs as the command line requests it.
 
     Parameters
     ----------
     task_file
-        Task file to use instead of the one that was learned.
+        Task file to use instead of the stored one.
     changed_task
-        Whether the task may have changed since.
+        True if the task may have changed since.
     reading, back_ends
-        Changes of the task file and back ends; they override those of the training.
+        Changes of the task file, and back ends. They override the training's own.
     time_limit_s
         Time limit for proving the optimum [s].
     """
@@ -142,7 +142,7 @@ def _try_layouts(
 
 
 def _load_task(folder: RunFolder, request: RunsRequest) -> tuple[Problem, Setup]:
-    """Return the problem and its back ends: those of the training unless options override them."""
+    """Return the problem, and the back ends of the training unless options override them."""
     manifest = folder.manifest
     chosen = request.back_ends
     physics = manifest.physics if chosen.physics is None else chosen.physics
@@ -156,7 +156,7 @@ def _load_task(folder: RunFolder, request: RunsRequest) -> tuple[Problem, Setup]
         source = folder.source
         kept_changes = [f"{key}={value}" for key, value in manifest.task.changes.items()]
     reading = Reading([*kept_changes, *request.reading.changes])
-    # The folder may come from somebody else: messages must not quote any other file it names.
+    # The folder may come from another person: messages must not quote other files that it names.
     own = request.task_file is not None or source == str(folder.task_copy)
     with nullcontext() if own else unquoted(str(folder.path), source):
         problem = reading.problem(source, back_ends, warn=False)

@@ -154,7 +154,7 @@ class _Training:
 
     @property
     def any_success(self) -> bool:
-        """Whether any episode completed the task."""
+        """True if any episode completed the task."""
         return any(curve.success.any() for curve in self.curves)
 
     @cached_property

@@ -205,7 +205,7 @@ class TrainingDisplay:
             TimeRemainingColumn(),
         )
         self._line = self._bar.add_task(escaped(label), total=total)
-        # The figures are below the bar because a narrow terminal has no room beside it.
+        # The figures are below the bar because a narrow terminal cannot show both in one line.
         self._live = Live(
             get_renderable=lambda: Group(self._bar, Text(self.figures())),
             console=Console(stderr=True),

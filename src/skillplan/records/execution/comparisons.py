@@ -35,8 +35,8 @@ def agreement_document(agreement: EngineAgreement, pictures: Pictures = ()) -> d
         "questions": agreement.questions,
         "agree": agreement.agree,
         "contradictions": [
-            _contradiction(one, files)
-            for one, files in zip(agreement.contradictions, drawn, strict=True)
+            _contradiction(contradiction, files)
+            for contradiction, files in zip(agreement.contradictions, drawn, strict=True)
         ],
         "executions": dict(agreement.executions),
         "seconds": dict(agreement.seconds),

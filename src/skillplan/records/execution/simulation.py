@@ -322,13 +322,13 @@ class Simulation:
             ],
             "arrivals": [
                 {
-                    "body": one.body,
-                    "goal": _pose(one.goal),
-                    "final": _pose(one.final),
-                    "offset_mm": 1000 * one.offset_m,
-                    "tilt_deg": math.degrees(one.tilt_rad),
+                    "body": arrival.body,
+                    "goal": _pose(arrival.goal),
+                    "final": _pose(arrival.final),
+                    "offset_mm": 1000 * arrival.offset_m,
+                    "tilt_deg": math.degrees(arrival.tilt_rad),
                 }
-                for one in made.arrivals
+                for arrival in made.arrivals
             ],
             "largest_offset_mm": self.largest_mm,
             "largest_tilt_deg": self.largest_deg,
@@ -339,13 +339,13 @@ class Simulation:
     @property
     def largest_mm(self) -> float | None:
         """How far off its goal the body farthest off ended [mm]; None without arrivals."""
-        return max((1000 * one.offset_m for one in self.performance.arrivals), default=None)
+        return max((1000 * arrival.offset_m for arrival in self.performance.arrivals), default=None)
 
     @property
     def largest_deg(self) -> float | None:
         """How far the body most turned away from its goal ended [deg]; None without arrivals."""
         arrivals = self.performance.arrivals
-        return max((math.degrees(one.tilt_rad) for one in arrivals), default=None)
+        return max((math.degrees(arrival.tilt_rad) for arrival in arrivals), default=None)
 
 
 def way_of(skill: Skill, done: PerformedSkill) -> str | None:

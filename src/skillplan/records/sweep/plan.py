@@ -197,7 +197,7 @@ class SweepPlan:
             "axes": [{"option": axis.option, "values": list(axis.values)} for axis in self.axes],
             "centre": dict(self.centre),
             "fixed": {plugin: dict(values) for plugin, values in self.fixed.items()},
-            "starts": [{"start": one.name, "optimum": one.optimum} for one in self.starts],
+            "starts": [{"start": start.name, "optimum": start.optimum} for start in self.starts],
             "seeds": list(self.seeds),
         }
 

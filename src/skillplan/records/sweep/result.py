@@ -147,7 +147,8 @@ def _sound(record: SweepRecord) -> bool:
         "error": (str, type(None)),
     }
     return all(isinstance(getattr(record, key), kind) for key, kind in expected.items()) and all(
-        isinstance(one.start, str) and isinstance(one.reason, str) for one in record.outcomes
+        isinstance(outcome.start, str) and isinstance(outcome.reason, str)
+        for outcome in record.outcomes
     )
 
 
@@ -197,7 +198,10 @@ class StartSummary:
             "runs": self.runs,
             "arrived": self.arrived,
             "best": self.best,
-            **{key: None if one is None else one.document() for key, one in figures.items()},
+            **{
+                key: None if figure is None else figure.document()
+                for key, figure in figures.items()
+            },
         }
 
 
@@ -267,7 +271,7 @@ class SweepResult:
             A start's name; None for all starts together.
         """
         runs = [
-            [one for one in record.outcomes if start is None or one.start == start]
+            [outcome for outcome in record.outcomes if start is None or outcome.start == start]
             for record in self._sound
             if record.setting in settings
         ]

@@ -136,13 +136,17 @@ def write_network(
         arrays[f"weight_{index}"] = np.ascontiguousarray(weight, dtype=np.float32)
         arrays[f"bias_{index}"] = np.ascontiguousarray(bias, dtype=np.float32)
     data = save(arrays)
-    said = NetworkPolicyContent(
+    network_policy_content = NetworkPolicyContent(
         **content,
         layers=[(weight.shape[0], weight.shape[1]) for weight in network.weights],
         sha256=hashlib.sha256(data).hexdigest(),
     )
     write_whole(folder / f"{stem}.safetensors", data, within=within)
-    write_whole(folder / f"{stem}.json", json_text(schemas.NETWORK_POLICY, said), within=within)
+    write_whole(
+        folder / f"{stem}.json",
+        json_text(schemas.NETWORK_POLICY, network_policy_content),
+        within=within,
+    )
 
 
 def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
@@ -160,7 +164,9 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     OptionError
         If a file cannot be read, is none that `write_network` wrote, or does not fit the other.
     """
-    said = read_checked(path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within)
+    checked = read_checked(
+        path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within
+    )
     weights = path.with_suffix(".safetensors")
     try:
         data, _ = read_safetensors(weights, _MOST_BYTES, within=within)
@@ -168,14 +174,14 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
         raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
     except ValueError as error:
         raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
-    if hashlib.sha256(data).hexdigest() != said.sha256:
+    if hashlib.sha256(data).hexdigest() != checked.sha256:
         raise OptionError(f"{weights}: is damaged: it is not what {path} vouches for. {_REMEDY}.")
     try:
-        network = _network(data, said)
+        network = _network(data, checked)
     except (ValueError, KeyError) as error:
         reason = f"has no {error}" if isinstance(error, KeyError) else str(error).rstrip(".")
         raise OptionError(f"{weights}: is damaged: {reason}. {_REMEDY}.") from None
-    return StoredNetwork(network, said)
+    return StoredNetwork(network, checked)
 
 
 def _network(data: bytes, said: NetworkPolicyContent) -> NetworkPolicy:

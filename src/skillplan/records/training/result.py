@@ -324,12 +324,12 @@ class LayoutOutcome:
     @property
     def completed(self) -> int:
         """How many policies complete it."""
-        return sum(one.complete for one in self.answers)
+        return sum(answer.complete for answer in self.answers)
 
     @property
     def deviations(self) -> list[float]:
         """Deviations of those that complete it; empty where no optimum is proved."""
-        found = [deviation(one.cost, self.optimum.cost) for one in self.answers]
+        found = [deviation(answer.cost, self.optimum.cost) for answer in self.answers]
         return [one for one in found if one is not None]
 
     def document(self) -> dict[str, Any]:
@@ -340,7 +340,7 @@ class LayoutOutcome:
             "optimum_reason": self.optimum.reason,
             "optimum_wall_s": self.optimum.wall_s,
             "completed": self.completed,
-            "costs": [one.cost for one in self.answers],
+            "costs": [answer.cost for answer in self.answers],
             "deviations": [deviation(one.cost, self.optimum.cost) for one in self.answers],
             "actions": [list(one.actions) for one in self.answers],
             "answer_s": list(self.answer_s),
@@ -520,30 +520,32 @@ class TrainingResult:
     @property
     def success(self) -> Tally:
         """The episodes of all runs together: sampled ones, or else the last of training."""
-        return sum((one.tally for one in self.outcomes), Tally())
+        return sum((outcome.tally for outcome in self.outcomes), Tally())
 
     @property
     def training_success(self) -> Tally:
         """The last episodes of the training of all runs together."""
-        known = [one.training.recent for one in self.outcomes if one.training is not None]
+        known = [
+            outcome.training.recent for outcome in self.outcomes if outcome.training is not None
+        ]
         return sum(known, Tally())
 
     @property
     def recent_steps(self) -> int:
         """Length of the last part of the training that success rates are of [steps]."""
-        done = [one.training.steps for one in self.outcomes if one.training is not None]
+        done = [outcome.training.steps for outcome in self.outcomes if outcome.training is not None]
         return min(RECENT_STEPS, max(done, default=RECENT_STEPS))
 
     @property
     def deviations(self) -> list[float]:
         """Deviations from the optimum of the runs that complete the task, in order."""
-        found = [deviation(one.cost, self.optimum.cost) for one in self.outcomes]
+        found = [deviation(outcome.cost, self.optimum.cost) for outcome in self.outcomes]
         return [one for one in found if one is not None]
 
     @property
     def completed(self) -> int:
         """How many runs complete the task."""
-        return sum(one.cost is not None for one in self.outcomes)
+        return sum(outcome.cost is not None for outcome in self.outcomes)
 
     @property
     def completion(self) -> Estimate | None:
@@ -553,7 +555,7 @@ class TrainingResult:
     @property
     def failed(self) -> list[RunOutcome]:
         """The runs that could not go on or cannot be read."""
-        return [one for one in self.outcomes if one.status is RunStatus.FAILED]
+        return [outcome for outcome in self.outcomes if outcome.status is RunStatus.FAILED]
 
     @property
     def chance(self) -> bool:
@@ -573,7 +575,11 @@ class TrainingResult:
     @property
     def best_seen(self) -> float | None:
         """The least that an episode of any run cost while it learned; None without success."""
-        costs = [one.best_cost_seen for one in self.outcomes if one.best_cost_seen is not None]
+        costs = [
+            outcome.best_cost_seen
+            for outcome in self.outcomes
+            if outcome.best_cost_seen is not None
+        ]
         return min(costs, default=None)
 
     def at_most(self, excess: float) -> int | None:
@@ -590,12 +596,14 @@ class TrainingResult:
     @property
     def cost_iqm(self) -> Estimate | None:
         """Interquartile mean of what the runs that complete the task cost."""
-        return interquartile_mean([one.cost for one in self.outcomes if one.cost is not None])
+        return interquartile_mean(
+            [outcome.cost for outcome in self.outcomes if outcome.cost is not None]
+        )
 
     @property
     def success_iqm(self) -> Estimate | None:
         """Interquartile mean of the success rates of all runs that have one."""
-        rates = [one.tally.rate for one in self.outcomes]
+        rates = [outcome.tally.rate for outcome in self.outcomes]
         return interquartile_mean([rate for rate in rates if rate is not None])
 
     @property
@@ -624,8 +632,8 @@ class TrainingResult:
             "optimum_wall_s": best.wall_s,
             "not_checked": list(best.not_checked),
             "runs": [
-                one.document(best.cost, seen_apart=self.seen_optimum is None)
-                for one in self.outcomes
+                outcome.document(best.cost, seen_apart=self.seen_optimum is None)
+                for outcome in self.outcomes
             ],
             "success_rate": self.success.rate,
             "success_ci95": None if success is None else [success.low, success.high],
@@ -687,4 +695,4 @@ def _estimate(one: Estimate | None) -> dict[str, Any] | None:
 
 def trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
     """Return the document: a training's own for each."""
-    return {"schema": schemas.TRAININGS, "rows": [one.document() for one in results]}
+    return {"schema": schemas.TRAININGS, "rows": [result.document() for result in results]}
