@@ -158,7 +158,7 @@ MUTANTS = [
     ),
     Mutant(
         "report repeats what is refuted",
-        "cli/result_input.py",
+        "cli/load.py",
         "    if certificate.refuted:\n",
         "    if False:\n",
         "forgeries",

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from skillplan.cli import rich_help
 from skillplan.cli.options.grouped import grouped
-from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.shared import OUTPUT
 from skillplan.cli.writing import guarded_stdout
 from skillplan.errors import nearest
 from skillplan.workers.supervised import limit_imports

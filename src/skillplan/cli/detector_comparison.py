@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from skillplan.cli.counting import counting
+from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.shared import BackEnds, Reading
 from skillplan.cli.options.values import split_names
 from skillplan.cli.output import emit
@@ -47,8 +48,8 @@ def compare_detectors(
     """
     if not split_names(back_ends.collision or ""):
         raise OptionError("--detectors names no detector.")
-    task = reading.problem(path, back_ends).tasks[-1]
-    setup = back_ends.setup(task, with_chart=False)
+    task = load_file(path, reading, back_ends).tasks[-1]
+    setup = make_setup(back_ends, task, with_chart=False)
     if not task.scene.bodies:
         raise OptionError(f"{task.name!r} has no bodies: there is nothing to collide.")
     begin_s = time.monotonic()

@@ -10,6 +10,7 @@ from time import monotonic
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.cli.counting import counting
+from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.shared import BackEnds, Reading
 from skillplan.cli.options.values import split_names
 from skillplan.cli.output import emit
@@ -72,7 +73,7 @@ def compare_physics(
     if len(names) < 2:
         raise OptionError("--engines needs two engines at least, such as pybullet,mujoco.")
     folder = None if pictures is None else output_folder("--pictures", pictures)
-    task = reading.problem(path, replace(back_ends, physics=engines)).tasks[-1]
+    task = load_file(path, reading, replace(back_ends, physics=engines)).tasks[-1]
     if not task.scene.bodies:
         raise OptionError(f"{task.name!r} has no bodies: there is nothing to simulate.")
     begin_s = monotonic()
@@ -111,7 +112,7 @@ def _setup(
         chosen = [choice.name for choice in task.collision]
         collision = ",".join(contact_detectors(engine, chosen)) or None
     own = replace(back_ends, physics=engine, collision=collision, options=options)
-    return own.setup(task, executor=executor, with_chart=False)
+    return make_setup(own, task, executor=executor, with_chart=False)
 
 
 def _drawn(

@@ -9,8 +9,8 @@ from typing import Any
 
 from skillplan.cli.counting import counting
 from skillplan.cli.deadline import Deadline
+from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
 from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.result_input import load, verify_before_showing
 from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
@@ -110,9 +110,9 @@ class Reporter:
         return self._of_result(path, name)
 
     def _of_task(self, path: str, name: str, limit_s: float | None) -> Chapter:
-        problem = self.reading.problem(path, self.back_ends)
+        problem = load_file(path, self.reading, self.back_ends)
         part = self.reading.part
-        setup = self.back_ends.setup(problem.tasks[-1], screening=True)
+        setup = make_setup(self.back_ends, problem.tasks[-1], screening=True)
         with stoppable(limit_s, label=f"solving {problem.name}") as stop:
             result = solve_problem(
                 problem, part, None, setup, seed=self.seed, stop=stop, cache=warm_cache()
@@ -124,7 +124,7 @@ class Reporter:
         return self._chapter(problem, part, setup, document, ways, name)
 
     def _of_result(self, path: str, name: str) -> Chapter:
-        loaded = load(path, self.reading, self.back_ends)
+        loaded = load_result(path, self.reading, self.back_ends)
         certificate = verify_before_showing(path, self.deadline.share_s(_SEARCH_SHARE))
         document = read_document(result_path(path), schemas.RESULT, _REMEDY)
         ways: tuple[str | None, ...] = ()

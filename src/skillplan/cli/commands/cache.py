@@ -7,9 +7,18 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.panels import OUTPUT
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Workers
-from skillplan.cli.options.single import MaybeTaskFile, Seed, Style, TaskFile
+from skillplan.cli.load import load_part, open_cache
+from skillplan.cli.options.shared import (
+    OUTPUT,
+    BackEnds,
+    Checking,
+    MaybeTaskFile,
+    PartReading,
+    Seed,
+    Style,
+    TaskFile,
+    Workers,
+)
 from skillplan.cli.options.values import count_option
 from skillplan.cli.writing import tell
 
@@ -43,7 +52,7 @@ def show(
         kept, others = folder.survey()
         survey = CacheSurvey(root, kept, time.time(), len(others))
     else:
-        loaded, _, made = reading.set_up(task, back_ends)
+        loaded, _, made = load_part(task, reading, back_ends)
         found = folder.kept_for(introduce_back_ends(made))
         every = [one for own in found for one in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
@@ -97,7 +106,7 @@ def verify(
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.installation import cache_test_table
 
-    loaded, setup, made = reading.set_up(task, back_ends, executor=workers.executor)
+    loaded, setup, made = load_part(task, reading, back_ends, executor=workers.executor)
     feasibility = make_feasibility(loaded, setup, back_ends=made)
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
@@ -161,8 +170,8 @@ def fill(
     from skillplan.records.cache import CacheFilling
     from skillplan.views.tables.installation import filling_table
 
-    loaded, setup, made = reading.set_up(task, back_ends, executor=checking.executor)
-    cache = checking.cache()
+    loaded, setup, made = load_part(task, reading, back_ends, executor=checking.executor)
+    cache = open_cache(checking)
     requests: list[bool] = []
     begin_s = time.perf_counter()
     with (

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading
-from skillplan.cli.options.single import NoScreening, Style, TaskFile
+from skillplan.cli.load import load_part, open_cache
+from skillplan.cli.options.shared import (
+    BackEnds,
+    Checking,
+    NoScreening,
+    PartReading,
+    Style,
+    TaskFile,
+)
 
 
 def command(
@@ -34,14 +41,15 @@ def command(
     from skillplan.views.tables.questions import chart_table
 
     # A chart derived from the chart would say nothing.
-    loaded, setup, made = reading.set_up(
+    loaded, setup, made = load_part(
         task,
+        reading,
         back_ends,
         executor=checking.executor,
         screening=not no_screening,
         with_chart=False,
     )
-    cache = checking.cache()
+    cache = open_cache(checking)
     with showing_checks("deriving") as on_check:
         feasibility = make_feasibility(
             loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=made

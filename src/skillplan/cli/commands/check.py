@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.shared import BackEnds, Caching, Reading
-from skillplan.cli.options.single import Style, TaskFile
+from skillplan.cli.load import load_file, make_setup, name_back_ends, open_cache
+from skillplan.cli.options.shared import BackEnds, Caching, CommandLimits, Reading, Style, TaskFile
 
 
 def command(
@@ -33,8 +32,8 @@ def command(
     from skillplan.views.tables.questions import checked_tables
 
     limits.begin(graceful=False)
-    problem = reading.problem(task, back_ends, warn=False)
-    setups = [back_ends.setup(task) for task in problem.tasks]
+    problem = load_file(task, reading, back_ends, warn=False)
+    setups = [make_setup(back_ends, task) for task in problem.tasks]
     back_ends_of = [
         introduce_back_ends(setup.back_ends(task))
         for setup, task in zip(setups, problem.tasks, strict=True)
@@ -43,7 +42,7 @@ def command(
     not_checked = list_not_checked(tuple(chain.from_iterable(back_ends_of)))
     first = setups[0]
     # Verdicts of what is instant are not worth a file each.
-    cache = caching.cache() if back_ends.named() else None
+    cache = open_cache(caching) if name_back_ends(back_ends) else None
     found = preview(problem, first.physics, first.collision, first.options, cache)
     checked = Checked(problem, names, found, not_checked)
     emit(style, checked.document(), checked_tables(checked))

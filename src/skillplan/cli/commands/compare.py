@@ -7,16 +7,19 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.completion import plugin_lists
-from skillplan.cli.options.limits import Limits
-from skillplan.cli.options.panels import BACK_ENDS
-from skillplan.cli.options.shared import BackEnds, Reading, Workers
-from skillplan.cli.options.single import (
+from skillplan.cli.options.shared import (
+    BACK_ENDS,
     Audit,
+    BackEnds,
+    Limits,
     NoScreening,
+    Reading,
     Seed,
     Style,
     TaskFile,
+    Workers,
 )
 from skillplan.cli.options.values import count_option, split_names
 
@@ -183,10 +186,12 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from skillplan.views.tables.results import comparison_tables
 
     names = run.names
-    problem = reading.problem(path, back_ends)
+    problem = load_file(path, reading, back_ends)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
-    setup = back_ends.setup(last, every, screening=run.screening, executor=run.workers.executor)
+    setup = make_setup(
+        back_ends, last, every, screening=run.screening, executor=run.workers.executor
+    )
     for name in every:
         check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:

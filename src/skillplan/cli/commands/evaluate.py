@@ -8,13 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.load import load_file, load_result, make_setup, open_cache
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import Mode, check_options
-from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Reading
-from skillplan.cli.options.single import Seed, Style
+from skillplan.cli.options.shared import (
+    RESULT_HELP,
+    BackEnds,
+    Checking,
+    PartReading,
+    Reading,
+    Seed,
+    Style,
+    TimeLimit,
+)
 from skillplan.cli.options.values import count_option, positive_number
-from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -197,8 +204,8 @@ def replay_on_task(
     from skillplan.records.stored.policy_file import read_policy, start_state
     from skillplan.records.stored.result_folder import policies_path
 
-    task = reading.task(path, back_ends)
-    setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
+    task = load_file(path, reading, back_ends).part(reading.part)
+    setup = make_setup(back_ends, task, (DEFAULT_SOLVER,), executor=checking.executor)
     if (replayed.sequence is None) == (replayed.policy_file is None):
         raise OptionError("Give either --sequence or --policy.")
     policy = None
@@ -227,7 +234,7 @@ def replay_result(
     style: Style,
 ) -> int:
     """Replay the plan of a stored result."""
-    loaded = load(
+    loaded = load_result(
         path,
         reading,
         back_ends,
@@ -258,8 +265,8 @@ def follow_family_policy(
 
     if task_file is None:
         raise OptionError(f"{path} carries over: name the task to try it on by --task.")
-    task = reading.task(task_file, back_ends)
-    setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
+    task = load_file(task_file, reading, back_ends).part(reading.part)
+    setup = make_setup(back_ends, task, (DEFAULT_SOLVER,), executor=checking.executor)
     skills, _ = follow_policy(read_policy(Path(path)).policy, task, setup)
     return _replay(task, setup, skills, checking, time_limit_s, style)
 
@@ -307,7 +314,7 @@ def _replay(
     from skillplan.solvers.solution import Plan, Policy
     from skillplan.views.tables.questions import evaluation_table
 
-    cache = checking.cache() or VerdictCache()
+    cache = open_cache(checking) or VerdictCache()
     with showing_checks("replaying") as on_check:
         model = make_model(task, setup, cache, jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):

@@ -6,12 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.load import load_part, load_result, open_cache
 from skillplan.cli.options.completion import skills
-from skillplan.cli.options.panels import OUTPUT, TASK
-from skillplan.cli.options.shared import BackEnds, Caching, PartReading
-from skillplan.cli.options.single import Style, TaskFile
+from skillplan.cli.options.shared import (
+    OUTPUT,
+    RESULT_HELP,
+    TASK,
+    BackEnds,
+    Caching,
+    PartReading,
+    Style,
+    TaskFile,
+)
 from skillplan.cli.options.values import count_option
-from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -117,12 +124,12 @@ def command(
     if result is None:
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
-        loaded, setup, made = reading.set_up(task, back_ends)
+        loaded, setup, made = load_part(task, reading, back_ends)
         before = () if after is None else given_plan(after, loaded)
     else:
         if after is not None:
             raise OptionError("Give either --after or --from: both say what was done before.")
-        stored = load(result, reading, back_ends, task_file=task)
+        stored = load_result(result, reading, back_ends, task_file=task)
         setup = stored.setup
         loaded, before = _until(stored, step)
         made = setup.back_ends(loaded, stored.problem.spare_back_ends)
@@ -132,7 +139,7 @@ def command(
         return tell_freedom(loaded, task, part, None if assembled else before, picture, style)
     chosen = loaded.skill(skill)
     paths = drawing_paths(picture, animate)
-    cache = caching.cache()
+    cache = open_cache(caching)
     model = make_model(loaded, setup, cache, back_ends=made)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     state = state_with_all_else(loaded, chosen) if last else state_after(model, before)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.load import load_file, load_result, make_setup, open_cache
 from skillplan.cli.options.completion import plugin_names, task_files
-from skillplan.cli.options.panels import OUTPUT, TASK
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading
-from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.cli.options.shared import OUTPUT, RESULT_HELP, TASK, BackEnds, Checking, PartReading
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.exporters.exporter import Exporter
@@ -97,7 +96,9 @@ def command(
     exporter = make_exporter(to, setup.options.get(to, {}))
     path = output_file("--out", out) if exporter.suffix else output_folder("--out", out)
     with showing_checks("exporting") as on_check:
-        model = make_model(loaded, setup, checking.cache(), jobs=checking.jobs, on_check=on_check)
+        model = make_model(
+            loaded, setup, open_cache(checking), jobs=checking.jobs, on_check=on_check
+        )
         with closing(model.feasibility):
             plan = None if skills is None else replay(model, skills)
             if plan is not None and not plan.complete:
@@ -142,14 +143,14 @@ def _read(
     if is_result(path):
         if sequence is not None:
             raise OptionError("--sequence is for a task file; a result holds its own plan.")
-        loaded = load(path, reading, back_ends, solver=to, executor=checking.executor)
+        loaded = load_result(path, reading, back_ends, solver=to, executor=checking.executor)
         task, plan = loaded.planned()
         skills = tuple(task.skill(name) for name in plan)
         family = loaded.problem.domain.has_family(loaded.problem.config)
         return task, loaded.setup, skills, family
-    problem = reading.problem(path, back_ends)
+    problem = load_file(path, reading, back_ends)
     task = problem.part(reading.part)
-    setup = back_ends.setup(task, (to,), executor=checking.executor)
+    setup = make_setup(back_ends, task, (to,), executor=checking.executor)
     if sequence is None:
         return task, setup, None, problem.domain.has_family(problem.config)
     from skillplan.pipeline.exchange.plan_input import given_plan

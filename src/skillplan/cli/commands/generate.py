@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from skillplan import __version__
-from skillplan.cli.options.panels import OUTPUT, TASK
-from skillplan.cli.options.single import Seed
+from skillplan.cli.options.shared import OUTPUT, TASK, Seed
 from skillplan.cli.options.values import Probabilities, count_option, fraction, probabilities
 
 HELP = """Write task files at random, of a kind: for studies of scale.

@@ -7,9 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.panels import OUTPUT
-from skillplan.cli.options.single import Jobs
+from skillplan.cli.options.shared import OUTPUT, CommandLimits, Jobs
 from skillplan.cli.options.values import one_of, positive_number
 
 GEOMETRY = "Geometry"

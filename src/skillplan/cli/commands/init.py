@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import plugin_names
-from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.shared import OUTPUT
 
 
 def command(

@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import Mode, check_options, is_given
-from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.panels import OUTPUT, SOLVER
-from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.options.single import Seed, solver_option
+from skillplan.cli.options.shared import (
+    OUTPUT,
+    RESULT_HELP,
+    SOLVER,
+    BackEnds,
+    CommandLimits,
+    PartReading,
+    Seed,
+    solver_option,
+)
 from skillplan.cli.options.values import count_option, one_of, parse_options, split_names
-from skillplan.cli.result_input import RESULT_HELP, load, verify_before_showing
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import (
@@ -200,7 +206,7 @@ def plot_task(
     # A search may use the whole time limit; the figure is drawn after it.
     deadline = limits.begin(graceful=True)
     request = _Request(figure, solving, split_names(states or ""), deadline, file)
-    return _draw(reading.problem(path, back_ends), reading.part, back_ends, request)
+    return _draw(load_file(path, reading, back_ends), reading.part, back_ends, request)
 
 
 def plot_result(
@@ -217,7 +223,7 @@ def plot_result(
     """Draw a figure of a stored result: of its plan, or of a new search with its settings."""
     _check_matplotlib()
     deadline = limits.begin(graceful=True)
-    loaded = load(path, reading, back_ends, solver=solving.solver)
+    loaded = load_result(path, reading, back_ends, solver=solving.solver)
     stored, origin = loaded.stored, loaded.origin
     options = [
         f"{plugin}.{key}={value}"
@@ -359,7 +365,7 @@ def _make_chart_deriver(problem: Problem, part: str | None, back_ends: BackEnds)
     task = None if problem.is_chain and part is None else problem.part(part)
     if task is None or not task.scene.bodies or (task.chart and not names):
         return None
-    return lambda charted: geometric_chart(charted, back_ends.setup(charted), warm_cache())
+    return lambda charted: geometric_chart(charted, make_setup(back_ends, charted), warm_cache())
 
 
 def _solve(
@@ -376,7 +382,7 @@ def _solve(
             return stored
     options = [f"{solver}.{key}={value}" for key, value in run.options.items()]
     chosen = replace(back_ends, options=[*back_ends.options, *options])
-    setup = chosen.setup(run.task or problem.tasks[-1], (solver,))
+    setup = make_setup(chosen, run.task or problem.tasks[-1], (solver,))
     seed = request.seed + run.seed
     if run.task is None:
         return solve_chain(problem, solver, setup, seed=seed, stop=stop)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import plugin_names
-from skillplan.cli.options.single import Style
+from skillplan.cli.options.shared import Style
 
 
 def _complete_kind(incomplete: str) -> list[str]:

@@ -7,11 +7,15 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
-from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.options.single import Seed
-from skillplan.cli.result_input import RESULT_HELP
+from skillplan.cli.options.shared import (
+    BACK_ENDS,
+    OUTPUT,
+    RESULT_HELP,
+    BackEnds,
+    CommandLimits,
+    PartReading,
+    Seed,
+)
 
 
 def command(

@@ -6,10 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.options.limits import LIMITS, Limits
-from skillplan.cli.options.panels import OUTPUT, SOLVER
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading
-from skillplan.cli.options.single import Audit, NoScreening, Seed, Style, TaskFile, solver_option
+from skillplan.cli.load import load_file, make_setup, open_cache
+from skillplan.cli.options.shared import (
+    LIMITS,
+    OUTPUT,
+    SOLVER,
+    Audit,
+    BackEnds,
+    Checking,
+    Limits,
+    NoScreening,
+    PartReading,
+    Seed,
+    Style,
+    TaskFile,
+    solver_option,
+)
 from skillplan.cli.options.values import fraction
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -80,10 +92,11 @@ def command(
     from skillplan.views.tables.results import solved_tables
 
     part = reading.part
-    problem = reading.problem(task, back_ends)
+    problem = load_file(task, reading, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
     last = problem.tasks[-1] if part is None else problem.part(part)
-    setup = back_ends.setup(
+    setup = make_setup(
+        back_ends,
         problem.tasks[-1],
         solver_names(solver),
         screening=not no_screening,
@@ -103,7 +116,7 @@ def command(
                 setup,
                 seed=seed,
                 stop=stop,
-                cache=checking.cache(),
+                cache=open_cache(checking),
                 jobs=checking.jobs,
                 start=plan,
                 audit=audit,

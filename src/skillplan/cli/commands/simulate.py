@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from skillplan.cli.load import load_file, load_result, make_setup
 from skillplan.cli.options.completion import engine_names, plugin_options, task_files
-from skillplan.cli.options.limits import CommandLimits
-from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
-from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.options.single import Style
+from skillplan.cli.options.shared import (
+    BACK_ENDS,
+    OUTPUT,
+    RESULT_HELP,
+    TASK,
+    BackEnds,
+    CommandLimits,
+    PartReading,
+    Style,
+)
 from skillplan.cli.options.values import positive_number
-from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
     from contextlib import AbstractContextManager
@@ -250,15 +256,15 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
 
     def read(chosen: BackEnds, *, warn: bool) -> _Read:
         if stored:
-            loaded = load(path, reading, chosen)
+            loaded = load_result(path, reading, chosen)
             task, plan = loaded.planned()
             detectors = loaded.stored.collision.split(",")
             skills = task.parse_sequence(",".join(plan))
             timing = loaded.stored.timed_by, loaded.origin.options
             return _Read(task, loaded.setup, skills, loaded.taken_ways(), detectors, timing)
-        task = reading.problem(path, chosen, warn=warn).part(reading.part)
+        task = load_file(path, reading, chosen, warn=warn).part(reading.part)
         detectors = [choice.name for choice in task.collision]
-        setup = chosen.setup(task)
+        setup = make_setup(chosen, task)
         timing = Setup().timed_by(task), {}
         return _Read(task, setup, given_plan(sequence or "", task), (), detectors, timing)
 

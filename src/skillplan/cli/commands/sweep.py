@@ -10,10 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.completion import plugin_names
-from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
-from skillplan.cli.options.shared import BackEnds, PartReading, Workers
-from skillplan.cli.options.single import Seed, Style, TaskFile, solver_option
+from skillplan.cli.options.shared import (
+    BACK_ENDS,
+    OUTPUT,
+    BackEnds,
+    PartReading,
+    Seed,
+    Style,
+    TaskFile,
+    Workers,
+    solver_option,
+)
 from skillplan.cli.options.values import count_option, one_of, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -183,7 +192,7 @@ def command(
     starts = split_names(study.starts or "")
     if study.starts is not None and not starts:
         raise OptionError("--starts names no start.")
-    problem, part = reading.problem(task, back_ends), reading.part
+    problem, part = load_file(task, reading, back_ends), reading.part
     loaded = problem.part(part)
     values, others = _split_options(back_ends.options, solver)
     common = {
@@ -197,7 +206,7 @@ def command(
     sampler = sampling.sampler
     if sampler is None:
         given = replace(back_ends, options=others)
-        setup = given.setup(loaded, (solver,), executor=workers.executor)
+        setup = make_setup(given, loaded, (solver,), executor=workers.executor)
         return _show(_run_design(request, setup, study.design), output, style)
     if study.design == "grid":
         raise OptionError("--design grid chooses the settings itself; leave out --sampler.")
@@ -208,7 +217,7 @@ def command(
         )
     own = [entry for entry in others if entry.startswith(f"{sampler}.")]
     given = replace(back_ends, options=[entry for entry in others if entry not in own])
-    setup = given.setup(loaded, (solver,), executor=workers.executor)
+    setup = make_setup(given, loaded, (solver,), executor=workers.executor)
     return _show(_run_sampler(request, setup, sampling, own), output, style)
 
 

@@ -7,15 +7,20 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.load import load_file, make_setup
 from skillplan.cli.options.fit import Mode, check_options
-from skillplan.cli.options.limits import LIMITS, CommandLimits
-from skillplan.cli.options.panels import OUTPUT
-from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Workers
-from skillplan.cli.options.single import (
+from skillplan.cli.options.shared import (
+    LIMITS,
+    OUTPUT,
+    BackEnds,
+    Caching,
+    CommandLimits,
     MaybeTaskFile,
     NoScreening,
+    PartReading,
     Seed,
     Style,
+    Workers,
     solver_option,
 )
 from skillplan.cli.options.values import count_option, positive_seconds, whole_number
@@ -186,9 +191,13 @@ def command(
     from skillplan.cli.training_runs.training import TrainingSession
     from skillplan.training.training_plan import plan_training
 
-    problem, part = reading.problem(task, back_ends), reading.part
-    setup = back_ends.setup(
-        problem.part(part), (solver,), screening=not no_screening, executor=workers.executor
+    problem, part = load_file(task, reading, back_ends), reading.part
+    setup = make_setup(
+        back_ends,
+        problem.part(part),
+        (solver,),
+        screening=not no_screening,
+        executor=workers.executor,
     )
     plan = plan_training(
         problem,

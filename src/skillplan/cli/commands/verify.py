@@ -7,9 +7,14 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.limits import memory_limit_option, time_limit_option
-from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
-from skillplan.cli.options.single import Style
+from skillplan.cli.options.shared import (
+    BACK_ENDS,
+    OUTPUT,
+    TASK,
+    Style,
+    memory_limit_option,
+    time_limit_option,
+)
 
 
 def command(

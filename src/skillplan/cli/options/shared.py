@@ -2,25 +2,134 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from skillplan.cli.options.completion import engine_names, plugin_lists, plugin_options
-from skillplan.cli.options.panels import BACK_ENDS, TASK
-from skillplan.cli.options.single import ExecutorName, Jobs
-from skillplan.cli.options.values import parse_options, split_names
-from skillplan.cli.writing import tell
+from skillplan.cli.options.completion import (
+    engine_names,
+    plugin_lists,
+    plugin_names,
+    plugin_options,
+    task_files,
+)
+from skillplan.cli.options.values import (
+    count_option,
+    memory_size,
+    one_of,
+    positive_seconds,
+    whole_number,
+)
 from skillplan.errors import OptionError
 
-if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.checks.verdict_cache import DiskVerdictCache
-    from skillplan.domains.load import Problem
-    from skillplan.pipeline.setup import Setup
-    from skillplan.task.back_end import BackEnd
-    from skillplan.task.task import Task
+if TYPE_CHECKING:
+    from skillplan.cli.deadline import Deadline
+    from skillplan.solvers.stop import Stop
+
+
+TASK, SOLVER, BACK_ENDS = "Task", "Solver", "Back ends"
+OUTPUT = "Output"
+
+
+FORMATS = ("table", "json", "csv", "md")
+_MOST_SEED = 2**63 - 1
+
+TaskFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="TASK",
+        autocompletion=task_files,
+        help="A task file: YAML, or TSPLIB's .sop.",
+        show_default=False,
+    ),
+]
+RESULT_HELP = "a result.json of search-optimal, or the folder that --out named"
+ResultFile = Annotated[
+    str,
+    typer.Argument(metavar="RESULT", help=f"{RESULT_HELP.capitalize()}.", show_default=False),
+]
+MaybeTaskFile = Annotated[
+    str | None,
+    typer.Argument(metavar="TASK", autocompletion=task_files, help="A task file."),
+]
+Style = Annotated[
+    Literal["table", "json", "csv", "md"],
+    typer.Option(
+        "--format",
+        parser=one_of(FORMATS),
+        metavar="FORMAT",
+        help="How to print: table, json, csv or md; json holds everything in one document.",
+        rich_help_panel=OUTPUT,
+    ),
+]
+Seed = Annotated[
+    int,
+    typer.Option(
+        "--seed",
+        parser=whole_number(0, _MOST_SEED),
+        metavar="N",
+        help="Governs all randomness.",
+        rich_help_panel=SOLVER,
+    ),
+]
+Jobs = Annotated[
+    int,
+    count_option(
+        "--jobs",
+        least=1,
+        most=256,
+        text="How many processes may be used at once: for checks of expensive back ends, by "
+        "solvers that can, for runs, and for solvers side by side. Nothing that comes out depends "
+        "on it, but times do.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
+ExecutorName = Annotated[
+    str,
+    typer.Option(
+        "--executor",
+        metavar="NAME[:ADDRESS]",
+        autocompletion=plugin_names("executor"),
+        help="Where those processes are: local for this machine, ray for a cluster that has been "
+        "started, if skillplan-ray is installed. Nothing that comes out depends on that either.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
+Audit = Annotated[
+    int | None,
+    count_option(
+        "--audit",
+        least=0,
+        most=100_000,
+        text="How many verdicts that the search has reused are asked again after it, where they "
+        "were reused; by default 4, and none of expensive back ends",
+        rich_help_panel=BACK_ENDS,
+        show_default=False,
+    ),
+]
+NoScreening = Annotated[
+    bool,
+    typer.Option(
+        "--no-screening",
+        help="Leave all to a physics engine. Otherwise geometry is asked first (swept, if it is "
+        "installed), and what it refuses is executed only for a sample.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
+
+
+def solver_option(text: str, **details: Any) -> Any:
+    """Return the option that names one solver; `text` is its help."""
+    return typer.Option(
+        "--solver",
+        metavar="NAME",
+        autocompletion=plugin_names("solver"),
+        help=text,
+        rich_help_panel=SOLVER,
+        **details,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,35 +169,6 @@ class Reading:
             found[key] = value
         return found
 
-    def problem(
-        self, path: str, back_ends: BackEnds | None = None, *, warn: bool = True
-    ) -> Problem:
-        """Return what a task file describes.
-
-        Parameters
-        ----------
-        path
-            Of the file.
-        back_ends
-            Those that are checked with the file, where the command line may choose them.
-        warn
-            Whether to print on stderr what in the file is valid, but hardly meant.
-
-        Raises
-        ------
-        TaskError
-            With every fault of the file.
-        OptionError
-            If an entry of ``--set`` has another form.
-        """
-        from skillplan.pipeline import setup
-
-        named = None if back_ends is None else back_ends.named()
-        problem = setup.load_problem(path, named, self.settings())
-        if warn:
-            warn_of(problem)
-        return problem
-
 
 @dataclass(frozen=True, slots=True)
 class PartReading(Reading):
@@ -111,61 +191,6 @@ class PartReading(Reading):
             rich_help_panel=TASK,
         ),
     ] = None
-
-    def task(self, path: str, back_ends: BackEnds | None = None) -> Task:
-        """Return the task meant, of what a task file describes.
-
-        Parameters
-        ----------
-        path
-            Of the file.
-        back_ends
-            Those that are checked with the file, where the command line may choose them.
-
-        Raises
-        ------
-        TaskError
-            With every fault of the file.
-        OptionError
-            If it holds several tasks and none is named, or none of that name.
-        """
-        return self.problem(path, back_ends).part(self.part)
-
-    def set_up(
-        self,
-        path: str,
-        back_ends: BackEnds,
-        *,
-        screening: bool = False,
-        executor: str = "local",
-        with_chart: bool = True,
-    ) -> tuple[Task, Setup, list[BackEnd]]:
-        """Return the task meant, how it is checked, and the back ends, constructed once.
-
-        Parameters
-        ----------
-        path
-            Of the file.
-        back_ends
-            Those that the command line chooses.
-        screening
-            Whether geometry is asked before anything is executed.
-        executor
-            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
-        with_chart
-            Whether a chart of the file is checked although no option names it.
-
-        Raises
-        ------
-        TaskError, OptionError
-            As `task`, or if a back end refuses the task.
-        PluginError, BackEndError
-            If a back end is unknown or broken, or fails to start.
-        """
-        problem = self.problem(path, back_ends)
-        task = problem.part(self.part)
-        setup = back_ends.setup(task, screening=screening, executor=executor, with_chart=with_chart)
-        return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,73 +242,6 @@ class BackEnds:
         ),
     ] = field(default_factory=list)
 
-    def named(self) -> dict[str, list[str]]:
-        """Return the names that the command line chooses, by kind."""
-        from skillplan.pipeline.setup import engine_named
-
-        given = {"physics": self.physics, "collision": self.collision}
-        found = {kind: split_names(names) for kind, names in given.items() if names is not None}
-        if "physics" in found:
-            found["physics"] = [engine_named(name) for name in found["physics"]]
-        return found
-
-    def setup(
-        self,
-        task: Task,
-        solvers: Collection[str] = (),
-        *,
-        screening: bool = False,
-        executor: str = "local",
-        with_chart: bool = True,
-    ) -> Setup:
-        """Return the setup for a task.
-
-        Parameters
-        ----------
-        task
-            What the file's own choices are taken from.
-        solvers
-            Those that take part; of a single one options need not name it.
-        screening
-            Whether geometry is asked before anything is executed.
-        executor
-            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
-        with_chart
-            Whether a chart of the file is checked although no option names it.
-
-        Raises
-        ------
-        OptionError
-            If an option has a wrong form or names a plugin that takes no part.
-        PluginError
-            If the executor is unknown or broken.
-        """
-        from skillplan.errors import name_hint
-        from skillplan.pipeline.setup import Setup
-        from skillplan.workers.executor import ExecutorChoice
-
-        if self.physics is not None and not self.physics.strip():
-            raise OptionError("--physics names no engine.")
-        detectors = tuple(split_names(self.collision or ""))
-        if self.collision is not None and not detectors:
-            raise OptionError("--collision names no detector.")
-        parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
-        chosen = ExecutorChoice.read(executor, parsed)
-        parsed.pop(chosen.name, None)
-        setup = Setup(self.physics, detectors, parsed, screening, chosen, with_chart)
-        if setup.make_executor is not None:
-            setup.make_executor(1)  # one that is unknown or has wrong options is refused here
-        taking_part = [
-            *solvers,
-            setup.physics_choice(task).name,
-            *(choice.name for choice in setup.collision_choices(task)),
-        ]
-        for plugin in parsed:
-            if plugin not in taking_part:
-                hint = name_hint(plugin, taking_part)
-                raise OptionError(f"No plugin {plugin!r} takes part in this run. {hint}")
-        return setup
-
 
 @dataclass(frozen=True)
 class Caching:
@@ -303,12 +261,6 @@ class Caching:
             rich_help_panel=BACK_ENDS,
         ),
     ] = False
-
-    def cache(self) -> DiskVerdictCache | None:
-        """Return the cache of verdicts on disk, or None where it is to be left alone."""
-        from skillplan.pipeline.solving import warm_cache
-
-        return None if self.no_cache else warm_cache()
 
 
 @dataclass(frozen=True)
@@ -340,7 +292,134 @@ class Checking(Workers, Caching):
     """
 
 
-def warn_of(problem: Problem) -> None:
-    """Print on stderr what in a task file is valid, but hardly meant."""
-    for warning in problem.warnings:
-        tell(f"skillplan: warning: {warning}")
+LIMITS = "Limits"
+
+
+def time_limit_option(text: str) -> Any:
+    """Return the option ``--time-limit``; `text` is its help."""
+    return typer.Option(
+        "--time-limit",
+        parser=positive_seconds,
+        metavar="S",
+        help=text,
+        rich_help_panel=LIMITS,
+    )
+
+
+def memory_limit_option(text: str) -> Any:
+    """Return the option ``--memory-limit``; its help is `text` and how a size is written."""
+    return typer.Option(
+        "--memory-limit",
+        parser=memory_size,
+        metavar="SIZE",
+        help=f"{text}, such as 2GiB or 512MiB; 64MiB at least.",
+        rich_help_panel=LIMITS,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLimits:
+    """When a whole command ends.
+
+    Parameters
+    ----------
+    time_limit_s
+        Time limit [s], > 0; None for none.
+    memory_limit_bytes
+        Memory of the command and its processes together [B], > 0; None for no limit.
+    """
+
+    time_limit_s: Annotated[
+        float | None,
+        time_limit_option(
+            "End the whole command after S seconds, 20 % and 2 s later at most. What is optional "
+            "is left out before."
+        ),
+    ] = None
+    memory_limit_bytes: Annotated[
+        int | None,
+        memory_limit_option(
+            "End the whole command before it holds more memory, with the processes it starts"
+        ),
+    ] = None
+
+    def begin(self, *, graceful: bool) -> Deadline:
+        """Return the deadline of the command, which is ended if it goes on after that.
+
+        Parameters
+        ----------
+        graceful
+            Whether the command itself stops at its deadline with a result: it is ended later then.
+        """
+        from skillplan.cli.deadline import Deadline
+
+        return Deadline(self.time_limit_s, self.memory_limit_bytes, graceful=graceful)
+
+
+TimeLimit = Annotated[
+    float | None,
+    time_limit_option("Stop after S seconds with the best plan, its bound and its gap."),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When a search ends by itself.
+
+    Parameters
+    ----------
+    time_limit_s
+        After how long [s].
+    stall_s
+        After how long without a better plan or bound [s].
+    memory_limit_bytes
+        How much memory it may hold [bytes].
+    """
+
+    time_limit_s: TimeLimit = None
+    stall_s: Annotated[
+        float | None,
+        typer.Option(
+            "--stall",
+            parser=positive_seconds,
+            metavar="S",
+            help="Stop once there is a plan and neither cost nor bound has improved for S seconds.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = None
+    memory_limit_bytes: Annotated[
+        int | None,
+        memory_limit_option(
+            "Stop with the best plan, its bound and its gap before the process, and those that "
+            "search beside it, hold more memory than this"
+        ),
+    ] = None
+
+    @property
+    def of_stop(self) -> dict[str, Any]:
+        """The limits as keywords of `Stop`."""
+        return {
+            "time_limit_s": self.time_limit_s,
+            "stall_s": self.stall_s,
+            "memory_limit_bytes": self.memory_limit_bytes,
+        }
+
+    def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
+        """Return what yields a stop with these limits.
+
+        Parameters
+        ----------
+        label
+            What a terminal shows meanwhile.
+        gap
+            At which relative gap the search ends, from 0 to 1.
+        """
+        from skillplan.cli.waiting import stoppable
+
+        return stoppable(
+            self.time_limit_s,
+            gap,
+            label,
+            stall_s=self.stall_s,
+            memory_limit_bytes=self.memory_limit_bytes,
+        )

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.cli.counting import counting
-from skillplan.cli.options.shared import BackEnds, Checking, Reading, warn_of
+from skillplan.cli.load import load_file, make_setup, open_cache, print_warnings
+from skillplan.cli.options.shared import BackEnds, Checking, Reading
 from skillplan.cli.output import emit
 from skillplan.cli.waiting import showing_checks, stoppable
 from skillplan.domains.load import Problem
@@ -103,7 +104,7 @@ def _evaluate_folder(folder: RunFolder, request: RunsRequest) -> tuple[TrainingR
     if count is None:
         count = 0 if folder.manifest.family is None else _LAYOUTS
     layouts = unseen_layouts(evaluation, problem, count) if count else ()
-    cache = request.checking.cache() or VerdictCache()
+    cache = open_cache(request.checking) or VerdictCache()
     jobs = request.checking.jobs
     with stoppable(request.time_limit_s, label="proving the optimum") as stop:
         optimum = prove_optimum(task, setup, cache, stop, jobs=jobs)
@@ -159,12 +160,13 @@ def _load_task(folder: RunFolder, request: RunsRequest) -> tuple[Problem, Setup]
     # The folder may come from another person: messages must not quote other files that it names.
     own = request.task_file is not None or source == str(folder.task_copy)
     with nullcontext() if own else unquoted(str(folder.path), source):
-        problem = reading.problem(source, back_ends, warn=False)
+        problem = load_file(source, reading, back_ends, warn=False)
     quoted = own or is_near(source, folder.path)
     if not request.changed_task or not quoted:
         check_same_task(folder, problem, quoted=quoted)
-    warn_of(problem)
-    setup = back_ends.setup(
+    print_warnings(problem)
+    setup = make_setup(
+        back_ends,
         problem.part(manifest.task.part),
         _PROVERS,
         screening=manifest.screening,
