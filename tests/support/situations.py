@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from skillplan.model import SkillModel
 from skillplan.pipeline import Setup
 from skillplan.solvers import Solver, Stop
 from skillplan.task import (
+    Case,
     Condition,
     ConstantCost,
     Facts,
@@ -88,6 +89,28 @@ def retry_task(probability, cost=2.0):
         outcomes.append((1 - probability, (), ()))
     skills = [make_skill(facts, "try", forbids=("done",), outcomes=outcomes, cost=cost)]
     return make_task(facts, skills, goal=("done",))
+
+
+def two_places_task():
+    """Return a task whose last skill succeeds in 1 of 10 tries at one place, in 9 at the other.
+
+    The optimum goes to the other place first: 1 + 1 / 0.9.
+    """
+    facts = Facts(("at(a)", "at(b)", "done"), exclusive=(("at(a)", "at(b)"),))
+
+    def case(place, probability):
+        done = Outcome(probability, facts.of("done"), facts.none)
+        return Case(
+            facts.of(place), (done, Outcome(1 - probability, facts.none, facts.none)), facts.none
+        )
+
+    attempt = replace(
+        make_skill(facts, "try", forbids=("done",)),
+        outcomes=(),
+        cases=(case("at(a)", 0.1), case("at(b)", 0.9)),
+    )
+    go = make_skill(facts, "go", requires=("at(a)",), add=("at(b)",), delete=("at(a)",))
+    return make_task(facts, [attempt, go], initial=("at(a)",), goal=("done",), step_limit=100)
 
 
 @st.composite

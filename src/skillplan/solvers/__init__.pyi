@@ -2,11 +2,20 @@ from .auto import AutoSolver as AutoSolver
 from .gap import deviation as deviation
 from .gap import relative_gap as relative_gap
 from .kernels import compiled as compiled
+from .learned_model.action_model import Conditions as Conditions
+from .learned_model.outcome_table import GOAL as GOAL
+from .learned_model.outcome_table import OutcomeTable as OutcomeTable
+from .learned_model.plan_search import Words as Words
+from .learned_model.planned_episodes import PlannedEpisodes as PlannedEpisodes
+from .learned_model.solver import LearnedModelSolver as LearnedModelSolver
+from .learned_model.solver import LearnedModelTraining as LearnedModelTraining
 from .learning.carried_over import NamedNetwork as NamedNetwork
 from .learning.episode_kernels import Environment as Environment
 from .learning.episode_kernels import Schedule as Schedule
 from .learning.episode_kernels import monte_carlo_episodes as monte_carlo_episodes
 from .learning.episode_kernels import random_bits as random_bits
+from .learning.episode_training import BestPolicies as BestPolicies
+from .learning.episode_training import CompletedEpisode as CompletedEpisode
 from .learning.episodic_solver import greedy_rows as greedy_rows
 from .learning.family_learner import FamilyLesson as FamilyLesson
 from .learning.learner import End as End
@@ -16,14 +25,19 @@ from .learning.learner import Learner as Learner
 from .learning.learner import LearnerOptions as LearnerOptions
 from .learning.learner import Snapshot as Snapshot
 from .learning.learner import Training as Training
+from .learning.learner import is_certain as is_certain
+from .learning.learner import usual_steps as usual_steps
 from .learning.network_choice import NetworkChoice as NetworkChoice
 from .learning.network_choice import reachable_policy as reachable_policy
 from .learning.network_policy import NetworkPolicy as NetworkPolicy
 from .learning.network_policy import allowed_scores as allowed_scores
 from .learning.network_policy import allowing as allowing
+from .learning.network_policy import lookup_network as lookup_network
 from .learning.network_policy import random_actions as random_actions
+from .learning.observation_counts import ObservationCounts as ObservationCounts
+from .learning.observation_counts import double_rows as double_rows
+from .learning.observation_counts import take_rows as take_rows
 from .learning.sarsa import SarsaSolver as SarsaSolver
-from .learning.training_length import usual_steps as usual_steps
 from .search.csp import CspSolver as CspSolver
 from .search.exact import ExactSolver as ExactSolver
 from .search.exhaustive import ExhaustiveSolver as ExhaustiveSolver
@@ -40,7 +54,11 @@ from .stop import Stop as Stop
 
 __all__ = [
     "COST_UNIT",
+    "GOAL",
     "AutoSolver",
+    "BestPolicies",
+    "CompletedEpisode",
+    "Conditions",
     "CspSolver",
     "End",
     "Environment",
@@ -50,12 +68,17 @@ __all__ = [
     "FamilyLesson",
     "LandmarkBound",
     "Learned",
+    "LearnedModelSolver",
+    "LearnedModelTraining",
     "Learner",
     "LearnerOptions",
     "NamedNetwork",
     "NetworkChoice",
     "NetworkPolicy",
+    "ObservationCounts",
+    "OutcomeTable",
     "Plan",
+    "PlannedEpisodes",
     "Policy",
     "Progress",
     "SarsaSolver",
@@ -65,17 +88,22 @@ __all__ = [
     "Solver",
     "Stop",
     "Training",
+    "Words",
     "allowed_scores",
     "allowing",
     "compiled",
     "deviation",
+    "double_rows",
     "from_units",
     "greedy_rows",
+    "is_certain",
+    "lookup_network",
     "monte_carlo_episodes",
     "random_actions",
     "random_bits",
     "reachable_policy",
     "relative_gap",
+    "take_rows",
     "to_units",
     "usual_steps",
 ]

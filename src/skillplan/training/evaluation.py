@@ -218,7 +218,11 @@ class RunsEvaluation:
         self, model: SkillModel, env: SkillVectorEnv, stored: StoredRun
     ) -> RunOutcome:
         known = bool(stored.episodes or stored.steps)
-        record = training_record(stored.episodes, stored.steps, stored.wall_s) if known else None
+        record = (
+            training_record(stored.episodes, stored.steps, stored.wall_s, stored.latest_figures)
+            if known
+            else None
+        )
         fault, policy = self._fault(stored), stored.policy
         if policy is None or fault is not None:
             nothing = Tally()

@@ -167,7 +167,7 @@ class Trainer:
             for index in runs:
                 run = stored.run(index)
                 best, last = policies.get(index, (None, None))
-                record = training_record(run.episodes, run.steps, run.wall_s)
+                record = training_record(run.episodes, run.steps, run.wall_s, run.latest_figures)
                 outcome = RunOutcome(index, run.seed, run.failure, best, last, training=record)
                 outcomes.append(outcome)
                 if outcome.status is RunStatus.INCOMPLETE and run.episodes:

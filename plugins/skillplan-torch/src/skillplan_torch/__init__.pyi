@@ -1,16 +1,8 @@
 from .batched_adam import BatchedAdam as BatchedAdam
 from .batched_network import BatchedNetwork as BatchedNetwork
 from .batched_network import padded as padded
-from .best_policies import BestPolicies as BestPolicies
-from .best_policies import CompletedEpisode as CompletedEpisode
 from .dqn.replay_memory import ReplayMemory as ReplayMemory
 from .dqn.solver import DqnSolver as DqnSolver
-from .observation_counts import ObservationCounts as ObservationCounts
-from .observation_counts import doubled as doubled
-from .observation_counts import of_runs as of_runs
-from .planned.conditions import Conditions as Conditions
-from .planned.conditions import Words as Words
-from .planned.planned_episodes import PlannedEpisodes as PlannedEpisodes
 from .ppo.rollout_buffer import RolloutBuffer as RolloutBuffer
 from .ppo.solver import PpoSolver as PpoSolver
 from .relational.elements import ELEMENT_FEATURES as ELEMENT_FEATURES
@@ -34,10 +26,7 @@ __all__ = [
     "ELEMENT_FEATURES",
     "BatchedAdam",
     "BatchedNetwork",
-    "BestPolicies",
     "Board",
-    "CompletedEpisode",
-    "Conditions",
     "DqnSolver",
     "ElementChoice",
     "ElementOrder",
@@ -45,8 +34,6 @@ __all__ = [
     "ElementView",
     "Lessons",
     "NetworkSize",
-    "ObservationCounts",
-    "PlannedEpisodes",
     "PpoSolver",
     "RelationalNetwork",
     "RelationalOptions",
@@ -56,8 +43,5 @@ __all__ = [
     "RolloutBuffer",
     "Sight",
     "TorchNetwork",
-    "Words",
-    "doubled",
-    "of_runs",
     "padded",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from skillplan_torch.snapshot_arrays import copies, fitting, take_over
+from skillplan.solvers.learning.episode_training import copy_arrays, read_array, restore_arrays
 
 _MEAN_DECAY, _SQUARE_DECAY = 0.9, 0.999
 
@@ -70,7 +70,7 @@ class BatchedAdam:
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of its moments, to be read by `read`."""
         steps = np.array(self._steps, dtype=np.int64)
-        return {f"{name}.steps": steps, **copies(name, self._own())}
+        return {f"{name}.steps": steps, **copy_arrays(name, self._own())}
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -80,8 +80,8 @@ class BatchedAdam:
         ValueError
             If it is of another shape.
         """
-        self._steps = int(fitting(arrays, f"{name}.steps", ()))
-        take_over(name, self._own(), arrays)
+        self._steps = int(read_array(arrays, f"{name}.steps", ()))
+        restore_arrays(name, self._own(), arrays)
 
     def _own(self) -> dict[str, NDArray[Any]]:
         """Return its moments, which are not copied, by their names in a snapshot."""

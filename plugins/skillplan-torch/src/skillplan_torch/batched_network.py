@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from skillplan.solvers.learning.episode_training import copy_arrays, restore_arrays
 from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan_torch.snapshot_arrays import copies, take_over
 
 Vector = NDArray[np.float32]
 
@@ -139,7 +139,7 @@ class BatchedNetwork:
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all parameters, to be read by `read`."""
-        return copies(name, self._own())
+        return copy_arrays(name, self._own())
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -149,7 +149,7 @@ class BatchedNetwork:
         ValueError
             If it is of another shape.
         """
-        take_over(name, self._own(), arrays)
+        restore_arrays(name, self._own(), arrays)
 
     def _own(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by their names in a snapshot."""

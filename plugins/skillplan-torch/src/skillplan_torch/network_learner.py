@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.learning.learner import MODEL_BASED, Learner
-from skillplan.solvers.learning.training_length import usual_steps
+from skillplan.solvers.learned_model import can_model
+from skillplan.solvers.learning.learner import MODEL_BASED, Learner, usual_steps
 from skillplan.task.task import Task
 from skillplan_torch.network_options import NetworkOptions
 
@@ -51,10 +51,5 @@ class NetworkLearner(Learner):
 
 
 def can_plan(options: NetworkOptions, tasks: Sequence[Task]) -> bool:
-    """Whether episodes can be planned: what was met can be met again, and is observed as bits."""
-    return is_certain(tasks) and options.observation != "layout"
-
-
-def is_certain(tasks: Sequence[Task]) -> bool:
-    """Whether one episode shows what a policy costs: there is one task, and no chance."""
-    return len(tasks) == 1 and tasks[0].deterministic
+    """Return whether episodes can be planned with learned action schemas."""
+    return can_model(tasks, options.observation)

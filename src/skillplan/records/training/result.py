@@ -6,6 +6,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from skillplan.records import schemas
@@ -137,6 +138,12 @@ class TrainingRecord:
     wall_s
         How long the run took [s], together with those that learned beside it; None where
         nobody has measured it.
+    planned
+        Number of episodes planned with a learned model.
+    settled_step
+        Environment steps after which a run that plans found no better plan; None before.
+    explores
+        Whether a run explored because a learned model does not fit the task.
     """
 
     steps: int
@@ -146,10 +153,16 @@ class TrainingRecord:
     best_cost: float | None = None
     best_actions: tuple[int, ...] = ()
     wall_s: float | None = None
+    planned: int = 0
+    settled_step: int | None = None
+    explores: bool = False
 
 
 def training_record(
-    episodes: Sequence[Episode], steps: int, wall_s: float | None = None
+    episodes: Sequence[Episode],
+    steps: int,
+    wall_s: float | None = None,
+    figures: Mapping[str, float] = MappingProxyType({}),
 ) -> TrainingRecord:
     """Return what the episodes of one run came to.
 
@@ -161,7 +174,10 @@ def training_record(
         Environment steps that the run has done.
     wall_s
         How long that took [s].
+    figures
+        The run's latest figures.
     """
+    settled = figures.get("settled_step")
     successes = [episode for episode in episodes if episode.success]
     recent = [episode for episode in episodes if episode.step > steps - RECENT_STEPS]
     best = min(successes, key=lambda episode: episode.cost, default=None)
@@ -173,6 +189,9 @@ def training_record(
         None if best is None else best.cost,
         () if best is None else best.actions,
         wall_s,
+        sum(episode.planned for episode in episodes),
+        None if settled is None else int(settled),
+        "explores" in figures,
     )
 
 
@@ -277,6 +296,18 @@ class RunOutcome:
             "completed_step": None if training is None else training.first_success_step,
             "steps": None if training is None else training.steps,
             "wall_s": None if training is None else training.wall_s,
+            **self._plans_document(),
+        }
+
+    def _plans_document(self) -> dict[str, Any]:
+        """Return how a run planned with a learned model; empty for one that never did."""
+        record = self.training
+        if record is None or not (record.planned or record.explores):
+            return {}
+        return {
+            "planned_episodes": record.planned,
+            "settled_step": record.settled_step,
+            "explores": record.explores,
         }
 
 

@@ -89,6 +89,8 @@ def metrics_line(record: Episode | FiguresRecord) -> str:
             "actions": [int(action) for action in record.actions],
             "greedy": bool(record.greedy),
         }
+        if record.planned:
+            content["planned"] = True
     return json.dumps(content, allow_nan=False, separators=(",", ":"))
 
 
@@ -184,6 +186,8 @@ def _record(line: str, run: int) -> Episode | FiguresRecord:
         raise ValueError("its end or its length is wrong")
     if type(content["greedy"]) is not bool:
         raise ValueError("it does not say whether it was greedy")
+    if type(content.get("planned", False)) is not bool:
+        raise ValueError("it does not say whether it was planned")
     return Episode(
         run,
         step,
@@ -192,6 +196,7 @@ def _record(line: str, run: int) -> Episode | FiguresRecord:
         _finite(content["cost"]),
         _finite(content["reward"]),
         content["greedy"],
+        content.get("planned", False),
     )
 
 
@@ -371,6 +376,11 @@ class StoredRun:
     def best(self) -> StoredNetwork | None:
         """The best policy that was seen; None where none ever completed the task."""
         return self.policy if self.policy is not None and self.policy.kept == "best" else None
+
+    @property
+    def latest_figures(self) -> Mapping[str, float]:
+        """The latest figures; empty before the first."""
+        return self.figures[-1].figures if self.figures else {}
 
 
 def is_run_folder(path: str | os.PathLike[str]) -> bool:

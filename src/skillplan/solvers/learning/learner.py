@@ -18,7 +18,6 @@ from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
 from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan.solvers.learning.training_length import usual_steps
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task.task import Task
@@ -27,6 +26,12 @@ MODEL_BASED = " with model-based planning"
 """Follows the name of a learner whose episodes are planned by search in a learned model."""
 STRIDE_STEPS = 100
 """After so many environment steps a run notes what it has, and may be stopped."""
+
+# Environment steps of a run for a pair of skills: a run learns what each skill costs after each
+# other one. Under chance, and on several layouts, it needs more.
+_STEPS_PER_PAIR, _STEPS_PER_PAIR_BY_CHANCE = 20, 160
+_ROUND = 1_000
+_FEWEST_STEPS, _MOST_STEPS = 2_000, 200_000
 
 End = Literal["complete", "infeasible", "out-of-time"]
 
@@ -51,6 +56,8 @@ class Episode:
         Sum of the environment's rewards.
     greedy
         Whether the policy was followed throughout, without any exploration.
+    planned
+        Whether actions were planned with a learned model.
     """
 
     run: int
@@ -60,6 +67,7 @@ class Episode:
     cost: float
     reward: float
     greedy: bool
+    planned: bool = False
 
     @property
     def success(self) -> bool:
@@ -136,6 +144,10 @@ class Training(ABC):
     @abstractmethod
     def figures(self) -> list[dict[str, float]]:
         """Return metrics of every run since the last call, such as ``loss``."""
+
+    def remarks(self, run: int) -> dict[str, Any]:
+        """Return facts about a run's training as JSON values; none by default."""
+        return {}
 
     @abstractmethod
     def learned(self, run: int) -> Learned:
@@ -310,8 +322,30 @@ class Learner(Solver):
             "completed": completed,
             "best_cost_seen": best,
             **self.figures(model),
+            **training.remarks(0),
         }
         if training.failed:
             return Solution(trace={**trace, "reason": training.failed[0]})
         choose = NetworkChoice(training.learned(0).policy, model, options.observation, options.mask)
         return Solution(reachable_policy(model, choose), trace=trace)
+
+
+def is_certain(tasks: Sequence[Task]) -> bool:
+    """Return whether one episode shows the cost of a policy: one task without chance."""
+    return len(tasks) == 1 and tasks[0].deterministic
+
+
+def usual_steps(tasks: Sequence[Task], factor: float = 1.0) -> int:
+    """Return the default number of environment steps of a run, in whole thousands.
+
+    Parameters
+    ----------
+    tasks
+        The task, or the layouts of a family; at least one.
+    factor
+        Factor of the learner, > 0.
+    """
+    per_pair = _STEPS_PER_PAIR if is_certain(tasks) else _STEPS_PER_PAIR_BY_CHANCE
+    pairs = max(len(task.skills) for task in tasks) ** 2
+    rounded = round(factor * per_pair * pairs / _ROUND) * _ROUND
+    return min(_MOST_STEPS, max(_FEWEST_STEPS, rounded))

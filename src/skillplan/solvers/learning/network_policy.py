@@ -157,3 +157,31 @@ def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> N
     totals = np.cumsum(allowing(masks), axis=1)
     drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
     return drawn
+
+
+def lookup_network(
+    observations: NDArray[np.float32], actions: NDArray[np.int64], count: int
+) -> NetworkPolicy:
+    """Return a network that takes a given action at each of some observations of bits.
+
+    Each observation has a hidden unit that is 1 there and 0 at all others; the unit scores the
+    action by 1. Where no unit is active all scores are 0.
+
+    Parameters
+    ----------
+    observations
+        Bits, shape (n, features).
+    actions
+        Shape (n,).
+    count
+        Number of actions to choose from.
+    """
+    rows = np.asarray(observations, dtype=np.float32)
+    units = max(1, len(rows))
+    weights = np.zeros((rows.shape[1], units), dtype=np.float32)
+    biases = np.zeros(units, dtype=np.float32)
+    scores = np.zeros((units, count), dtype=np.float32)
+    weights[:, : len(rows)] = (2.0 * rows - 1.0).T
+    biases[: len(rows)] = 1.0 - rows.sum(axis=1)
+    scores[np.arange(len(rows)), actions] = 1.0
+    return NetworkPolicy((weights, scores), (biases, np.zeros(count, dtype=np.float32)))

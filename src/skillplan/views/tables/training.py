@@ -257,7 +257,7 @@ def _training_notes(result: TrainingResult) -> list[str]:
         note = f"best seen  {task.cost_text(result.best_seen)} while learning"
         seen_off = deviation(result.best_seen, result.seen_optimum)
         notes.append(note if seen_off is None else f"{note}, deviation {percent(seen_off)}")
-    notes += _baseline_notes(result) + _paper_notes(result)
+    notes += _plan_notes(result) + _baseline_notes(result) + _paper_notes(result)
     faults = [one for one in result.outcomes if one.reason]
     for one in faults[:_MOST_RUNS]:
         notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
@@ -273,6 +273,26 @@ def _training_notes(result: TrainingResult) -> list[str]:
     notes.append(f"effort     {effort}, {result.wall_s:.1f} s")
     if result.steps_per_s is not None:
         notes[-1] += f", {result.steps_per_s:,.0f} steps/s"
+    return notes
+
+
+def _plan_notes(result: TrainingResult) -> list[str]:
+    """Return when plans with a learned model settled, and which runs explored instead."""
+    records = [run.training for run in result.outcomes if run.training is not None]
+    notes = []
+    steps = sorted(record.settled_step for record in records if record.settled_step is not None)
+    if any(record.planned for record in records):
+        note = f"plans      {len(steps)} of {count(len(records), 'run')} found no better plan"
+        if steps:
+            last = f" to {steps[-1]:,}" if steps[-1] != steps[0] else ""
+            note += f" after {steps[0]:,}{last} steps"
+        notes.append(note)
+    explores = sum(record.explores for record in records)
+    if explores:
+        notes.append(
+            f"explored   {explores} of {count(len(records), 'run')} without plans: schemas fit one "
+            "task without chance, in which an action has the same effects everywhere"
+        )
     return notes
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.solvers.learned_model.planned_episodes import PlannedEpisodes
+from skillplan.solvers.learning.observation_counts import ObservationCounts, take_rows
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.schedules import Schedules
-from skillplan_torch.observation_counts import ObservationCounts, of_runs
-from skillplan_torch.planned.planned_episodes import PlannedEpisodes
 
 # Off the policy this is added to the value of an action, over the root of one more than its tries.
 _TRIED_SELDOM = 5.0
@@ -94,7 +94,7 @@ class Exploration:
 
     def plans(self, run: int) -> bool:
         """Whether the episode of a run follows a plan."""
-        return self.planned is not None and not self.planned.settled(run)
+        return self.planned is not None and not self.planned.is_settled(run)
 
     def choose(
         self,
@@ -164,7 +164,7 @@ class Exploration:
         most = self._schedules.bonus(steps)
         if not most:
             return None
-        visits = of_runs(self._counts.visits, indices)
+        visits = take_rows(self._counts.visits, indices)
         bonus: NDArray[np.float64] = most * _FADING.take(np.minimum(visits, len(_FADING) - 1))
         return bonus
 

@@ -14,14 +14,14 @@ import torch
 from numpy.typing import NDArray
 
 from skillplan.env.transition_table import COMPLETE, GOES_ON
+from skillplan.solvers.learning.episode_training import BestPolicies
+from skillplan.solvers.learning.observation_counts import ObservationCounts, take_rows
 from skillplan_torch.batched_network import padded
-from skillplan_torch.best_policies import BestPolicies
 from skillplan_torch.dqn.exploration import Exploration
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.q_networks import QNetworks
 from skillplan_torch.dqn.replay_memory import ReplayMemory
 from skillplan_torch.dqn.schedules import Schedules
-from skillplan_torch.observation_counts import ObservationCounts, of_runs
 
 # By how much values of imitated actions stand out; they are about -1 to 4.
 _MARGIN = 0.2
@@ -74,8 +74,8 @@ class QUpdate:
         slots, weights = memory.draw(generators, self._options.batch)
         wanted = torch.from_numpy(self._targets(slots, steps).astype(np.float32))
         shares = torch.from_numpy(weights.astype(np.float32))
-        now = torch.from_numpy(of_runs(seen, of_runs(memory.observation, slots)))
-        taken = torch.from_numpy(of_runs(memory.action, slots))[..., None]
+        now = torch.from_numpy(take_rows(seen, take_rows(memory.observation, slots)))
+        taken = torch.from_numpy(take_rows(memory.action, slots))[..., None]
         values = self._networks.values(now).gather(2, taken)[..., 0]
         losses = torch.nn.functional.huber_loss(values, wanted, reduction="none") * shares
         each = losses.mean(1)
@@ -104,8 +104,8 @@ class QUpdate:
     def _targets(self, slots: NDArray[np.int64], steps: int) -> NDArray[np.float64]:
         """Return what the values of transitions should be, shape (runs, batch)."""
         options, memory = self._options, self._memory
-        following, end = of_runs(memory.next_observation, slots), of_runs(memory.end, slots)
-        rewards = self._scale * of_runs(memory.reward, slots)
+        following, end = take_rows(memory.next_observation, slots), take_rows(memory.end, slots)
+        rewards = self._scale * take_rows(memory.reward, slots)
         rewards += np.where(end == COMPLETE, options.complete, 0.0)
         rewards -= np.where((end != COMPLETE) & (end != GOES_ON), options.failure, 0.0)
         next_values = self._next_values(following, steps)
@@ -119,8 +119,8 @@ class QUpdate:
     @torch.no_grad()
     def _next_values(self, following: NDArray[np.int64], steps: int) -> NDArray[np.float32]:
         """Return values of the best next actions: one network chooses, the other one values."""
-        after = torch.from_numpy(of_runs(self._counts.observations, following))
-        barred = torch.from_numpy(~of_runs(self._counts.masks, following))
+        after = torch.from_numpy(take_rows(self._counts.observations, following))
+        barred = torch.from_numpy(~take_rows(self._counts.masks, following))
         own = self._networks.values(after).masked_fill(barred, -torch.inf)
         others = self._networks.target_values(after)
         bonus = self._exploration.bonus(following, steps)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_torch.observation_counts import doubled, of_runs
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan.solvers.learning.episode_training import read_array
+from skillplan.solvers.learning.observation_counts import double_rows, take_rows
 
 _FIRST_SIZE = 1_024
 # What a transition has, by its name in a snapshot.
@@ -120,8 +120,8 @@ class ReplayMemory:
         uniforms = np.stack([generator.random(count) for generator in generators])
         sizes = np.array([self.size(run) for run in range(len(generators))])[:, None]
         slots = np.minimum((uniforms * sizes).astype(np.int64), sizes - 1)
-        counted = of_runs(self.seen, slots) / of_runs(self.tried, slots)
-        shares = of_runs(self.share, slots)
+        counted = take_rows(self.seen, slots) / take_rows(self.tried, slots)
+        shares = take_rows(self.share, slots)
         return slots, np.where(np.isnan(shares), counted, shares)
 
     def pool(self, run: int, observations: NDArray[np.float32]) -> None:
@@ -172,12 +172,12 @@ class ReplayMemory:
             If it is of another shape.
         """
         runs = len(self._added)
-        self._added = fitting(arrays, f"{name}.added", (runs,)).tolist()
+        self._added = read_array(arrays, f"{name}.added", (runs,)).tolist()
         most = max(1, *(self.size(run) for run in range(runs)))
         while self.reward.shape[1] < most:
             self._grow()
         for key, column in _COLUMNS.items():
-            getattr(self, column)[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most))
+            getattr(self, column)[:, :most] = read_array(arrays, f"{name}.{key}", (runs, most))
         for run in range(runs):
             self._slots[run], self._choices[run] = {}, {}
             for slot in range(self.size(run)):
@@ -215,4 +215,4 @@ class ReplayMemory:
 
     def _grow(self) -> None:
         for column in _COLUMNS.values():
-            setattr(self, column, doubled(getattr(self, column)))
+            setattr(self, column, double_rows(getattr(self, column)))

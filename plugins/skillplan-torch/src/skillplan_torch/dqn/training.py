@@ -15,19 +15,18 @@ from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME
+from skillplan.solvers.learning.episode_training import CompletedEpisode, EpisodeRecord
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.observation_counts import ObservationCounts
 from skillplan.task.task import Task
-from skillplan_torch.best_policies import CompletedEpisode
 from skillplan_torch.dqn.exploration import Exploration
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.q_networks import QNetworks
 from skillplan_torch.dqn.q_update import QUpdate
 from skillplan_torch.dqn.replay_memory import ReplayMemory
 from skillplan_torch.dqn.schedules import Schedules
-from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.network_training import NetworkTraining
-from skillplan_torch.observation_counts import ObservationCounts
 from skillplan_torch.reward_scaling import RewardScaling
 
 # Environment steps after which it is worked out anew how likely outcomes are.
@@ -114,7 +113,7 @@ class DqnTraining(NetworkTraining):
             for run, end in enumerate(ends.tolist()):
                 record = self._episodes[run]
                 if self._exploration.planned is not None:
-                    self._exploration.planned.stepped(
+                    self._exploration.planned.learn_step(
                         run,
                         int(before[run]),
                         record.last_action,
@@ -223,7 +222,7 @@ class DqnTraining(NetworkTraining):
             None of a run that has failed.
         """
         record = self._episodes[run]
-        episode = record.ended(run, self.steps, end)
+        episode = record.finish(run, self.steps, end)
         self._episodes[run] = EpisodeRecord()
         self._exploration.begin_episode(run, self.steps)
         if run in self.failed:
@@ -240,7 +239,7 @@ class DqnTraining(NetworkTraining):
             completed = CompletedEpisode(
                 episode.cost, seen.observations[run, at], seen.masks[run, at], actions
             )
-        self._best.ended(run, episode.step, completed, policy)
+        self._best.compare(run, episode.step, completed, policy)
         return episode
 
     def _find_failures(self) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from skillplan.solvers.learning.episode_training import BestPolicies, CheapestSteps
 from skillplan_torch.batched_network import padded
-from skillplan_torch.best_policies import BestPolicies, CheapestSteps
 from skillplan_torch.ppo.actor_critic import ActorCritic
 from skillplan_torch.ppo.options import PpoOptions
 from skillplan_torch.ppo.rollout_buffer import RolloutBuffer

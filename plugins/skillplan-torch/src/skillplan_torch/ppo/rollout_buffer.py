@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.transition_table import GOES_ON
-from skillplan_torch.snapshot_arrays import copies, take_over
+from skillplan.solvers.learning.episode_training import copy_arrays, restore_arrays
 
 
 class RolloutBuffer:
@@ -124,7 +124,7 @@ class RolloutBuffer:
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all steps, to be read by `read`; `filled` is not among them."""
-        return copies(name, self._own())
+        return copy_arrays(name, self._own())
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -134,7 +134,7 @@ class RolloutBuffer:
         ValueError
             If it is of another shape.
         """
-        take_over(name, self._own(), arrays)
+        restore_arrays(name, self._own(), arrays)
 
     def _own(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by their names in a snapshot."""

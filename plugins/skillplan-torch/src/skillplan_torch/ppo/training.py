@@ -15,20 +15,18 @@ from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE
+from skillplan.solvers.learned_model.planned_episodes import PlannedEpisodes
+from skillplan.solvers.learning.episode_training import CompletedEpisode, EpisodeRecord, read_array
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.observation_counts import ObservationCounts
 from skillplan_torch.batched_network import padded
-from skillplan_torch.best_policies import CompletedEpisode
-from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.network_training import NetworkTraining
-from skillplan_torch.observation_counts import ObservationCounts
-from skillplan_torch.planned.planned_episodes import PlannedEpisodes
 from skillplan_torch.ppo.actor_critic import ActorCritic, Figures
 from skillplan_torch.ppo.clipped_update import CURVES, ClippedUpdate, Rates
 from skillplan_torch.ppo.options import PpoOptions
 from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
 from skillplan_torch.ppo.scaled_rewards import ScaledRewards
-from skillplan_torch.snapshot_arrays import fitting
 
 
 class PpoTraining(NetworkTraining):
@@ -101,7 +99,7 @@ class PpoTraining(NetworkTraining):
                 self._seen_masks[run, record.length] = before[1][run]
                 record.add(0, int(actions[run]), costs[run], float(rewards[run]))
                 if end != GOES_ON:
-                    episode = record.ended(run, self.steps, end)
+                    episode = record.finish(run, self.steps, end)
                     self._episodes[run] = EpisodeRecord(greedy=bool(self._due[run]))
                     self._due[run] = False
                     if run not in self.failed:
@@ -156,7 +154,7 @@ class PpoTraining(NetworkTraining):
         if self._planned is not None:
             self._planned.read("planned", arrays, notes["plans"])
         for name, array in self._small_arrays().items():
-            np.copyto(array, fitting(arrays, name, array.shape))
+            np.copyto(array, read_array(arrays, name, array.shape))
         self._buffer.filled, self._updates = int(notes["filled"]), int(notes["updates"])
 
     def _small_arrays(self) -> dict[str, NDArray[Any]]:
@@ -180,7 +178,7 @@ class PpoTraining(NetworkTraining):
                 self._seen_masks[run, :length, : self._actions].copy(),
                 np.array(episode.actions),
             )
-        self._best.ended(run, episode.step, completed, self._policy_of(run))
+        self._best.compare(run, episode.step, completed, self._policy_of(run))
 
     def _observe(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
         self._observed = observations
@@ -240,7 +238,7 @@ class PpoTraining(NetworkTraining):
         allowed = self._allowed[:, : self._actions]
         at = self._seen.indices(self._observed, allowed)
         for run, record in enumerate(self._episodes):
-            if not record.greedy and not self._planned.settled(run):
+            if not record.greedy and not self._planned.is_settled(run):
                 action = self._planned.action(run, int(at[run]), record.last_action, record.length)
                 if action is not None:
                     actions[run], drawn[run] = action, False
@@ -264,7 +262,7 @@ class PpoTraining(NetworkTraining):
         after = self._seen.indices(infos["final_obs"], allowed)
         self._seen.visits[np.arange(len(at)), at, actions] += 1
         for run, end in enumerate(infos["end"].tolist()):
-            self._planned.stepped(
+            self._planned.learn_step(
                 run,
                 int(at[run]),
                 self._episodes[run].last_action,

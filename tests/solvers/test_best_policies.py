@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from skillplan.solvers import NetworkPolicy
-from skillplan_torch import BestPolicies, CompletedEpisode
+from skillplan.solvers import BestPolicies, CompletedEpisode, NetworkPolicy
 
 
 def preferring(*actions, count=3):
@@ -36,60 +35,60 @@ def best(kept, run=0):
 
 class TestWhatIsKept:
     def test_without_an_episode_that_completes_there_is_none(self, kept):
-        kept.ended(0, 5, None, preferring(1, 2))
+        kept.compare(0, 5, None, preferring(1, 2))
         assert best(kept) == (None, None)
         assert kept.learned(0, preferring(0)).best is None
 
     def test_a_policy_that_does_what_the_episode_did_is_kept_at_its_cost(self, kept):
         policy = preferring(1, 2)
-        kept.ended(0, 5, completed(3.0, 1, 2), policy)
+        kept.compare(0, 5, completed(3.0, 1, 2), policy)
         assert best(kept) == (3.0, 5)
         assert kept.learned(0, preferring(0)).best is policy
 
     def test_one_that_does_something_else_on_the_way_is_not(self, kept):
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 0))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 0))
         assert best(kept) == (None, None)
 
     def test_masks_hold_for_what_it_would_do(self, kept):
         masks = [[True, True, True], [False, True, True]]
         # It likes the first action best, which is barred, and of the others the first.
-        kept.ended(0, 5, completed(3.0, 1, 1, masks=masks), preferring(1, 0))
+        kept.compare(0, 5, completed(3.0, 1, 1, masks=masks), preferring(1, 0))
         assert best(kept) == (3.0, 5)
 
     def test_a_later_policy_is_held_against_the_cheapest_episode_so_far(self, kept):
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(0, 0))
-        kept.ended(0, 9, completed(4.0, 2, 1), preferring(2, 1))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(0, 0))
+        kept.compare(0, 9, completed(4.0, 2, 1), preferring(2, 1))
         assert best(kept) == (4.0, 9)
         # The episode failed, but the policy would follow the cheap one now.
-        kept.ended(0, 12, None, preferring(1, 2))
+        kept.compare(0, 12, None, preferring(1, 2))
         assert best(kept) == (3.0, 12)
 
     def test_a_more_expensive_one_does_not_replace_it(self, kept):
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 2))
-        kept.ended(0, 9, completed(4.0, 2, 1), preferring(2, 1))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 9, completed(4.0, 2, 1), preferring(2, 1))
         assert best(kept) == (3.0, 5)
 
     @pytest.mark.parametrize("cost", [3.0, 3.0 - 1e-12])
     def test_of_equals_the_first_stays(self, kept, cost):
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 2))
-        kept.ended(0, 9, completed(cost, 2, 1), preferring(2, 1))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 9, completed(cost, 2, 1), preferring(2, 1))
         assert best(kept) == (3.0, 5)
 
     def test_the_last_policy_is_handed_over_beside_it(self, kept):
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
         last = preferring(0)
         assert kept.learned(0, last).last is last
 
     def test_runs_do_not_see_each_other(self):
         kept = BestPolicies(2, keeps=True)
-        kept.ended(1, 5, completed(3.0, 1, 2), preferring(1, 2))
-        kept.ended(0, 6, None, preferring(1, 2))
+        kept.compare(1, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 6, None, preferring(1, 2))
         assert best(kept, 0) == (None, None)
         assert best(kept, 1) == (3.0, 5)
 
     def test_where_one_episode_tells_nothing_none_is_kept(self):
         kept = BestPolicies(1, keeps=False)
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
         assert best(kept) == (None, None)
         assert kept.arrays("k") == {}
 
@@ -99,9 +98,9 @@ class TestGoingOn:
     def several(self):
         """Run 0 has a policy and a cheaper episode, run 1 only an episode, run 2 nothing."""
         kept = BestPolicies(3, keeps=True)
-        kept.ended(0, 5, completed(3.0, 1, 2), preferring(1, 2))
-        kept.ended(0, 7, completed(2.5, 2, 1), preferring(1, 2))
-        kept.ended(1, 8, completed(2.0, 0, 1), preferring(1, 2))
+        kept.compare(0, 5, completed(3.0, 1, 2), preferring(1, 2))
+        kept.compare(0, 7, completed(2.5, 2, 1), preferring(1, 2))
+        kept.compare(1, 8, completed(2.0, 0, 1), preferring(1, 2))
         return kept
 
     def test_what_was_read_keeps_alike(self, several):
@@ -111,8 +110,8 @@ class TestGoingOn:
         ours = other.learned(0, preferring(0)).best
         assert (ours.weights[0] == preferring(1, 2).weights[0]).all()
         for one in (several, other):
-            one.ended(0, 9, None, preferring(2, 1))
-            one.ended(1, 9, None, preferring(0, 1))
+            one.compare(0, 9, None, preferring(2, 1))
+            one.compare(1, 9, None, preferring(0, 1))
             assert [best(one, run) for run in range(3)] == [(2.5, 9), (2.0, 9), (None, None)]
         mine, theirs = several.arrays("k"), other.arrays("k")
         assert mine.keys() == theirs.keys()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_torch import ObservationCounts, doubled, of_runs
+from skillplan.solvers import ObservationCounts, double_rows, take_rows
 
 ACTIONS = 3
 
@@ -79,8 +79,8 @@ class TestGrowth:
             assert one.known(0) == 3 * first
             assert one.known(1) == 1
 
-    def test_what_is_doubled_begins_with_what_was_there(self):
-        assert doubled(np.array([[1, 2], [3, 4]])).tolist() == [[1, 2, 0, 0], [3, 4, 0, 0]]
+    def test_what_is_double_rows_begins_with_what_was_there(self):
+        assert double_rows(np.array([[1, 2], [3, 4]])).tolist() == [[1, 2, 0, 0], [3, 4, 0, 0]]
 
 
 class TestGoingOn:
@@ -101,11 +101,11 @@ class TestGoingOn:
 
 @settings(max_examples=examples(30))
 @given(st.integers(1, 4), st.integers(1, 9), st.integers(0, 6), st.integers(0, 99))
-def test_entries_of_runs_are_those_at_their_indices(runs, size, count, seed):
+def test_entries_take_rows_are_those_at_their_indices(runs, size, count, seed):
     generator = np.random.default_rng(seed)
     indices = generator.integers(size, size=(runs, count))
     for array in (generator.random((runs, size)), generator.random((runs, size, 2))):
         expected = [[array[run, i] for i in row] for run, row in enumerate(indices)]
         np.testing.assert_array_equal(
-            of_runs(array, indices), np.array(expected).reshape(runs, count, *array.shape[2:])
+            take_rows(array, indices), np.array(expected).reshape(runs, count, *array.shape[2:])
         )

@@ -1,4 +1,4 @@
-"""Visit counts: which observations a run has met, and how often it took which action there."""
+"""Indices of the observations that runs have met, and counts of the actions taken there."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan.solvers.learning.episode_training import Arrays, read_array
 
 _FIRST_SIZE = 512
 
 
 class ObservationCounts:
-    """Gives the observations of every run indices, from 0 on in the order of their first visits.
+    """Numbers the observations of every run from 0, in the order of their first visits.
 
     Parameters
     ----------
     runs, features, actions
-        How many.
+        Numbers of runs, features and actions.
 
     Attributes
     ----------
     observations, masks
         By run and index, shapes (runs, size, features) and (runs, size, actions).
     visits
-        How often an action was taken there, shape (runs, size, actions).
+        How often each action was taken there, shape (runs, size, actions).
     """
 
     def __init__(self, runs: int, features: int, actions: int) -> None:
@@ -38,14 +38,14 @@ class ObservationCounts:
     def indices(
         self, observations: NDArray[np.float32], masks: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
-        """Return the index of what every run observes; new observations are added.
+        """Return the index of every run's observation; new observations are added.
 
         Parameters
         ----------
         observations, masks
-            Of every run, shapes (runs, features) and (runs, actions); each mask allows some.
+            Shapes (runs, features) and (runs, actions); each mask allows an action.
         """
-        found = np.empty(len(self._indices), dtype=np.int64)
+        indices = np.empty(len(self._indices), dtype=np.int64)
         for run, known in enumerate(self._indices):
             key = _key(observations[run], masks[run])
             index = known.get(key)
@@ -55,16 +55,23 @@ class ObservationCounts:
                     self._grow()
                 self.observations[run, index] = observations[run]
                 self.masks[run, index] = masks[run]
-            found[run] = index
-        return found
+            indices[run] = index
+        return indices
+
+    def find(
+        self, run: int, observations: NDArray[np.float32], masks: NDArray[np.bool_]
+    ) -> list[int]:
+        """Return the indices of known observations of a run, shapes (n, features), (n, actions)."""
+        keys = (_key(*pair) for pair in zip(observations, masks, strict=True))
+        return [self._indices[run][key] for key in keys]
 
     def known(self, run: int) -> int:
-        """Return how many different observations a run has met."""
+        """Return the number of different observations that a run has met."""
         return len(self._indices[run])
 
-    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
-        """Return copies of all observations and counts, to be read by `read`."""
-        known = np.array([len(one) for one in self._indices], dtype=np.int64)
+    def arrays(self, name: str) -> Arrays:
+        """Return copies of all arrays for `read`."""
+        known = np.array([len(indices) for indices in self._indices], dtype=np.int64)
         most = max(1, int(known.max()))
         return {
             f"{name}.known": known,
@@ -74,15 +81,15 @@ class ObservationCounts:
         }
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Take over what `arrays` returned.
+        """Restore what `arrays` returned.
 
         Raises
         ------
         ValueError
-            If it is of another shape.
+            If it has another shape.
         """
         runs = len(self._indices)
-        known = fitting(arrays, f"{name}.known", (runs,))
+        known = read_array(arrays, f"{name}.known", (runs,))
         most = max(1, int(known.max()))
         while self.visits.shape[1] < most:
             self._grow()
@@ -91,7 +98,7 @@ class ObservationCounts:
             ("masks", self.masks),
             ("tried", self.visits),
         ):
-            mine[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most, *mine.shape[2:]))
+            mine[:, :most] = read_array(arrays, f"{name}.{key}", (runs, most, *mine.shape[2:]))
         self._indices = [
             {
                 _key(self.observations[run, index], self.masks[run, index]): index
@@ -101,25 +108,25 @@ class ObservationCounts:
         ]
 
     def _grow(self) -> None:
-        self.observations = doubled(self.observations)
-        self.masks = doubled(self.masks)
-        self.visits = doubled(self.visits)
+        self.observations = double_rows(self.observations)
+        self.masks = double_rows(self.masks)
+        self.visits = double_rows(self.visits)
 
 
-def doubled(array: NDArray[Any]) -> NDArray[Any]:
+def double_rows(array: NDArray[Any]) -> NDArray[Any]:
     """Return an array of twice the size along the second axis, zeros at the end."""
     return np.concatenate([array, np.zeros_like(array)], axis=1)
 
 
-def of_runs(array: NDArray[Any], indices: NDArray[np.int64]) -> NDArray[Any]:
-    """Return the entries of every run at these indices.
+def take_rows(array: NDArray[Any], indices: NDArray[np.int64]) -> NDArray[Any]:
+    """Return every run's entries at its indices.
 
     Parameters
     ----------
     array
-        By run, shape (runs, size, ...).
+        Shape (runs, size, ...).
     indices
-        By run, shape (runs, n).
+        Shape (runs, n).
 
     Returns
     -------

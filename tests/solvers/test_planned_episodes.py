@@ -11,10 +11,9 @@ import pytest
 from skillplan.domains.assembly import BoardGenerator
 from skillplan.env import COMPLETE, GOES_ON, INFEASIBLE, SkillVectorEnv
 from skillplan.pipeline import load_problem, make_model, make_solver, solve
-from skillplan.solvers import allowing
-from skillplan_torch import ObservationCounts, PlannedEpisodes
+from skillplan.solvers import ObservationCounts, PlannedEpisodes, allowing
 
-CONFIGS = Path(__file__).parents[3] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 WIDTH = 32
 
 
@@ -46,7 +45,7 @@ class Run:
 
     def go(self, most: int) -> None:
         """Take steps until nothing better is in sight, or so many were taken."""
-        while self.steps < most and not self.planned.settled(0):
+        while self.steps < most and not self.planned.is_settled(0):
             action = self.planned.action(0, self.at, self.last, self.length)
             if action is None:
                 action = int(np.flatnonzero(self.counts.masks[0, self.at])[0])
@@ -55,7 +54,7 @@ class Run:
             end, cost = int(infos["end"][0]), float(infos["cost"][0])
             before, self.last = self.last, action
             after = self.index(infos["final_obs"], infos["final_mask"])
-            self.planned.stepped(
+            self.planned.learn_step(
                 0,
                 self.at,
                 before,
@@ -80,7 +79,7 @@ class Run:
 def test_they_find_the_optimum_and_then_see_nothing_better(config: str, optimum: float) -> None:
     run = Run(CONFIGS / f"{config}.yaml")
     run.go(5_000)
-    assert run.planned.settled(0)
+    assert run.planned.is_settled(0)
     assert run.best == pytest.approx(optimum, abs=5e-6)
 
 
@@ -110,12 +109,12 @@ def test_a_learned_model_predicts_what_happens() -> None:
     """After the board was explored, every step of a completed episode is as predicted."""
     run = Run(CONFIGS / "inverter_board.yaml")
     run.go(5_000)
-    model, seen = run.planned._runs[0].model, []
+    model, seen = run.planned._planners[0].model, []
     observed, _ = run.env.reset(seed=0)
     for action in (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14):
         before = model.bits(observed[0])
         observed = run.env.step(np.array([action]))[4]["final_obs"]
-        seen.append(model.bits(observed[0]).tolist() == model.predicted(before, action).tolist())
+        seen.append(model.bits(observed[0]).tolist() == model.predict(before, action).tolist())
     assert all(seen)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan_torch import Conditions, Words
+from skillplan.solvers import Conditions, Words
 
 BITS = 12
 ASKED = st.sets(st.integers(0, 2 * BITS - 1), max_size=4)
@@ -50,7 +50,7 @@ def test_an_action_that_is_sure_succeeds(
 ) -> None:
     """Where all holds that held at every success, what it asks for does, too."""
     known = learned(asked, observations)
-    if known.succeeded[0] and not (known.compiled().sure[0] & ~literals(other)).any():
+    if known.succeeded[0] and not (known.compile().sure[0] & ~literals(other)).any():
         assert holds(asked, other)
 
 
