@@ -18,9 +18,15 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from PIL import Image
 from scaling_results import Showing, Size
 
-from skillplan.views.figures.colours import BLUE, FAINT, GREEN, GREY, INK, MUTED, ORANGE
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.figure_style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GREY,
+    INK,
+    MUTED,
+    ORANGE,
     SMALL_PT,
     Heading,
     axes_in,

@@ -10,18 +10,18 @@ import pytest
 
 from skillplan.chart import Alternatives, DerivedChart, Relation
 from skillplan.pipeline import load_problem
-from skillplan.task import Task
+from skillplan.task import Pose, Task
 from skillplan.views import (
     COLOURS,
     FAILED,
     NOT_SIMULATED,
     NUMBER_PX,
     Bend,
-    Drawing,
-    Label,
-    Look,
+    Camera,
+    Note,
+    Picture,
     PlanBar,
-    Shape,
+    SolidPainter,
     assembly_film,
     exploded_picture,
     gantt_picture,
@@ -51,9 +51,15 @@ def plan(board: Task) -> list[str]:
     return [board.skills[action].name for action in PLAN]
 
 
-def labels(drawing: Drawing) -> list[str]:
+def labels(picture: Picture) -> list[str]:
     """Return the texts of a picture."""
-    return [item.text for item in drawing.items if isinstance(item, Label)]
+    return picture.texts
+
+
+def paths(picture: Picture, classes: str) -> list[ElementTree.Element]:
+    """Return the shapes of a picture in a page that have some classes."""
+    root = ElementTree.fromstring(picture_svg(picture, "p"))
+    return [path for path in root.iter("path") if path.get("class") == classes]
 
 
 def relation(before: str, after: str) -> Relation:
@@ -140,9 +146,9 @@ def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(
     marked = gantt_picture(bars, "Times")
     added = {*labels(marked)} - {*labels(whole)}
     assert {FAILED, NOT_SIMULATED} <= added
-    red = [item for item in marked.items if isinstance(item, Shape) and item.look.stroke == "red"]
-    (line,) = [shape for shape in red if len(shape.points) == 2]
-    assert line.points[0][0] == line.points[1][0]
+    (line,) = paths(marked, "no-fill s-red")
+    left, right = re.findall(r"[ML] (\S+)", line.get("d", ""))
+    assert left == right
 
 
 def test_a_time_line_needs_a_bar() -> None:
@@ -216,10 +222,10 @@ def test_alternatives_stand_below_the_graph(board: Task) -> None:
     either = tuple(
         Alternatives("clock", skill, groups) for skill in ("pick(clock)", "place(clock)")
     )
-    drawing = precedence_picture(precedence_graph(board, chart(either=either)), "or")
-    words = [text for text in labels(drawing) if "before" in text]
+    picture = precedence_picture(precedence_graph(board, chart(either=either)), "or")
+    words = [text for text in labels(picture) if "before" in text]
     assert ["pick(clock), place(clock): clock before brace or clock before switch_1"] == words
-    assert 1 == labels(drawing).count("or")
+    assert 1 == labels(picture).count("or")
 
 
 def test_a_picture_of_a_page_has_no_style_attribute(board: Task, plan: list[str]) -> None:
@@ -232,9 +238,11 @@ def test_a_picture_of_a_page_has_no_style_attribute(board: Task, plan: list[str]
 
 
 def test_a_bar_of_a_page_says_where_it_leads(board: Task, plan: list[str]) -> None:
-    text = picture_svg(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"), "g")
+    bars = plan_bars(board, plan, [1.0] * 15)
+    text = picture_svg(gantt_picture(bars, "Times", seeks=True), "g")
     assert 'id="gantt-cursor"' in text
     assert 'data-seek-s="3.000" tabindex="0" role="button"' in text
+    assert "data-seek-s" not in picture_svg(gantt_picture(bars, "Times"), "g")
 
 
 def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(
@@ -252,24 +260,60 @@ def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(
 
 
 def test_names_of_others_are_no_markup() -> None:
-    shape = Shape(((0, 0), (1, 1)), Look(stroke="ink"), title="</title><script>")
-    drawing = Drawing(10, 10, "<b>", (shape, Label((1, 1), '"><img src=x>\x1b[31m')))
-    text = picture_svg(drawing, "x")
+    picture = Picture(10, 10, "<b>")
+    picture.line(((0, 0), (1, 1)), "ink", note=Note("</title><script>"))
+    picture.label((1, 1), '"><img src=x>\x1b[31m')
+    text = picture_svg(picture, "x")
     assert not {"<script", "<img", "<b>", "\x1b"} & set(re.findall(r"<\w+>?|\x1b", text))
     assert "\\x1b[31m" in text
 
 
-@pytest.mark.parametrize("change", [{"fill": "pink"}, {"width_px": 0.0}, {"opacity": 2.0}])
-def test_a_look_is_checked(change: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"roles|look"):
-        Look(**change)  # type: ignore[arg-type]
+def test_a_page_colours_a_picture_by_roles() -> None:
+    """Numbers of the drawing are attributes."""
+    picture = Picture(96, 48, "colours")
+    square = [(0.0, 0.0), (48.0, 0.0), (48.0, 48.0)]
+    picture.polygon(square, "blue", "red", 2.0, dashed=True, opacity=0.5)
+    picture.label((8.0, 8.0), "name", "muted", bold=True)
+    root = ElementTree.fromstring(picture_svg(picture, "p"))
+    (shape,), (text,) = root.iter("path"), root.iter("text")
+    assert {"f-blue", "s-red"} == set(shape.get("class", "").split())
+    assert ("0.5", "1.5") == (shape.get("fill-opacity"), shape.get("stroke-width"))
+    assert "M 0 0 L 36 0 L 36 36 z" == shape.get("d")
+    assert ({"f-muted", "bold"}, "name") == (set(text.get("class", "").split()), text.text)
+    assert ("0 0 72 36", "96") == (root.get("viewBox"), root.get("width"))
 
 
-def test_a_shape_has_two_points_and_a_picture_an_extent() -> None:
-    with pytest.raises(ValueError, match="two points"):
-        Shape(((0, 0),), Look())
+@pytest.mark.parametrize("change", [{"fill": "pink"}, {"stroke": "#fff"}])
+def test_a_colour_is_a_role(change: dict[str, str]) -> None:
+    with pytest.raises(KeyError):
+        Picture(5, 5, "colours").polygon([(0.0, 0.0), (1.0, 1.0)], **change)
+
+
+def test_a_picture_has_an_extent() -> None:
     with pytest.raises(ValueError, match="cannot be"):
-        Drawing(0, 5, "nothing")
+        Picture(0, 5, "nothing")
+
+
+def test_equal_pictures_are_equal_markup(board: Task, plan: list[str]) -> None:
+    """Also of solids."""
+    first, second = (picture_svg(exploded_picture(board, plan), "e") for _ in range(2))
+    assert first == second
+
+
+def test_the_nearer_of_two_solids_is_seen(board: Task) -> None:
+    """Whichever is drawn first."""
+    body, pose = board.scene.bodies[0], Pose((0.0, 0.0, 0.0))
+    above = pose.moved((0.0, 0.0, 0.05))
+    camera = Camera(0.0, scale=200.0, left=80.0, top=80.0)
+    counts = []
+    for order in ((0, 1), (1, 0)):
+        painter = SolidPainter(camera, 160, 160)
+        for number in order:
+            painter.add(body, (pose, above)[number], COLOURS["blue"], number)
+        counts.append([int((painter.bodies == number).sum()) for number in (0, 1)])
+    assert counts[0] == counts[1]
+    assert 0 < counts[0][0] < counts[0][1]
+    assert (painter.image()[..., 3] > 0).sum() == sum(counts[0])
 
 
 def test_a_hull_leaves_out_what_is_inside() -> None:

@@ -80,11 +80,10 @@ def _draw(found: Freedom, path: Path) -> None:
     # matplotlib takes half a second.
     from skillplan.views.figures.figure_file import save_figure
     from skillplan.views.figures.figure_style import Heading
-    from skillplan.views.pictures.figure_canvas import picture_figure
-    from skillplan.views.pictures.freedom_picture import freedom_picture
+    from skillplan.views.figures.freedom_figure import freedom_picture
 
     try:
-        drawing = freedom_picture(found, found.task.scene.at(found.task.goal.requires))
+        picture = freedom_picture(found, found.task.scene.at(found.task.goal.requires))
     except ValueError as error:
         raise OptionError(f"--picture: {error}") from None
-    save_figure(picture_figure(drawing, Heading(drawing.title)), path)
+    save_figure(picture.with_heading(Heading(picture.title)), path)

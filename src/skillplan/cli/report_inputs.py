@@ -30,7 +30,7 @@ from skillplan.records.execution.simulation import simulation_outcome
 from skillplan.records.stored.result_folder import is_result, result_path, run_folder
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
-from skillplan.views.pictures.precedence_graph import PrecedenceGraph, precedence_graph
+from skillplan.views.figures.precedence_graph import PrecedenceGraph, precedence_graph
 from skillplan.views.playback.arm_playback import PLANNED, arm_playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.chapters import (

@@ -1,27 +1,26 @@
-from .pictures.assembly_film import assembly_film as assembly_film
-from .pictures.drawing import COLOURS as COLOURS
-from .pictures.drawing import Drawing as Drawing
-from .pictures.drawing import Label as Label
-from .pictures.drawing import Look as Look
-from .pictures.drawing import Shape as Shape
-from .pictures.drawing import hull as hull
-from .pictures.drawing import shortened as shortened
-from .pictures.exploded_picture import exploded_picture as exploded_picture
-from .pictures.exploded_png import exploded_png as exploded_png
-from .pictures.gantt_picture import gantt_picture as gantt_picture
-from .pictures.graph_layers import Bend as Bend
-from .pictures.graph_layers import layers_of as layers_of
-from .pictures.layout_picture import layout_picture as layout_picture
-from .pictures.plan_bars import FAILED as FAILED
-from .pictures.plan_bars import NOT_SIMULATED as NOT_SIMULATED
-from .pictures.plan_bars import PlanBar as PlanBar
-from .pictures.plan_bars import plan_bars as plan_bars
-from .pictures.plan_places import path_steps as path_steps
-from .pictures.precedence_graph import precedence_graph as precedence_graph
-from .pictures.precedence_picture import precedence_picture as precedence_picture
-from .pictures.step_numbers import NUMBER_PX as NUMBER_PX
-from .pictures.step_numbers import number_rows as number_rows
-from .pictures.svg_canvas import picture_svg as picture_svg
+from .figures.exploded_figure import assembly_film as assembly_film
+from .figures.exploded_figure import exploded_picture as exploded_picture
+from .figures.exploded_figure import exploded_png as exploded_png
+from .figures.gantt_figure import FAILED as FAILED
+from .figures.gantt_figure import NOT_SIMULATED as NOT_SIMULATED
+from .figures.gantt_figure import PlanBar as PlanBar
+from .figures.gantt_figure import gantt_picture as gantt_picture
+from .figures.gantt_figure import plan_bars as plan_bars
+from .figures.layout_figure import layout_picture as layout_picture
+from .figures.layout_figure import path_steps as path_steps
+from .figures.picture import COLOURS as COLOURS
+from .figures.picture import NUMBER_PX as NUMBER_PX
+from .figures.picture import Note as Note
+from .figures.picture import Picture as Picture
+from .figures.picture import number_rows as number_rows
+from .figures.picture import shortened as shortened
+from .figures.precedence_figure import precedence_picture as precedence_picture
+from .figures.precedence_graph import Bend as Bend
+from .figures.precedence_graph import layers_of as layers_of
+from .figures.precedence_graph import precedence_graph as precedence_graph
+from .figures.solids import Camera as Camera
+from .figures.solids import SolidPainter as SolidPainter
+from .figures.solids import hull as hull
 from .playback.arm_playback import PLANNED as PLANNED
 from .playback.arm_playback import arm_playback as arm_playback
 from .playback.arm_playback import contact_entries as contact_entries
@@ -35,6 +34,7 @@ from .playback.tracks import FRAMES_PER_S as FRAMES_PER_S
 from .playback.tracks import Tracks as Tracks
 from .playback.tracks import link_frames as link_frames
 from .playback.tracks import rows_of as rows_of
+from .report.pictures import picture_svg as picture_svg
 from .text.table import Column as Column
 from .text.table import ItemList as ItemList
 from .text.table import Table as Table
@@ -65,14 +65,14 @@ __all__ = [
     "NUMBER_PX",
     "PLANNED",
     "Bend",
+    "Camera",
     "Column",
-    "Drawing",
     "ItemList",
-    "Label",
-    "Look",
+    "Note",
+    "Picture",
     "PlanBar",
     "Playback",
-    "Shape",
+    "SolidPainter",
     "Table",
     "Tracks",
     "arm_playback",

@@ -174,7 +174,7 @@ def command(
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
-    from skillplan.views.pictures.exploded_png import exploded_png
+    from skillplan.views.figures.exploded_figure import exploded_png
     from skillplan.views.tables.installation import imported_table
 
     limits.begin(graceful=False)

@@ -4,15 +4,16 @@ from .catalogue import CatalogueEntry as CatalogueEntry
 from .catalogue import figure_lines as figure_lines
 from .catalogue import figure_module as figure_module
 from .catalogue import figure_names as figure_names
-from .colours import PALETTE as PALETTE
 from .figure_file import checked_path as checked_path
 from .figure_file import figure_bytes as figure_bytes
 from .figure_file import save_figure as save_figure
 from .figure_request import Run as Run
 from .figure_request import WalkSteps as WalkSteps
+from .figure_style import PALETTE as PALETTE
 from .figure_style import Heading as Heading
 from .figure_style import sheet as sheet
 from .figure_style import text_colour as text_colour
+from .figure_style import text_width_in as text_width_in
 from .hulls_figure import figure_image as figure_image
 from .hulls_figure import hulls_figure as hulls_figure
 from .label_placement import LabelPlacer as LabelPlacer
@@ -25,7 +26,6 @@ from .q_values_figure import q_values_figure as q_values_figure
 from .rewards_figure import RewardStep as RewardStep
 from .rewards_figure import rewards_figure as rewards_figure
 from .sweep_figure import sweep_figure as sweep_figure
-from .text_width import text_width_in as text_width_in
 from .training_figures import RunCurve as RunCurve
 from .training_figures import distances_figure as distances_figure
 from .training_figures import over_runs as over_runs

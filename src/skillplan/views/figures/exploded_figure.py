@@ -1,41 +1,366 @@
-"""The product taken apart, its parts numbered in the order of a plan."""
+"""The product taken apart along the directions of a plan, as a picture and as a film."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image as PillowImage
 
 from skillplan.physics.performance import Image
+from skillplan.task.motion import Event
+from skillplan.task.pose import DOWN, Pose
+from skillplan.task.pose import Point as Point3
+from skillplan.task.scene import Body
+from skillplan.task.task import Task
+from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, requested_task
 from skillplan.views.figures.figure_style import Heading
-from skillplan.views.pictures.assembly_film import FRAMES_PER_S, assembly_film
-from skillplan.views.pictures.exploded_picture import exploded_picture
-from skillplan.views.pictures.figure_canvas import picture_figure
+from skillplan.views.figures.picture import (
+    COLOURS,
+    PIXELS_PER_IN,
+    SERIES,
+    SMALL_PX,
+    Note,
+    Picture,
+)
+from skillplan.views.figures.solids import (
+    OVERSAMPLING,
+    Bytes,
+    Point,
+    SolidPainter,
+    best_camera,
+    body_corners,
+    fitted_height,
+    hull,
+)
+from skillplan.views.text.wording import direction_name
 
 SOLVER = "exact"
-FILM_FRAMES_PER_S = FRAMES_PER_S
+FILM_FRAMES_PER_S = 12.5
+
+_NOTHING = "The plan brings no body to a place."
+_GAP_M = 0.018
+_PNG_SCALE = 1.6
+_MARGIN_PX, _NAMES_PX, _MOST_HEIGHT_PX, _PITCH_PX = 20.0, 210.0, 980.0, 21.0
+# Frames in which a part moves, rests, and rests at the end of the film.
+_MOVING, _RESTING, _END = 10, 4, 25
+# Distance at which parts appear, as a share of the size of the product.
+_AWAY = 0.55
+_FILM_MARGIN_PX, _FILM_NAMES_PX, _HEAD_PX, _FILM_HEIGHT_PX = 18.0, 200.0, 34.0, 460.0
+
+
+@dataclass(frozen=True, slots=True)
+class AddedPart:
+    """A part that a plan brings to its place.
+
+    Parameters
+    ----------
+    body, goal
+        The body and its place.
+    along
+        Unit vector in which it comes.
+    role
+        Role of its colour.
+    """
+
+    body: Body
+    goal: Pose
+    along: Point3
+    role: str
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part at a distance from its place.
+
+    Parameters
+    ----------
+    number
+        Number in the order in which parts are added, from 1.
+    part
+        The part.
+    pose
+        Its current place.
+    """
+
+    number: int
+    part: AddedPart
+    pose: Pose
+
+    @property
+    def corners(self) -> list[Point3]:
+        """Corners of its true shapes in the world [m]."""
+        return body_corners(self.part.body, self.pose)
+
+    def moved(self, length_m: float) -> Piece:
+        """Return it at a distance from its goal, against the direction in which it comes."""
+        x, y, z = (-length_m * value for value in self.part.along)
+        return Piece(self.number, self.part, self.part.goal.moved((x, y, z)))
+
+
+def added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
+    """Return the parts that a plan brings to a place, in its order."""
+    state, directions = task.initial, {}
+    for name in skills:
+        skill = task.skill(name)
+        for visit in () if skill.motion is None else skill.motion.visits(state):
+            if visit.event in (Event.RELEASE, Event.DRIVE):
+                directions[visit.subject] = visit.along
+        state = skill.prediction_in(state).apply(state)
+    goals = task.scene.at(state)
+    names = [body.name for body in task.scene.bodies]
+    return [
+        AddedPart(task.scene.body(name), goals[name], along or DOWN, _role_of(names.index(name)))
+        for name, along in directions.items()
+        if name in goals
+    ]
+
+
+def _role_of(number: int) -> str:
+    return SERIES[number % len(SERIES)]
+
+
+def take_apart(parts: Iterable[AddedPart]) -> list[Piece]:
+    """Return parts as pieces, each clear of the pieces before it."""
+    pieces: list[Piece] = []
+    for part in parts:
+        x, y, z = part.along
+        away = (-x, -y, -z)
+        low = -part.body.reach_m(part.goal, part.along)
+        tops = [
+            piece.part.body.reach_m(piece.pose, away) + _GAP_M
+            for piece in pieces
+            if _share_plan(piece.part, part)
+        ]
+        lift = max([0.0, *(top - low for top in tops)])
+        pieces.append(Piece(len(pieces) + 1, part, part.goal).moved(lift))
+    return pieces
+
+
+def _share_plan(one: AddedPart, other: AddedPart) -> bool:
+    """Whether a part would pass another part on its way."""
+    x, y, z = (-value for value in other.along)
+    for axis in ((y, z, x), (z, x, y)):
+        back = (-axis[0], -axis[1], -axis[2])
+        a = (-one.body.reach_m(one.goal, back), one.body.reach_m(one.goal, axis))
+        b = (-other.body.reach_m(other.goal, back), other.body.reach_m(other.goal, axis))
+        if a[1] <= b[0] + 1e-6 or b[1] <= a[0] + 1e-6:
+            return False
+    return True
+
+
+def exploded_picture(task: Task, skills: Sequence[str], width_px: float = 760.0) -> Picture:
+    """Return the parts of a product in the order in which a plan adds them.
+
+    Parameters
+    ----------
+    task
+        Task whose bodies have goals.
+    skills
+        Skills of the plan.
+    width_px
+        Width of the picture.
+
+    Raises
+    ------
+    ValueError
+        If the plan brings no body to a place.
+    """
+    parts = added_parts(task, skills)
+    if not parts:
+        raise ValueError(_NOTHING)
+    return _draw_exploded(task.name, take_apart(parts), width_px)
+
+
+def exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes:
+    """Return the exploded view of a product as PNG; equal bodies make equal bytes.
+
+    Parameters
+    ----------
+    name
+        Name of the product.
+    added
+        Bodies in the order in which they are added, at least one; each with its goal and the unit
+        vector in which it comes.
+    """
+    parts = [
+        AddedPart(body, goal, along, _role_of(number))
+        for number, (body, goal, along) in enumerate(added)
+    ]
+    picture = _draw_exploded(name, take_apart(parts), 760.0)
+    return figure_bytes(picture.figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
+
+
+def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Picture:
+    solids = [(piece.part.body, piece.pose) for piece in pieces]
+    points = [corner for piece in pieces for corner in piece.corners]
+    points += [piece.part.goal.position for piece in pieces]
+    room = width_px - 2 * _MARGIN_PX - _NAMES_PX
+    area = (_MARGIN_PX, _MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * _MARGIN_PX)
+    camera = best_camera(solids).fitted(points, area)
+    tall_px = fitted_height(camera, points)
+    inner_px = max(tall_px, _PITCH_PX * len(pieces))
+    camera = camera.lowered((inner_px - tall_px) / 2)
+    height_px = inner_px + 2 * _MARGIN_PX
+    title = f"Exploded view of {name}, in the order of the plan"
+    picture = Picture(width_px, height_px, title)
+    painter = SolidPainter(camera, width_px, height_px)
+    for piece in pieces:
+        ends = (camera.pixel(piece.part.goal.position), camera.pixel(piece.pose.position))
+        picture.line(ends, "muted", dashed=True)
+        painter.add(piece.part.body, piece.pose, COLOURS[piece.part.role], piece.number)
+    picture.image(painter.image())
+    for piece in sorted(pieces, key=lambda piece: camera.project(piece.corners)[:, 2].max()):
+        outline = hull([(x, y) for x, y, _ in camera.project(piece.corners).tolist()])
+        note = Note(f"{piece.number}. {piece.part.body.name}")
+        picture.polygon(outline, "paper", opacity=0.0, note=note)
+    anchors = {piece.number: _find_anchor(painter, piece) for piece in pieces}
+    _write_names(picture, pieces, anchors)
+    return picture
+
+
+def _find_anchor(painter: SolidPainter, piece: Piece) -> Point:
+    """Return the rightmost visible pixel of a piece, or its rightmost corner if it is hidden."""
+    rows, columns = np.nonzero(painter.bodies == piece.number)
+    if not len(columns):
+        x, y, _ = max(painter.camera.project(piece.corners).tolist())
+        return (x, y)
+    right = columns.max()
+    row = rows[columns >= right - 2 * OVERSAMPLING].mean()
+    return (float(right) / OVERSAMPLING - 1, float(row) / OVERSAMPLING)
+
+
+def _write_names(picture: Picture, pieces: Sequence[Piece], anchors: dict[int, Point]) -> None:
+    """Write numbers and names on the right, each with a line to its part."""
+    ordered = sorted(pieces, key=lambda piece: anchors[piece.number][1])
+    ys: list[float] = []
+    for piece in ordered:
+        y = anchors[piece.number][1]
+        ys.append(max(y, ys[-1] + _PITCH_PX) if ys else max(y, _MARGIN_PX))
+    lowest = picture.height_px - _MARGIN_PX
+    for index in reversed(range(len(ys))):
+        ys[index] = min(ys[index], lowest)
+        lowest = ys[index] - _PITCH_PX
+    x = picture.width_px - _NAMES_PX
+    for piece, y in zip(ordered, ys, strict=True):
+        anchor = anchors[piece.number]
+        picture.line((anchor, (x - 26, y), (x - 10, y)), "faint", 0.9)
+        picture.disc(anchor, 1.8, "ink")
+        picture.disc((x, y), 9.5, "paper", "ink", 1.1)
+        picture.label((x, y), str(piece.number), size_px=SMALL_PX, bold=True)
+        picture.label((x + 16, y), piece.part.body.name, anchor="start")
+
+
+def assembly_film(task: Task, skills: Sequence[str], width_px: float = 720.0) -> Iterator[Image]:
+    """Yield pictures of a product as a plan puts it together, `FILM_FRAMES_PER_S` a second.
+
+    Parameters
+    ----------
+    task
+        Task whose bodies have goals.
+    skills
+        Skills of the plan.
+    width_px
+        Width of each picture.
+
+    Raises
+    ------
+    ValueError
+        If the plan brings no body to a place.
+    """
+    parts = added_parts(task, skills)
+    if not parts:
+        raise ValueError(_NOTHING)
+    return _Film(task.name, parts, round(width_px)).images()
+
+
+class _Film:
+    """The common layout of the pictures of a film."""
+
+    def __init__(self, name: str, parts: Sequence[AddedPart], width_px: int) -> None:
+        self.name, self.width_px = name, width_px
+        self.pieces = [Piece(number, part, part.goal) for number, part in enumerate(parts, 1)]
+        placed = [corner for piece in self.pieces for corner in piece.corners]
+        self.away_m = _AWAY * float(np.ptp(np.array(placed), axis=0).max())
+        points = placed + [c for piece in self.pieces for c in piece.moved(self.away_m).corners]
+        room = width_px - 2 * _FILM_MARGIN_PX - _FILM_NAMES_PX
+        area = (_FILM_MARGIN_PX, _HEAD_PX, room, _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX)
+        apart = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
+        camera = best_camera(apart).fitted(points, area)
+        tall_px = fitted_height(camera, points)
+        inner_px = max(tall_px, _PITCH_PX * len(parts)) + 2 * _FILM_MARGIN_PX
+        self.camera = camera.lowered((inner_px - tall_px) / 2)
+        self.height_px = round(inner_px + _HEAD_PX)
+
+    def images(self) -> Iterator[Image]:
+        """Yield all pictures."""
+        placed = SolidPainter(self.camera, self.width_px, self.height_px)
+        for number, piece in enumerate(self.pieces):
+            words = self._write_words(number)
+            for frame in range(_MOVING):
+                # Quadratic, so that the part comes to rest gently.
+                remaining = 1.0 - frame / _MOVING
+                painter = placed.copy()
+                self._add(painter, piece.moved(remaining**2 * self.away_m))
+                yield _compose(words, painter)
+            self._add(placed, piece)
+            image = _compose(words, placed)
+            for _ in range(_END if number == len(self.pieces) - 1 else _RESTING):
+                yield image
+
+    def _add(self, painter: SolidPainter, piece: Piece) -> None:
+        painter.add(piece.part.body, piece.pose, COLOURS[piece.part.role], piece.number)
+
+    def _write_words(self, current: int) -> Bytes:
+        """Return an image of a heading and of all parts, with a mark at the current one."""
+        picture = Picture(self.width_px, self.height_px, f"{self.name} put together")
+        piece = self.pieces[current]
+        words = f"{piece.number}. {piece.part.body.name}, {direction_name(piece.part.along)}"
+        corner = (_FILM_MARGIN_PX, _FILM_MARGIN_PX)
+        picture.label(corner, words, size_px=15.0, anchor="start", bold=True)
+        x = self.width_px - _FILM_NAMES_PX
+        y = _HEAD_PX + (self.height_px - _HEAD_PX - _PITCH_PX * len(self.pieces)) / 2
+        for index, piece in enumerate(self.pieces):
+            added = index <= current
+            picture.disc((x, y), 6.0, piece.part.role, opacity=1.0 if added else 0.25)
+            if index == current:
+                picture.polygon(((x - 22, y - 5), (x - 12, y), (x - 22, y + 5)), "ink")
+            text = f"{piece.number}. {piece.part.body.name}"
+            role = "ink" if added else "muted"
+            picture.label((x + 14, y), text, role, anchor="start", bold=index == current)
+            y += _PITCH_PX
+        return picture.pixels()
+
+
+def _compose(words: Bytes, painter: SolidPainter) -> Image:
+    """Return solids, reduced to the size of the picture, in front of words."""
+    height, width = words.shape[:2]
+    sheet = PillowImage.fromarray(words)
+    solids = PillowImage.fromarray(painter.image())
+    sheet.alpha_composite(solids.resize((width, height), PillowImage.Resampling.BOX))
+    return Image(width, height, sheet.convert("RGB").tobytes())
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the task."""
+    """Return the run that solves the task."""
     return [Run(requested_task(request))]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the product of a solved task."""
     task, result = requested_task(request), outcomes[0].result
-    skills = [step.skill for step in result.steps]
     try:
-        drawing = exploded_picture(task, skills)
+        picture = exploded_picture(task, [step.skill for step in result.steps])
     except ValueError as error:
         raise request.unfit(str(error).rstrip(".")) from None
-    heading = Heading(drawing.title, request.details(outcomes[0].run))
-    return picture_figure(drawing, heading)
+    return picture.with_heading(Heading(picture.title, request.details(outcomes[0].run)))
 
 
 def film(request: FigureRequest, outcomes: Sequence[Outcome]) -> Iterator[Image]:
-    """Yield pictures of the product as the plan puts it together, `FRAMES_PER_S` a second."""
+    """Yield pictures of the product as the plan puts it together, `FILM_FRAMES_PER_S` a second."""
     task, result = requested_task(request), outcomes[0].result
     try:
         return assembly_film(task, [step.skill for step in result.steps])

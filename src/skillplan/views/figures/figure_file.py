@@ -8,6 +8,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.text import Text
 
 from skillplan.errors import OptionError
@@ -44,6 +45,9 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     for text in figure.findobj(Text):
         # Titles and labels hold names of documents.
         text.set_text(escaped(text.get_text()))
+    for image in figure.findobj(AxesImage):
+        # An SVG holds images as they are; a PNG resamples them.
+        image.set_interpolation("none" if suffix == ".svg" else "antialiased")
     with house_style():
         if suffix == ".png":
             FigureCanvasAgg(figure)

@@ -6,18 +6,41 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import lru_cache, wraps
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter
 
-from skillplan.views.figures.colours import INK, MUTED, PAPER
-from skillplan.views.figures.text_width import text_width_in
+INK = "#1a1a1a"
+MUTED = "#5f6368"
+FAINT = "#c9cdd2"
+PAPER = "#ffffff"
+BLUE, ORANGE, GREEN, RED = "#0072b2", "#e69f00", "#009e73", "#d55e00"
+PURPLE, SKY, OLIVE, GREY = "#cc79a7", "#56b4e9", "#8a7a00", "#6e6e6e"
+PALETTE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, OLIVE, GREY)
+
+
+@lru_cache(maxsize=4096)
+def text_width_in(text: str, size_pt: float) -> float:
+    """Return how wide a text is [in] at a font size [pt]."""
+    if not text.strip():
+        return 0.0
+    font = FontProperties(family="DejaVu Sans")
+    outlines, codes = text_to_path.get_text_path(font, text, ismath=False)
+    drawn_pt = np.asarray(outlines)[np.asarray(codes) != Path.CLOSEPOLY, 0]
+    # Outlines of fonts have points at their extremes: ten times as fast as to bound the curves.
+    drawn_pt = drawn_pt * (size_pt / text_to_path.FONT_SCALE)
+    return float(drawn_pt.max() - drawn_pt.min()) / 72
+
 
 TITLE_PT, TEXT_PT, SMALL_PT, LEAST_PT = 12.0, 9.0, 7.5, 4.5
 TITLE_IN = 0.30
@@ -136,19 +159,24 @@ def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
     if not (width_in > 0 and height_in > 0):
         raise ValueError(f"A figure cannot be {width_in} x {height_in} in.")
     figure = Figure(figsize=(width_in, height_in), facecolor=PAPER)
-    left, down = 0.2, 0.12
-    for line in heading.title_lines(width_in - 2 * left):
-        _line(figure, left, down, line, size=TITLE_PT, weight="bold")
-        down += TITLE_IN
-    for line in heading.lines(width_in - 2 * left):
-        _line(figure, left, down, line, size=SMALL_PT + 0.5, color=MUTED)
-        down += LINE_IN
+    write_heading(figure, heading)
     return figure
 
 
-def _line(figure: Figure, left: float, down: float, text: str, **style: Any) -> None:
+def write_heading(figure: Figure, heading: Heading) -> None:
+    """Write a heading at the top of a figure."""
     width_in, height_in = figure.get_size_inches()
-    figure.text(left / width_in, 1 - down / height_in, text, va="top", ha="left", **style)
+    left, down = 0.2, 0.12
+
+    def write(line: str, **style: Any) -> None:
+        figure.text(left / width_in, 1 - down / height_in, line, va="top", ha="left", **style)
+
+    for line in heading.title_lines(width_in - 2 * left):
+        write(line, size=TITLE_PT, weight="bold")
+        down += TITLE_IN
+    for line in heading.lines(width_in - 2 * left):
+        write(line, size=SMALL_PT + 0.5, color=MUTED)
+        down += LINE_IN
 
 
 def axes_in(

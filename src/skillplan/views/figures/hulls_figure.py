@@ -19,9 +19,17 @@ from PIL import Image as PillowImage
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.physics.performance import Image
 from skillplan.task.motion import Point
-from skillplan.views.figures.colours import BLUE, GREY, INK, RED
 from skillplan.views.figures.figure_file import figure_bytes
-from skillplan.views.figures.figure_style import SMALL_PT, Heading, in_house_style, sheet
+from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREY,
+    INK,
+    RED,
+    SMALL_PT,
+    Heading,
+    in_house_style,
+    sheet,
+)
 
 _WIDE_IN, _TALL_IN, _LEGEND_IN = 7.6, 5.8, 0.7
 # From the front, from above, and a little from the right.

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.text_width import text_width_in
+from skillplan.views.figures.figure_style import text_width_in
 
 Point = tuple[float, float]
 _SPACING_IN = 0.03

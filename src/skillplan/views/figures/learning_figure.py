@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from skillplan.records.result import Result
 from skillplan.task.task import Task
-from skillplan.views.figures.colours import BLUE, INK, RED
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import (
+    BLUE,
+    INK,
+    RED,
     SMALL_PT,
     Heading,
     axes_in,

@@ -15,10 +15,17 @@ from matplotlib.ticker import FuncFormatter
 
 from skillplan.errors import name_hint
 from skillplan.task.task import Task
-from skillplan.views.figures.colours import FAINT, PALETTE
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import SMALL_PT, Heading, axes_in, in_house_style, sheet
-from skillplan.views.figures.text_width import text_width_in
+from skillplan.views.figures.figure_style import (
+    FAINT,
+    PALETTE,
+    SMALL_PT,
+    Heading,
+    axes_in,
+    in_house_style,
+    sheet,
+    text_width_in,
+)
 
 SOLVER = "sarsa"
 _POINTS = 400

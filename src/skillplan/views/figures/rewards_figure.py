@@ -17,10 +17,20 @@ from matplotlib.ticker import NullLocator
 
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
-from skillplan.views.figures.colours import BLUE, GREEN, INK, MUTED, RED
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import SMALL_PT, Heading, axes_in, in_house_style, sheet
-from skillplan.views.figures.text_width import text_width_in
+from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    RED,
+    SMALL_PT,
+    Heading,
+    axes_in,
+    in_house_style,
+    sheet,
+    text_width_in,
+)
 
 SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0

@@ -27,17 +27,19 @@ from skillplan.records.sweep.plan import (
     value_text,
 )
 from skillplan.records.sweep.result import StartSummary, SweepResult
-from skillplan.views.figures.colours import INK, MUTED, PALETTE
 from skillplan.views.figures.figure_style import (
+    INK,
     LEAST_WIDTH_IN,
+    MUTED,
+    PALETTE,
     SMALL_PT,
     Heading,
     axes_in,
     in_house_style,
     legend_columns,
     sheet,
+    text_width_in,
 )
-from skillplan.views.figures.text_width import text_width_in
 
 _GREEK = {
     "gamma": "\N{GREEK SMALL LETTER GAMMA}",

@@ -17,8 +17,12 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from skillplan.task.task import Metric
-from skillplan.views.figures.colours import BLUE, INK, MUTED, PALETTE, RED
 from skillplan.views.figures.figure_style import (
+    BLUE,
+    INK,
+    MUTED,
+    PALETTE,
+    RED,
     SMALL_PT,
     Heading,
     axes_in,

@@ -16,7 +16,7 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
-from skillplan.views.pictures.drawing import COLOURS, SERIES
+from skillplan.views.figures.picture import COLOURS, SERIES
 from skillplan.views.playback.document import Playback, box
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, link_frames, matrix, rows_of

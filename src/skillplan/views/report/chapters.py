@@ -14,23 +14,23 @@ from skillplan.plugins.blame import ends_program
 from skillplan.plugins.installed import chapters
 from skillplan.records.certificate import Certificate
 from skillplan.task.task import Task
-from skillplan.views.pictures.exploded_picture import exploded_picture
-from skillplan.views.pictures.plan_bars import PlanBar
-from skillplan.views.pictures.precedence_graph import PrecedenceGraph
-from skillplan.views.pictures.svg_canvas import picture_svg
+from skillplan.views.figures.exploded_figure import exploded_picture
+from skillplan.views.figures.gantt_figure import PlanBar
+from skillplan.views.figures.precedence_graph import PrecedenceGraph
 from skillplan.views.report.markup import Markup, facts, join, note, number, seconds, table
 from skillplan.views.report.page import Chapter, Section
+from skillplan.views.report.pictures import picture_svg
 from skillplan.views.report.plan_sections import (
     bars_of,
     gantt_section,
     measured_section,
     picture_section,
     plan_section,
+    playback_section,
     precedence_section,
     refusals_section,
     refused_section,
 )
-from skillplan.views.report.playback_section import playback_section
 from skillplan.views.report.summary import chip, lead, summary_section
 
 Plugins = Sequence[tuple[str, str]]

@@ -4,33 +4,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records.execution.simulation import PlannedTimes, time_difference
 from skillplan.task.task import Task, unreachable_facts
-from skillplan.views.pictures.drawing import Drawing, Shape
-from skillplan.views.pictures.exploded_picture import exploded_picture
-from skillplan.views.pictures.gantt_picture import gantt_picture
-from skillplan.views.pictures.layout_picture import layout_picture
-from skillplan.views.pictures.plan_bars import FAILED, PlanBar, plan_bars
-from skillplan.views.pictures.precedence_graph import PrecedenceGraph
-from skillplan.views.pictures.precedence_picture import precedence_picture
-from skillplan.views.pictures.svg_canvas import picture_svg
+from skillplan.views.figures.exploded_figure import exploded_picture
+from skillplan.views.figures.gantt_figure import FAILED, PlanBar, gantt_picture, plan_bars
+from skillplan.views.figures.layout_figure import layout_picture
+from skillplan.views.figures.picture import Picture
+from skillplan.views.figures.precedence_figure import precedence_picture
+from skillplan.views.figures.precedence_graph import PrecedenceGraph
 from skillplan.views.report.markup import Markup, join, note, number, numbers, seconds, table, tag
 from skillplan.views.report.page import Section
+from skillplan.views.report.pictures import picture_svg
 from skillplan.views.report.summary import planned_by
 from skillplan.views.tables.trials import difference_words
 
 
-def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> Markup:
+def figure(picture: Picture, name: str, caption: str, description: str = "") -> Markup:
     """Return a picture with its caption, which scrolls by itself where the page is narrow."""
-    made = picture_svg(drawing, name, description)
+    made = picture_svg(picture, name, description)
     scroll = tag(
         "div", {"class": "wide", "tabindex": "0", "role": "region", "aria-label": caption}, made
     )
     return tag("figure", {}, scroll, tag("figcaption", {}, caption))
+
+
+def playback_section(
+    playback: Mapping[str, Any] | None, still: Markup | None, missing: str = ""
+) -> Section:
+    """Return the section of the player.
+
+    Parameters
+    ----------
+    playback
+        A document ``skillplan.playback/1``; None where there is none.
+    still
+        A picture that stands there until the player has started.
+    missing
+        Why there is no playback, in words.
+    """
+    if playback is None:
+        return Section("playback", "Playback", note(f"There is no playback: {missing}."))
+    words = "Playing it in 3-D needs JavaScript and WebGL; all else on this page does not."
+    inner = [still] if still is not None else []
+    inner.append(tag("noscript", {}, note(words)))
+    root = tag("div", {"id": "playback-root", "aria-label": playback["title"]}, *inner)
+    said = str(playback.get("note") or "")
+    if "not simulated" in said:
+        # Also where no player says it.
+        root = join([root, note(f"The motion is {said}.")])
+    return Section("playback", "Playback", root)
 
 
 def bars_of(
@@ -61,14 +86,9 @@ def gantt_section(
     if failed is not None:
         later = "; later steps as planned, not simulated" if failed + 1 < len(bars) else ""
         caption = f"Times as simulated up to step {failed + 1}, which fails{later}."
-    drawing = gantt_picture(bars, "Who does what when")
-    if not played:
-        items = tuple(
-            replace(one, seek_s=None) if isinstance(one, Shape) else one for one in drawing.items
-        )
-        drawing = replace(drawing, items=items, cursor=None)
+    picture = gantt_picture(bars, "Who does what when", seeks=played)
     description = "; ".join(bar.title for bar in bars[:60])
-    return Section("gantt", "Time line", figure(drawing, f"{name}-gantt", caption, description))
+    return Section("gantt", "Time line", figure(picture, f"{name}-gantt", caption, description))
 
 
 def plan_section(
@@ -148,12 +168,12 @@ def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Secti
 
 def precedence_section(graph: PrecedenceGraph, name: str) -> Section:
     """Return the precedence relation as a graph, and as a table with why."""
-    drawing = precedence_picture(graph, "What comes before what")
+    picture = precedence_picture(graph, "What comes before what")
     caption = (
         "What comes before what. Rest the pointer on an arrow to read why; the table says it, too."
     )
     rows = [[edge.before, edge.after, edge.why.partition(": ")[2]] for edge in graph.edges]
-    made = [figure(drawing, f"{name}-precedence", caption)]
+    made = [figure(picture, f"{name}-precedence", caption)]
     if rows:
         listed = table("Pairs that follow from no others", ["before", "after", "why"], rows)
         made.append(tag("details", {}, tag("summary", {}, f"All {len(rows)} pairs"), listed))
@@ -181,10 +201,8 @@ def refusals_section(
             first = words.partition(" ")[0]
             rows.append((first if first in skills else task.name, "by geometry", words))
         for choice in graph.choices:
-            words = " or ".join(
-                " and ".join(f"{a} before {b}" for a, b in group) for group in choice.groups
-            )
-            rows.append((choice.component, "needs one or another", f"{choice.skill}: {words}"))
+            words = f"{choice.skill}: {choice.words}"
+            rows.append((choice.component, "needs one or another", words))
     if document.get("status") not in ("optimal", "solved"):
         for words in str(document.get("reason") or "-").splitlines():
             rows.append((task.name, str(document.get("status")), words))

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
-from skillplan.views.pictures.gantt_picture import gantt_picture
-from skillplan.views.pictures.plan_bars import PlanBar
+from skillplan.views.figures.gantt_figure import PlanBar, gantt_picture
 from skillplan.views.report.markup import Markup, facts, join, number, share, table, tag
 from skillplan.views.report.page import Chapter, Section
 from skillplan.views.report.plan_sections import figure
@@ -58,9 +56,9 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     ]
     sections = [Section("solvers", "Solvers", made)]
     if timed:
-        drawing = replace(gantt_picture(timed, "Seconds of each solver"), cursor=None)
+        picture = gantt_picture(timed, "Seconds of each solver")
         caption = "How long each solver took [s]; the colour is its status."
-        sections.append(Section("times", "Seconds", figure(drawing, f"{name}-times", caption)))
+        sections.append(Section("times", "Seconds", figure(picture, f"{name}-times", caption)))
     return Chapter(name, title, tag("p", {"class": "lead"}, words), sections)
 
 

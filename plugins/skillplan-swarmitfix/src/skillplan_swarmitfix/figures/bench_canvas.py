@@ -15,10 +15,12 @@ from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import Circle, FancyArrow, Polygon
 from numpy.typing import NDArray
 
-from skillplan.views.figures.colours import FAINT, MUTED, PAPER
 from skillplan.views.figures.figure_style import (
+    FAINT,
     LEAST_PT,
     LEAST_WIDTH_IN,
+    MUTED,
+    PAPER,
     SMALL_PT,
     Heading,
     axes_in,

@@ -13,9 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
-from skillplan.views.figures.colours import INK, MUTED, PALETTE, PAPER
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import LEAST_PT, Heading, in_house_style, text_colour
+from skillplan.views.figures.figure_style import (
+    INK,
+    LEAST_PT,
+    MUTED,
+    PALETTE,
+    PAPER,
+    Heading,
+    in_house_style,
+    text_colour,
+)
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas

@@ -13,18 +13,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from skillplan.views.figures.colours import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
     LEAST_PT,
+    MUTED,
+    ORANGE,
+    PAPER,
+    PURPLE,
     SMALL_PT,
     Heading,
     axes_in,
     in_house_style,
     legend_columns,
     sheet,
+    text_width_in,
 )
-from skillplan.views.figures.text_width import text_width_in
 from skillplan_swarmitfix.figures.requested_bench import requested_bench
 
 SOLVER = "exact"

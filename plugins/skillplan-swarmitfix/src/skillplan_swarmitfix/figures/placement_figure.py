@@ -15,9 +15,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from skillplan.views.figures.colours import GREEN, INK, MUTED, ORANGE, PAPER
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import Heading, in_house_style
+from skillplan.views.figures.figure_style import (
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    PAPER,
+    Heading,
+    in_house_style,
+)
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
 from skillplan_swarmitfix.figures.placement_labels import draw_labels

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.colours import INK, MUTED
-from skillplan.views.figures.figure_style import LEAST_PT, text_colour
+from skillplan.views.figures.figure_style import INK, LEAST_PT, MUTED, text_colour
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas
 from skillplan_swarmitfix.figures.placement_marks import (

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.colours import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
+from skillplan.views.figures.figure_style import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
 from skillplan_swarmitfix.bench.bench import Bench
 
 Point2 = tuple[float, float]

@@ -18,9 +18,18 @@ from matplotlib.patches import FancyArrow
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from skillplan.views.figures.colours import BLUE, GREEN, INK, MUTED, RED
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import LINE_IN, Heading, axes_in, in_house_style
+from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    LINE_IN,
+    MUTED,
+    RED,
+    Heading,
+    axes_in,
+    in_house_style,
+)
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
 from skillplan_swarmitfix.figures.requested_bench import requested_bench

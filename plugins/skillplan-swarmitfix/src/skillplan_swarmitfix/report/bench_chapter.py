@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from skillplan.domains.load import Problem
-from skillplan.views.pictures.plan_bars import PlanBar
+from skillplan.views.figures.gantt_figure import PlanBar
 from skillplan.views.report.chapters import ChainInput, chain_account
 from skillplan.views.report.markup import Markup
 from skillplan.views.report.plan_sections import figure
@@ -41,8 +41,8 @@ def bench_input(
     if "bench" in known:
         shape = known["bench"]
         bench = Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
-        drawing, words = bench_picture(problem.name, bench, known)
-        images = (figure(drawing, f"{name}-bench", words),)
+        picture, words = bench_picture(problem.name, bench, known)
+        images = (figure(picture, f"{name}-bench", words),)
         if not playing:
             missing = "the page plays another plan"
         elif known.get("timeline"):

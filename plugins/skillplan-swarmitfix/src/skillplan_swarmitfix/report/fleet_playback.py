@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.views.figures.colours import PALETTE
+from skillplan.views.figures.figure_style import PALETTE
 from skillplan.views.playback.document import Playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan_swarmitfix.bench.bench import Bench
