@@ -17,31 +17,31 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes}, {} nodes, a cost of {power}",
         [
             "domains.sop:SopDomain.max_bytes",
-            "domains.sop.schema:MOST_NODES",
-            "domains.sop.schema:MOST_COST",
+            "domains.sop.problem:MOST_NODES",
+            "domains.sop.problem:MOST_COST",
         ],
     ),
     (
         "mesh (OBJ, STL, PLY)",
         "{bytes}, {} corners, {} m, {} convex pieces",
         [
-            "domains.assembly.meshes.mesh_files:MAX_BYTES",
-            "domains.assembly.meshes.polyhedron:MAX_CORNERS",
-            "domains.assembly.meshes.mesh_files:_MOST_EXTENT_M",
-            "domains.assembly.meshes.mesh_pieces:MAX_PIECES",
+            "domains.assembly.mesh_files:MAX_BYTES",
+            "domains.assembly.mesh_files:MAX_CORNERS",
+            "domains.assembly.mesh_files:_MOST_EXTENT_M",
+            "domains.assembly.mesh_files:MAX_PIECES",
         ],
     ),
     (
         "arm (URDF)",
         "{bytes}, {} elements, {} levels, {} links, {} shapes with {bytes} of meshes, {} m",
         [
-            "domains.assembly.arms.urdf_file:MAX_BYTES",
+            "domains.assembly.robot_schema:MAX_BYTES",
             "xml_tree:MAX_ELEMENTS",
             "xml_tree:MAX_DEPTH",
             "robots.urdf:_MOST_LINKS",
             "robots.urdf:_MOST_SHAPES",
-            "domains.assembly.arms.urdf_file:MAX_MESH_BYTES",
-            "robots.urdf_elements:MOST_LENGTH_M",
+            "domains.assembly.robot_schema:MAX_MESH_BYTES",
+            "robots.urdf:MOST_LENGTH_M",
         ],
     ),
     (
@@ -91,8 +91,8 @@ ROWS: list[tuple[str, str, list[str]]] = [
             "skillplan_swarmitfix.faults:MOST_PLACES",
         ],
     ),
-    ("steps of an assembly", "{}", ["domains.assembly.step_limit:MOST_STEPS"]),
-    ("`--set`", "{} steps of a path", ["domains.overrides:_MOST_STEPS"]),
+    ("steps of an assembly", "{}", ["domains.assembly.grounding:MOST_STEPS"]),
+    ("`--set`", "{} steps of a path", ["domains.load:_MOST_STEPS"]),
     (
         "result and other documents in JSON",
         "{bytes}, {} levels",
@@ -133,7 +133,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
     (
         "kept convex pieces of a mesh",
         "{bytes}",
-        ["collision.solids.decomposition:_MOST_BYTES"],
+        ["collision.decomposition:_MOST_BYTES"],
     ),
     (
         "source of a plugin, hashed for kept verdicts",

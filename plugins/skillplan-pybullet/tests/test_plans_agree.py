@@ -13,7 +13,7 @@ import yaml
 from situations import assembly, config_content
 from skillplan.checks import introduce
 from skillplan.cli import main
-from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, ground, layouts
+from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, draw_layouts, ground
 from skillplan.pipeline import Setup, by_ways, load_problem, solve
 from skillplan_pybullet import PybulletEngine
 from skillplan_simulation import ContactPairsDetector
@@ -255,7 +255,7 @@ def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name) -> Non
 def test_the_plan_of_a_layout_that_holds_singly_is_performed(name, index) -> None:
     """Of every family that the shipped boards describe."""
     config = AssemblyConfig.model_validate(config_content(name))
-    task = ground(layouts(config, 1, index + 1)[index], "")
+    task = ground(draw_layouts(config, 1, index + 1)[index], "")
     plan = planned(task, solve(task))
     failed = performed(task, plan).failed
     assert failed is None or first_fault(task, plan) is not None, failed

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly, model_of, small_assemblies
 from skillplan.collision import AabbDetector
-from skillplan.domains.assembly import AssemblyConfig, hints
+from skillplan.domains.assembly import AssemblyConfig, find_hints
 from skillplan.domains.load import _content_hash
 from skillplan.model import replay
 from skillplan.pipeline import Setup, solve
@@ -108,9 +108,9 @@ def test_a_task_names_where_its_dwells_are_from():
 def test_a_dwell_of_a_tool_that_no_skill_has_is_pointed_out(tool, kind):
     """With its place; none is, of a board on which all count."""
     made = content()
-    assert not list(hints(AssemblyConfig.model_validate(made)))
+    assert not list(find_hints(AssemblyConfig.model_validate(made)))
     made["tools"][tool]["durations_s"] = {kind: 4.0, "load": 3.0}
-    (issue,) = hints(AssemblyConfig.model_validate(made))
+    (issue,) = find_hints(AssemblyConfig.model_validate(made))
     assert issue.path == ("tools", tool, "durations_s", kind)
     assert "has no effect" in issue.message
 
@@ -120,7 +120,7 @@ def test_a_fetch_of_a_screw_without_feeder_is_pointed_out():
     made = content()
     del made["screws"]["screw"]["feeder"]
     made["screws"]["screw"]["durations_s"] = {"fetch": 4.0, "fasten": 3.0}
-    (issue,) = hints(AssemblyConfig.model_validate(made))
+    (issue,) = find_hints(AssemblyConfig.model_validate(made))
     assert issue.path == ("screws", "screw", "durations_s", "fetch")
 
 

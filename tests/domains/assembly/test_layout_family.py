@@ -18,10 +18,8 @@ from skillplan.domains.assembly import (
     AssemblyConfig,
     AssemblyDomain,
     distances_m,
-    goal_of,
-    hole_of,
-    issues,
-    start_of,
+    find_issues,
+    get_layout,
 )
 from skillplan.errors import OptionError, TaskError
 from skillplan.pipeline import Setup, load_problem, solve
@@ -54,7 +52,7 @@ class TestLayouts:
     def test_every_one_is_faultless(self, seed: int) -> None:
         """By all that a file is checked for."""
         for layout in variants(config_of(), seed):
-            assert [] == issues(layout)
+            assert [] == find_issues(layout)
 
     @given(seed=SEEDS)
     @settings(max_examples=examples(25))
@@ -62,12 +60,15 @@ class TestLayouts:
         """No further than the family says; what is given in millimetres stays in tenths of them."""
         config = config_of(start_shift_m=0.03, goal_shift_m=0.02)
         (layout,) = variants(config, seed, 1)
-        moved = {name: moves(start_of, config, layout, name) for name in config.parts}
+        moved = {name: moves("start", config, layout, name) for name in config.parts}
         assert len(set(moved.values())) == len(moved)
         assert all(abs(shift) <= 0.03 for shifts in moved.values() for shift in shifts)
-        together = {moves(goal_of, config, layout, name) for name in config.parts}
+        together = {moves("goal", config, layout, name) for name in config.parts}
         together |= {
-            shifts(hole_of(config, config.screws[name]), hole_of(layout, layout.screws[name]))
+            shifts(
+                get_layout(config).hole(config.screws[name]),
+                get_layout(layout).hole(layout.screws[name]),
+            )
             for name in config.screws
         }
         ((x_m, y_m),) = together
@@ -90,9 +91,9 @@ class TestLayouts:
         """A stack stays a stack, and a part from a feeder comes from there."""
         config = config_of("motor_drive", start_shift_m=0.01)
         (layout,) = variants(config, count=1)
-        stack = [moves(start_of, config, layout, name) for name in ("heat_sink", "bridge")]
+        stack = [moves("start", config, layout, name) for name in ("heat_sink", "bridge")]
         assert stack[0] == stack[1] != (0.0, 0.0)
-        assert (0.0, 0.0) == moves(start_of, config, layout, "clip_1")
+        assert (0.0, 0.0) == moves("start", config, layout, "clip_1")
         assert config.feeders == layout.feeders
 
     @pytest.mark.slow(reason="tries many layouts; the other errors in every run")
@@ -225,9 +226,14 @@ class TestBadInput:
         assert message in line
 
 
-def moves(where: Any, one: AssemblyConfig, other: AssemblyConfig, name: str) -> tuple[float, float]:
-    """Return by how much a place of a part is moved in x and y [m]."""
-    return shifts(where(one, name), where(other, name))
+def moves(
+    place: str, config: AssemblyConfig, drawn: AssemblyConfig, name: str
+) -> tuple[float, float]:
+    """Return the shift of a part's start or goal in x and y [m]."""
+    before, after = (
+        getattr(get_layout(layout), place)(name).pose.position for layout in (config, drawn)
+    )
+    return shifts(before, after)
 
 
 def shifts(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, float]:

@@ -10,10 +10,8 @@ from skillplan.domains.assembly import (
     AssemblyConfig,
     AssemblyDomain,
     bearers_at_start,
-    goal_pose,
-    hole_of,
+    get_layout,
     rests_at_goal,
-    start_pose,
 )
 from skillplan.errors import TaskError
 from skillplan.task import Pose
@@ -63,8 +61,8 @@ def test_a_board_rests_on_the_floor_of_a_case_between_its_walls():
     chip = {"size_m": [0.01, 0.01, 0.001], "goal_m": [0.52, 0.02], "goal_on": "board"}
     config = config_of({"case": CASE, "board": BOARD, "chip": chip})
     assert [] == messages(config)
-    assert (0.5, 0.0, 0.003) == goal_pose(config, "board").position
-    assert (0.52, 0.02, 0.005) == goal_pose(config, "chip").position
+    assert (0.5, 0.0, 0.003) == get_layout(config).goal("board").pose.position
+    assert (0.52, 0.02, 0.005) == get_layout(config).goal("chip").pose.position
     (rest,) = rests_at_goal(config, "board")
     assert ("case", pytest.approx(12_000)) == (rest.on, rest.area_m2 * 1e6)
 
@@ -74,7 +72,7 @@ def test_a_part_over_a_wall_rests_on_the_wall():
     cover = {"size_m": [0.20, 0.16, 0.002], "goal_on": "case"}
     config = config_of({"case": CASE, "cover": cover})
     assert [] == messages(config)
-    assert 0.05 == goal_pose(config, "cover").position[2]
+    assert 0.05 == get_layout(config).goal("cover").pose.position[2]
     (rest,) = rests_at_goal(config, "cover")
     assert pytest.approx(2 * 200 * 4 + 2 * 152 * 4) == rest.area_m2 * 1e6
 
@@ -89,7 +87,7 @@ def test_a_bridge_rests_on_all_that_a_list_names():
     bridge = {"size_m": [0.14, 0.02, 0.01], "goal_on": ["one", "two"]}
     config = config_of({**posts, "bridge": bridge})
     assert [] == messages(config)
-    assert 0.04 == goal_pose(config, "bridge").position[2]
+    assert 0.04 == get_layout(config).goal("bridge").pose.position[2]
     assert {"one", "two"} == {rest.on for rest in rests_at_goal(config, "bridge")}
     config = config_of({**posts, "bridge": {**bridge, "goal_on": ["one", "two", "low"]}})
     told = "'bridge' does not lie on 'low', but 10.0 mm above it. Leave it out."
@@ -101,8 +99,10 @@ def test_a_turned_part_without_z_rests_with_its_lowest_point():
     lying = {**SHAFT, "goal_rpy_rad": [0.0, QUARTER, 0.0], "goal_m": [0.47, 0.0], "goal_on": "case"}
     config = config_of({"case": CASE, "shaft": {**lying, "start_rpy_rad": [QUARTER, 0.0, 0.0]}})
     assert [] == messages(config)
-    assert goal_pose(config, "shaft") == Pose.turned((0.47, 0.0, 0.013), (0.0, QUARTER, 0.0))
-    assert start_pose(config, "shaft").position == (0.2, 0.2, 0.01)
+    assert get_layout(config).goal("shaft").pose == Pose.turned(
+        (0.47, 0.0, 0.013), (0.0, QUARTER, 0.0)
+    )
+    assert get_layout(config).start("shaft").pose.position == (0.2, 0.2, 0.01)
     assert [("case", 0.0)] == [(r.on, r.area_m2) for r in rests_at_goal(config, "shaft")]
 
 
@@ -133,7 +133,7 @@ def test_a_part_at_the_start_may_lie_anywhere_on_another():
         chip = {"size_m": [0.01, 0.01, 0.002], **given}
         config = config_of({"tray": tray, "chip": chip})
         assert [] == messages(config)
-        assert (0.35, 0.41, 0.01) == start_pose(config, "chip").position
+        assert (0.35, 0.41, 0.01) == get_layout(config).start("chip").pose.position
         assert ["tray"] == bearers_at_start(config, "chip")
         (task,) = AssemblyDomain().ground(config, "")
         pick = next(skill for skill in task.skills if skill.name == "pick(tray)")
@@ -143,7 +143,7 @@ def test_a_part_at_the_start_may_lie_anywhere_on_another():
 def test_old_files_keep_the_table_where_goal_on_is_left_out():
     """Also where something else is beneath, which is told as an overlap."""
     config = config_of({"case": CASE, "board": {**BOARD, "goal_on": None}})
-    assert 0.0 == goal_pose(config, "board").position[2]
+    assert 0.0 == get_layout(config).goal("board").pose.position[2]
     assert ["'board' and 'case' overlap by 2.0 mm at their goals. Move one."] == messages(config)
 
 
@@ -156,7 +156,7 @@ def test_a_hole_is_where_the_part_it_goes_through_ends():
     }
     config = config_of({"case": CASE}, screws=screws, tools=tools)
     assert [] == messages(config)
-    assert (0.52, 0.03, FLOOR_M) == hole_of(config, config.screws["bolt"])
+    assert (0.52, 0.03, FLOOR_M) == get_layout(config).hole(config.screws["bolt"])
 
 
 def test_check_says_what_every_part_rests_on():

@@ -2,24 +2,20 @@ from .board_generator import MOST_PARTS as MOST_PARTS
 from .board_generator import MOST_TOOLS as MOST_TOOLS
 from .board_generator import BoardGenerator as BoardGenerator
 from .board_generator import RandomOrder as RandomOrder
-from .consistency import issues as issues
+from .consistency import find_issues as find_issues
 from .domain import AssemblyDomain as AssemblyDomain
 from .geometry_faults import distances_m as distances_m
 from .grounding import MOST_STEPS as MOST_STEPS
 from .grounding import ground as ground
-from .layout import goal_of as goal_of
-from .layout import goal_pose as goal_pose
-from .layout import hole_of as hole_of
-from .layout import start_of as start_of
-from .layout import start_pose as start_pose
-from .layout_family import layouts as layouts
+from .layout import get_layout as get_layout
+from .layout_family import draw_layouts as draw_layouts
 from .mesh_files import MAX_BYTES as MAX_BYTES
 from .mesh_files import MAX_CORNERS as MAX_CORNERS
 from .mesh_files import SUFFIXES as SUFFIXES
 from .mesh_files import MeshFileError as MeshFileError
 from .mesh_files import parsed as parsed
 from .mesh_files import read_mesh as read_mesh
-from .overview import hints as hints
+from .overview import find_hints as find_hints
 from .resting import TABLE as TABLE
 from .resting import bearers_at_start as bearers_at_start
 from .resting import rests_at_goal as rests_at_goal
@@ -43,17 +39,13 @@ __all__ = [
     "RandomOrder",
     "bearers_at_start",
     "distances_m",
-    "goal_of",
-    "goal_pose",
+    "draw_layouts",
+    "find_hints",
+    "find_issues",
+    "get_layout",
     "ground",
-    "hints",
-    "hole_of",
-    "issues",
-    "layouts",
     "parsed",
     "read_arm",
     "read_mesh",
     "rests_at_goal",
-    "start_of",
-    "start_pose",
 ]

@@ -1,4 +1,4 @@
-"""Faults of an assembly that its schema cannot see: names, references, order, geometry."""
+"""Validation of an assembly beyond its schema: names, references, order, and then geometry."""
 
 from __future__ import annotations
 
@@ -6,49 +6,37 @@ from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
-from skillplan.domains.assembly.geometry_faults import geometry_issues, payload_issues, shape_issues
-from skillplan.domains.assembly.gripping import grasp_issues
-from skillplan.domains.assembly.insertion import insertion_issues
-from skillplan.domains.assembly.part_meshes import piece_issues
+from skillplan.domains.assembly.geometry_faults import find_geometry_issues, find_shape_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.vocabulary import HOME, action_names, facts_of, literal_parts
+from skillplan.domains.assembly.vocabulary import HOME, list_actions, list_facts, split_literal
 from skillplan.errors import Issue, name_hint
 from skillplan.task.scene import WORLD
 
-# More than anybody reads at once; to name the nearest of many facts takes a while for each.
+# More issues than a user reads at once. Looking for the nearest of many names takes a while each.
 _MAX_ISSUES = 300
 
 
-def issues(config: AssemblyConfig) -> list[Issue]:
-    """Return every fault, up to a few hundred; geometry only where parts refer to sound parts."""
-    found = list(
+def find_issues(config: AssemblyConfig) -> list[Issue]:
+    """Return the faults, a few hundred at most; those of geometry only if the parts are sound."""
+    issues = list(
         islice(
             chain(
-                _references(config),
-                _names(config),
-                shape_issues(config),
-                piece_issues(config),
-                _cycles(config),
-                _lists(config),
-                _step_limit(config),
+                _check_references(config),
+                _check_names(config),
+                find_shape_issues(config),
+                _check_cycles(config),
+                _check_lists(config),
+                _check_step_limit(config),
             ),
             _MAX_ISSUES,
         )
     )
-    if not any(issue.path[0] in ("parts", "screws") for issue in found):
-        found += islice(
-            chain(
-                payload_issues(config),
-                grasp_issues(config),
-                insertion_issues(config),
-                geometry_issues(config),
-            ),
-            _MAX_ISSUES,
-        )
-    return found
+    if not any(issue.path[0] in ("parts", "screws") for issue in issues):
+        issues += islice(find_geometry_issues(config), _MAX_ISSUES)
+    return issues
 
 
-def _names(config: AssemblyConfig) -> Iterator[Issue]:
+def _check_names(config: AssemblyConfig) -> Iterator[Issue]:
     if config.robot.name == WORLD:
         message = f"the name {WORLD!r} is taken by the world frame. Choose another."
         yield Issue(message, ("robot", "name"))
@@ -64,41 +52,41 @@ def _names(config: AssemblyConfig) -> Iterator[Issue]:
             owners.setdefault(name, section)
 
 
-def _references(config: AssemblyConfig) -> Iterator[Issue]:
-    def missing(
-        name: str | None, known: Iterable[str], what: str, *path: str | int
+def _check_references(config: AssemblyConfig) -> Iterator[Issue]:
+    def check(
+        name: str | None, known: Iterable[str], kind: str, *path: str | int
     ) -> Iterator[Issue]:
         names = list(known)
         if name is not None and name not in names:
-            yield Issue(f"unknown {what} {name!r}. {name_hint(name, names)}", path)
+            yield Issue(f"unknown {kind} {name!r}. {name_hint(name, names)}", path)
 
-    yield from missing(config.initial_tool, config.tools, "tool", "initial_tool")
+    yield from check(config.initial_tool, config.tools, "tool", "initial_tool")
     for name, part in config.parts.items():
         here = ("parts", name)
-        yield from missing(part.tool, config.tools, "tool", *here, "tool")
-        yield from missing(part.feeder, config.feeders, "feeder", *here, "feeder")
-        yield from _beneath(config, name)
+        yield from check(part.tool, config.tools, "tool", *here, "tool")
+        yield from check(part.feeder, config.feeders, "feeder", *here, "feeder")
+        yield from _check_supports(config, name)
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
             message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
             yield Issue(message, (*here, "start_on"))
     for name, screw in config.screws.items():
         here = ("screws", name)
-        yield from missing(screw.tool, config.tools, "tool", *here, "tool")
-        yield from missing(screw.through, config.parts, "part", *here, "through")
-        yield from missing(screw.feeder, config.feeders, "feeder", *here, "feeder")
+        yield from check(screw.tool, config.tools, "tool", *here, "tool")
+        yield from check(screw.through, config.parts, "part", *here, "through")
+        yield from check(screw.feeder, config.feeders, "feeder", *here, "feeder")
     components = [*config.parts, *config.screws]
     for i, line in enumerate(config.chart):
-        yield from missing(line.before, components, "part or screw", "chart", i, "before")
+        yield from check(line.before, components, "part or screw", "chart", i, "before")
         for j, after in enumerate(line.after):
-            yield from missing(after, components, "part or screw", "chart", i, "after", j)
+            yield from check(after, components, "part or screw", "chart", i, "after", j)
             if after == line.before:
                 yield Issue(
                     f"{after!r} cannot come before itself. Leave it out.", ("chart", i, "after", j)
                 )
 
 
-def _beneath(config: AssemblyConfig, name: str) -> Iterator[Issue]:
-    """Yield what is wrong with the names of what a part lies on."""
+def _check_supports(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield unknown, repeated and circular names of the supports of a part."""
     part = config.parts[name]
     for key, named in (("start_on", part.start_on), ("goal_on", part.goal_on)):
         names = [named] if isinstance(named, str) else named or []
@@ -112,7 +100,7 @@ def _beneath(config: AssemblyConfig, name: str) -> Iterator[Issue]:
                 yield Issue(f"{other!r} stands twice. Keep one.", path)
 
 
-def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
+def _check_cycles(config: AssemblyConfig) -> Iterator[Issue]:
     for key in ("start_on", "goal_on"):
         beneath = {
             name: [named] if isinstance(named, str) else named
@@ -120,7 +108,7 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
             if (named := getattr(part, key)) is not None
         }
         beneath = {name: [on for on in named if on != name] for name, named in beneath.items()}
-        cycle = _cycle(beneath)
+        cycle = _find_cycle(beneath)
         if cycle:
             message = f"parts stand on each other in a cycle: {' on '.join(cycle)}."
             yield Issue(message, ("parts", cycle[0], key))
@@ -129,7 +117,7 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
         for after in line.after:
             if after != line.before:
                 before.setdefault(after, []).append(line.before)
-    cycle = _cycle(before)
+    cycle = _find_cycle(before)
     if cycle:
         order = list(reversed(cycle))
         index = next(
@@ -140,19 +128,19 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
         yield Issue(f"the chart has a cycle: {' before '.join(order)}.", ("chart", index))
 
 
-def _cycle(predecessors: Mapping[str, list[str]]) -> list[str]:
+def _find_cycle(predecessors: Mapping[str, list[str]]) -> list[str]:
     try:
         TopologicalSorter(predecessors).prepare()
     except CycleError as error:
-        # graphlib lists each node before its successor; here: before what it stands on.
+        # graphlib lists each node before its successor; this list is the other way round.
         cycle: list[str] = list(reversed(error.args[1]))
         return cycle
     return []
 
 
-def _lists(config: AssemblyConfig) -> Iterator[Issue]:
-    facts = facts_of(config)
-    actions = action_names(config)
+def _check_lists(config: AssemblyConfig) -> Iterator[Issue]:
+    facts = list_facts(config)
+    actions = list_actions(config)
     for key, entries, known in (
         ("goal", config.goal, facts.names),
         ("actions", config.actions, actions),
@@ -161,10 +149,10 @@ def _lists(config: AssemblyConfig) -> Iterator[Issue]:
         names = frozenset(known)
         seen: dict[str, int] = {}
         for i, entry in enumerate(entries or ()):
-            name = literal_parts(entry)[0] if key == "observation" else entry
-            what = "action" if key == "actions" else "fact"
+            name = split_literal(entry)[0] if key == "observation" else entry
+            kind = "action" if key == "actions" else "fact"
             if name not in names:
-                yield Issue(f"unknown {what} {name!r}. {name_hint(name, known)}", (key, i))
+                yield Issue(f"unknown {kind} {name!r}. {name_hint(name, known)}", (key, i))
             if entry in seen:
                 message = f"{entry!r} stands twice, first as entry {seen[entry]}. Keep one."
                 yield Issue(message, (key, i))
@@ -173,8 +161,8 @@ def _lists(config: AssemblyConfig) -> Iterator[Issue]:
     for group in facts.exclusive:
         both = sorted((config.goal or []).index(fact) for fact in group if fact in goal)
         if len(both) > 1:
-            one, other = (config.goal or [])[both[0]], (config.goal or [])[both[1]]
-            message = f"{one} and {other} cannot both hold. Leave one out."
+            fact, other = (config.goal or [])[both[0]], (config.goal or [])[both[1]]
+            message = f"{fact} and {other} cannot both hold. Leave one out."
             yield Issue(message, ("goal", both[1]))
     if config.actions is not None:
         listed = frozenset(config.actions)
@@ -186,29 +174,25 @@ def _lists(config: AssemblyConfig) -> Iterator[Issue]:
 
 def _needed_actions(config: AssemblyConfig) -> dict[str, str]:
     """Return the actions that every plan must contain, each with a fact of the goal."""
+    jobs = [
+        (f"placed({name})", [f"pick({name})", f"place({name})"], part.tool)
+        for name, part in config.parts.items()
+    ]
+    jobs += [
+        (f"fastened({name})", [f"fasten({name})"], s.tool) for name, s in config.screws.items()
+    ]
+    goal = None if config.goal is None else set(config.goal)
     needed: dict[str, str] = {}
-
-    def need(fact: str, *names: str) -> None:
-        for name in names:
-            needed.setdefault(name, fact)
-
-    wanted = None if config.goal is None else set(config.goal)
-    for name, part in config.parts.items():
-        fact = f"placed({name})"
-        if wanted is None or fact in wanted:
-            need(fact, f"pick({name})", f"place({name})")
-            if part.tool != config.initial_tool:
-                need(fact, f"load({part.tool})")
-    for name, screw in config.screws.items():
-        fact = f"fastened({name})"
-        if wanted is None or fact in wanted:
-            need(fact, f"fasten({name})")
-            if screw.tool != config.initial_tool:
-                need(fact, f"load({screw.tool})")
+    for fact, actions, tool in jobs:
+        if goal is None or fact in goal:
+            if tool != config.initial_tool:
+                actions.append(f"load({tool})")
+            for action in actions:
+                needed.setdefault(action, fact)
     return needed
 
 
-def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
+def _check_step_limit(config: AssemblyConfig) -> Iterator[Issue]:
     if config.goal is not None or config.step_limit is None:
         return
     steps = 2 * len(config.parts) + len(config.screws)

@@ -1,4 +1,4 @@
-"""Where a straight line meets the surface of a shape: what a suction cup lands on."""
+"""Hands on parts: grasp points for a hand from any side, and names of sides and grasps."""
 
 from __future__ import annotations
 
@@ -16,115 +16,53 @@ from skillplan.task.motion import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
-# A line along an edge meets the shape; rounding may put it so far out [m].
-_RIM_M = 1e-9
-
-
-def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
-    """Return how far along a line from a point the first surface is [m], or None without one.
-
-    Parameters
-    ----------
-    shapes
-        In the frame of their body.
-    start
-        A point outside all of them [m].
-    direction
-        Of length 1.
-    """
-    spans = (_span(shape, start, direction) for shape in shapes)
-    return min((span[0] for span in spans if span is not None), default=None)
-
-
-def _span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
-    """Return from where to where a line is inside a convex shape [m], or None."""
-    if isinstance(shape, Box):
-        return _meeting(
-            _between(start[axis] - shape.centre[axis], direction[axis], shape.size[axis] / 2)
-            for axis in range(3)
-        )
-    if isinstance(shape, Cylinder):
-        z = _between(start[2] - shape.centre[2], direction[2], shape.height_m / 2)
-        return _meeting((z, _round(shape, start, direction)))
-    return _through(shape, start, direction)
-
-
-def _between(offset: float, slope: float, half: float) -> tuple[float, float] | None:
-    """Return where ``|offset + t * slope| <= half``."""
-    if abs(slope) < 1e-12:
-        return (-math.inf, math.inf) if abs(offset) <= half + _RIM_M else None
-    ends = ((-half - offset) / slope, (half - offset) / slope)
-    return min(ends), max(ends)
-
-
-def _round(shape: Cylinder, start: Point, direction: Point) -> tuple[float, float] | None:
-    """Return where a line is inside an upright cylinder without ends."""
-    x, y = start[0] - shape.centre[0], start[1] - shape.centre[1]
-    a = direction[0] ** 2 + direction[1] ** 2
-    radius = shape.diameter_m / 2
-    if a < 1e-18:
-        return (-math.inf, math.inf) if math.hypot(x, y) <= radius + _RIM_M else None
-    middle = -(x * direction[0] + y * direction[1]) / a
-    off2 = (x + middle * direction[0]) ** 2 + (y + middle * direction[1]) ** 2
-    if off2 > (radius + _RIM_M) ** 2:
-        return None
-    half = math.sqrt(max(radius * radius - off2, 0.0) / a)
-    return middle - half, middle + half
-
-
-def _through(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
-    """Return where a line goes into a closed surface of triangles and where it comes out."""
-    met = []
-    for face in shape.faces:
-        corner, one, other = (shape.corners[index] for index in face)
-        u, v = plus(one, corner, -1.0), plus(other, corner, -1.0)
-        normal = cross(u, v)
-        steep = dot(normal, direction)
-        if abs(steep) < 1e-18:
-            continue
-        away = dot(normal, plus(corner, start, -1.0)) / steep
-        inside = plus(plus(start, direction, away), corner, -1.0)
-        size = dot(normal, normal)
-        b = dot(cross(inside, v), normal) / size
-        c = dot(cross(u, inside), normal) / size
-        if min(b, c, 1 - b - c) >= -1e-9:
-            met.append(away)
-    return (min(met), max(met)) if met else None
-
-
-def _meeting(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
-    low, high = -math.inf, math.inf
-    for span in spans:
-        if span is None:
-            return None
-        low, high = max(low, span[0]), min(high, span[1])
-    return (low, high) if low <= high + _RIM_M else None
-
-
-# Of what is between the jaws so much is held, and never more than so much [m].
+# Share of the height between the jaws that they hold, and the most of it [m].
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
 _FINGER_HALF_WIDTH_M = STANDARD_HAND.jaw_half_width_m
-# Directions whose cosine is no more than this are at right angles; what is left is taken away.
+# Greatest cosine of two directions that count as perpendicular; the rest is projected away.
 _RIGHT_ANGLE = 0.01
+# A ray along an edge meets the shape; rounding may put it this far outside [m].
+_RIM_M = 1e-9
+
+_SIDES: tuple[tuple[str, Point], ...] = (
+    ("top", DOWN),
+    ("-x", AXES["x"]),
+    ("+x", (-1.0, 0.0, 0.0)),
+    ("-y", AXES["y"]),
+    ("+y", (0.0, -1.0, 0.0)),
+    ("bottom", AXES["z"]),
+)
+"""Sides of a part, and the direction in its frame of a hand that comes from there."""
+_AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
 
 
 class Handle:
-    """A way to hold some shapes, as a task file says it.
+    """A grasp of a part as a task file describes it.
 
     Parameters
     ----------
     given
-        What the file says.
+        The file's entry.
     kind
         Jaws or suction.
     shapes
-        Of the part, in its frame.
+        Shapes of the part, in its frame.
 
     Attributes
     ----------
     approach
         Unit vector in the part's frame in which the hand points.
+    outwards
+        The opposite vector.
+    from_top
+        Whether the hand comes from the part's top.
+    closing
+        Direction in which the jaws close; None if the part decides.
+    closes_askew
+        Whether that direction is not perpendicular to the approach.
+    point
+        A point on the hand's axis [m]; None if the part decides.
     """
 
     def __init__(self, given: GraspConfig, kind: GraspKind, shapes: Sequence[Shape]) -> None:
@@ -133,61 +71,55 @@ class Handle:
         self.shapes = tuple(shapes)
         self.approach = unit_of(given.approach)
         self.outwards: Point = _opposite(self.approach)
-
-    @property
-    def from_top(self) -> bool:
-        """Whether the hand comes from the part's top."""
-        return same_direction(self.approach, DOWN)
+        self.from_top = same_direction(self.approach, DOWN)
+        self.closing: Point | None = None
+        self.closes_askew = False
+        axis = given.closing_axis
+        if axis != "auto":
+            closing = AXES[axis] if isinstance(axis, str) else unit_of(axis)
+            off = dot(closing, self.approach)
+            self.closes_askew = abs(off) > _RIGHT_ANGLE
+            if not self.closes_askew:
+                self.closing = closing if off == 0 else unit(plus(closing, self.approach, -off))
+        at_m = given.at_m
+        self.point: Point | None = (
+            None if at_m is None else (at_m[0], at_m[1], at_m[2] if len(at_m) > 2 else 0.0)
+        )
 
     @property
     def height_m(self) -> float:
-        """Extent of the part along the direction in which the hand points [m]."""
+        """Extent of the part along the approach [m]."""
         return self.reach_m(self.outwards) + self.reach_m(self.approach)
 
-    @property
-    def closing(self) -> Point | None:
-        """Direction along which the jaws are to close; None where that is left to the part."""
-        axis = self.given.closing_axis
-        if axis == "auto":
-            return None
-        wanted = AXES[axis] if isinstance(axis, str) else unit_of(axis)
-        off = dot(wanted, self.approach)
-        return wanted if off == 0 else unit(plus(wanted, self.approach, -off))
-
-    @property
-    def closes_askew(self) -> bool:
-        """Whether the jaws are to close in a direction that is not at right angles to the hand."""
-        axis = self.given.closing_axis
-        if axis == "auto":
-            return False
-        wanted = AXES[axis] if isinstance(axis, str) else unit_of(axis)
-        return abs(dot(wanted, self.approach)) > _RIGHT_ANGLE
-
     def reach_m(self, direction: Point) -> float:
-        """Return how far the part reaches along a direction from its origin [m]."""
+        """Return the extent of the part from its origin along a direction [m]."""
         return max(shape.reach_m(direction) for shape in self.shapes)
 
     def grasp(self) -> Grasp:
-        """Return the grasp; where there is nothing to hold, as if there were."""
-        return self.suction() if self.kind is GraspKind.SUCTION else self.jaws()
-
-    def point(self) -> Point | None:
-        """Return the point that the hand's axis is to go through, or None."""
-        at_m = self.given.at_m
-        return None if at_m is None else (at_m[0], at_m[1], at_m[2] if len(at_m) > 2 else 0.0)
-
-    def suction(self) -> Grasp:
-        """Return how a cup holds it: where a line meets its surface first."""
-        # The closed hand is turned such that the wrist has most room.
+        """Return the grasp; if there is nothing to hold, the grasp of an imagined surface."""
+        if self.kind is GraspKind.JAWS:
+            return self.jaws()
+        # The closed hand is turned for the most room at the wrist.
         closing = self.closing or _across(self.approach)
-        through = self.point() or self._middle(closing)
-        away_m = self.lands_m(through)
-        top_m = self.reach_m(self.outwards) if away_m is None else away_m
+        through = self.cup_axis()
+        surface_out_m = self.lands_m(through)
+        top_m = self.reach_m(self.outwards) if surface_out_m is None else surface_out_m
         tip = plus(through, self.outwards, top_m - dot(through, self.outwards))
         return Grasp(GraspKind.SUCTION, tip, closing, approach=self.approach)
 
     def lands_m(self, through: Point) -> float | None:
-        """Return how far out the surface is on a line through a point [m]; None beside it."""
+        """Return the distance of the surface from the origin along `outwards` [m].
+
+        Parameters
+        ----------
+        through
+            A point on the axis of the suction cup [m].
+
+        Returns
+        -------
+        float or None
+            None if the axis misses the part.
+        """
         if self.from_top:
             tops_m = (shape.top_m(through[0], through[1]) for shape in self.shapes)
             return max((top_m for top_m in tops_m if top_m is not None), default=None)
@@ -197,26 +129,30 @@ class Handle:
         return None if met_m is None else top_m - met_m
 
     def cup_axis(self) -> Point:
-        """Return a point on the axis of a suction cup [m]."""
-        return self.point() or self._middle(self.closing or _across(self.approach))
+        """Return a point on the axis of a suction cup [m]: as given, or in the part's middle."""
+        if self.point is not None or self.from_top:
+            return self.point or (0.0, 0.0, 0.0)
+        closing = self.closing or _across(self.approach)
+        across = cross(self.approach, closing)
+        middle = plus((0.0, 0.0, 0.0), closing, sum(_extent(self.shapes, closing)) / 2)
+        return plus(middle, across, sum(_extent(self.shapes, across)) / 2)
 
     def jaws(self, *, centred: bool = False) -> Grasp:
-        """Return how jaws hold it; `centred`: in the middle, wherever they are to hold it."""
-        point = None if centred else self.point()
+        """Return the grasp of jaws; `centred` ignores a given point."""
+        point = None if centred else self.point
         named = self.given.closing_axis
         if self.from_top and named in ("x", "y", "auto"):
             axis = None if named == "auto" else str(named)
             boxes = [shape.box for shape in self.shapes]
             place = None if point is None else point[:2]
             return jaws_about(boxes, axis, self.given.depth_m, place)
-        closing = self.closing
-        if closing is not None:
-            return self._jaws(closing, point)
-        one, other = (self._jaws(axis, point) for axis in _crosswise(self.approach))
-        return one if one.width_m <= other.width_m + 1e-9 else other
+        if self.closing is not None:
+            return self._jaws(self.closing, point)
+        grasp, other = (self._jaws(axis, point) for axis in _crosswise(self.approach))
+        return grasp if grasp.width_m <= other.width_m + 1e-9 else other
 
     def between_fingers(self, grasp: Grasp) -> bool:
-        """Whether anything of the part is between the fingers' faces above their ends."""
+        """Whether some shape is between the faces of the fingers, above their ends."""
         across = cross(self.approach, grasp.closing)
         out_m = dot(grasp.tip, self.outwards)
 
@@ -233,7 +169,7 @@ class Handle:
         )
 
     def _jaws(self, closing: Point, point: Point | None) -> Grasp:
-        """Return how jaws that close along a direction hold it."""
+        """Return the grasp of jaws that close in a direction."""
         outwards = self.outwards
         across = cross(self.approach, closing)
         tops_m = [shape.reach_m(outwards) for shape in self.shapes]
@@ -260,13 +196,139 @@ class Handle:
             tip = plus(plus(tip, closing, dot(point, closing)), across, dot(point, across))
         return Grasp(GraspKind.JAWS, tip, closing, high_m - low_m, self.approach)
 
-    def _middle(self, closing: Point) -> Point:
-        """Return a point on the axis of a hand that is to hold it in the middle."""
-        if self.from_top:
-            return (0.0, 0.0, 0.0)
-        across = cross(self.approach, closing)
-        middle = plus((0.0, 0.0, 0.0), closing, sum(_extent(self.shapes, closing)) / 2)
-        return plus(middle, across, sum(_extent(self.shapes, across)) / 2)
+
+def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float | None:
+    """Return the distance along a ray to the first surface [m]; None if there is none.
+
+    Parameters
+    ----------
+    shapes
+        Shapes in the frame of their body.
+    start
+        A point outside all of them [m].
+    direction
+        Unit vector.
+    """
+    spans = (_span(shape, start, direction) for shape in shapes)
+    return min((span[0] for span in spans if span is not None), default=None)
+
+
+def _span(shape: Shape, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return the first and last distance at which a line is inside a shape [m], or None."""
+    if isinstance(shape, Box):
+        return _common(
+            _between(start[axis] - shape.centre[axis], direction[axis], shape.size[axis] / 2)
+            for axis in range(3)
+        )
+    if isinstance(shape, Cylinder):
+        z = _between(start[2] - shape.centre[2], direction[2], shape.height_m / 2)
+        return _common((z, _inside_mantle(shape, start, direction)))
+    return _inside_mesh(shape, start, direction)
+
+
+def _between(offset: float, slope: float, half: float) -> tuple[float, float] | None:
+    """Return the range of ``t`` with ``|offset + t * slope| <= half``."""
+    if abs(slope) < 1e-12:
+        return (-math.inf, math.inf) if abs(offset) <= half + _RIM_M else None
+    ends = ((-half - offset) / slope, (half - offset) / slope)
+    return min(ends), max(ends)
+
+
+def _inside_mantle(shape: Cylinder, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return the span of a line in an upright cylinder without ends."""
+    x, y = start[0] - shape.centre[0], start[1] - shape.centre[1]
+    a = direction[0] ** 2 + direction[1] ** 2
+    radius = shape.diameter_m / 2
+    if a < 1e-18:
+        return (-math.inf, math.inf) if math.hypot(x, y) <= radius + _RIM_M else None
+    middle = -(x * direction[0] + y * direction[1]) / a
+    off2 = (x + middle * direction[0]) ** 2 + (y + middle * direction[1]) ** 2
+    if off2 > (radius + _RIM_M) ** 2:
+        return None
+    half = math.sqrt(max(radius * radius - off2, 0.0) / a)
+    return middle - half, middle + half
+
+
+def _inside_mesh(shape: Mesh, start: Point, direction: Point) -> tuple[float, float] | None:
+    """Return the span of a line from its first to its last crossing of a mesh."""
+    met = []
+    for face in shape.faces:
+        a, b, c = (shape.corners[index] for index in face)
+        u, v = plus(b, a, -1.0), plus(c, a, -1.0)
+        normal = cross(u, v)
+        steep = dot(normal, direction)
+        if abs(steep) < 1e-18:
+            continue
+        distance = dot(normal, plus(a, start, -1.0)) / steep
+        inside = plus(plus(start, direction, distance), a, -1.0)
+        size = dot(normal, normal)
+        along_u = dot(cross(inside, v), normal) / size
+        along_v = dot(cross(u, inside), normal) / size
+        if min(along_u, along_v, 1 - along_u - along_v) >= -1e-9:
+            met.append(distance)
+    return (min(met), max(met)) if met else None
+
+
+def _common(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
+    """Return the intersection of spans; None if it is empty."""
+    low, high = -math.inf, math.inf
+    for span in spans:
+        if span is None:
+            return None
+        low, high = max(low, span[0]), min(high, span[1])
+    return (low, high) if low <= high + _RIM_M else None
+
+
+def side_name(approach: Point) -> str:
+    """Return the name of the side from which a hand comes."""
+    for name, direction in _SIDES:
+        if same_direction(direction, approach):
+            return name
+    return direction_name(_opposite(approach))
+
+
+def direction_name(direction: Point) -> str:
+    """Return the name of a unit vector: ``-x``, or its components if it is oblique."""
+    for name, axis in AXES.items():
+        for sign in (1.0, -1.0):
+            if same_direction((sign * axis[0], sign * axis[1], sign * axis[2]), direction):
+                return f"{'+' if sign > 0 else '-'}{name}"
+    return "(" + " ".join(f"{value + 0.0:.3g}" for value in direction) + ")"
+
+
+def list_automatic_grasps() -> list[GraspConfig]:
+    """Return the candidates of ``auto``: each side, with the jaws along either axis there."""
+    return [
+        GraspConfig(approach=list(approach), closing_axis=axis)
+        for _, approach in _SIDES
+        for axis in _AXES
+        if not dot(AXES[axis], approach)
+    ]
+
+
+def name_grasps(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
+    """Return grasps with distinct names; a single grasp gets none."""
+    if len(grasps) < 2:
+        return tuple(grasps)
+    names = [side_name(grasp.approach) for grasp in grasps]
+    for detail in (_closing_words, _kind_words):
+        taken = Counter(names)
+        names = [
+            f"{name} {detail(grasp)}" if taken[name] > 1 else name
+            for name, grasp in zip(names, grasps, strict=True)
+        ]
+    taken, numbers = Counter(names), {name: count(1) for name in names}
+    names = [f"{name} {next(numbers[name])}" if taken[name] > 1 else name for name in names]
+    return tuple(replace(grasp, name=name) for grasp, name in zip(grasps, names, strict=True))
+
+
+def _closing_words(grasp: Grasp) -> str:
+    axis = grasp.closing_axis
+    return f"closing along {axis if axis is not None else direction_name(grasp.closing)}"
+
+
+def _kind_words(grasp: Grasp) -> str:
+    return "by suction" if grasp.kind is GraspKind.SUCTION else "by jaws"
 
 
 def _extent(shapes: Sequence[Shape], direction: Point) -> tuple[float, float]:
@@ -280,7 +342,7 @@ def _opposite(direction: Point) -> Point:
 
 
 def _crosswise(approach: Point) -> tuple[Point, Point]:
-    """Return two directions at right angles to one: axes of the part where that is along one."""
+    """Return two directions perpendicular to an approach: axes of the part if possible."""
     axes = [axis for axis in AXES.values() if abs(dot(axis, approach)) < 1e-9]
     if len(axes) == 2:
         return axes[0], axes[1]
@@ -289,70 +351,6 @@ def _crosswise(approach: Point) -> tuple[Point, Point]:
 
 
 def _across(approach: Point) -> Point:
-    """Return how a suction cup is turned that points in a direction: as y, if it can be."""
-    one, other = _crosswise(approach)
-    return other if math.fabs(other[1]) > math.fabs(one[1]) else one
-
-
-_SIDES: tuple[tuple[str, Point], ...] = (
-    ("top", DOWN),
-    ("-x", AXES["x"]),
-    ("+x", (-1.0, 0.0, 0.0)),
-    ("-y", AXES["y"]),
-    ("+y", (0.0, -1.0, 0.0)),
-    ("bottom", AXES["z"]),
-)
-"""The sides of a part, and in which direction of its frame a hand there points."""
-_AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
-
-
-def side_name(approach: Point) -> str:
-    """Return the side of a part from which a hand comes that points in a direction."""
-    for name, direction in _SIDES:
-        if same_direction(direction, approach):
-            return name
-    return direction_name((-approach[0], -approach[1], -approach[2]))
-
-
-def direction_name(direction: Point) -> str:
-    """Return a unit vector in words: ``-x``, or its numbers where it is along no axis."""
-    for name, axis in AXES.items():
-        for sign in (1.0, -1.0):
-            if same_direction((sign * axis[0], sign * axis[1], sign * axis[2]), direction):
-                return f"{'+' if sign > 0 else '-'}{name}"
-    return "(" + " ".join(f"{value + 0.0:.3g}" for value in direction) + ")"
-
-
-def automatic() -> list[GraspConfig]:
-    """Return the grasps that ``auto`` tries: from every side, closing along either axis there."""
-    return [
-        GraspConfig(approach=list(approach), closing_axis=axis)
-        for _, approach in _SIDES
-        for axis in _AXES
-        if not dot(AXES[axis], approach)
-    ]
-
-
-def named(grasps: Sequence[Grasp]) -> tuple[Grasp, ...]:
-    """Return grasps with names that tell them apart; a single one needs none."""
-    if len(grasps) < 2:
-        return tuple(grasps)
-    names = [side_name(grasp.approach) for grasp in grasps]
-    for more in (_closing, _kind):
-        taken = Counter(names)
-        names = [
-            f"{name} {more(grasp)}" if taken[name] > 1 else name
-            for name, grasp in zip(names, grasps, strict=True)
-        ]
-    taken, seen = Counter(names), {name: count(1) for name in names}
-    names = [f"{name} {next(seen[name])}" if taken[name] > 1 else name for name in names]
-    return tuple(replace(grasp, name=name) for grasp, name in zip(grasps, names, strict=True))
-
-
-def _closing(grasp: Grasp) -> str:
-    axis = grasp.closing_axis
-    return f"closing along {axis if axis is not None else direction_name(grasp.closing)}"
-
-
-def _kind(grasp: Grasp) -> str:
-    return "by suction" if grasp.kind is GraspKind.SUCTION else "by jaws"
+    """Return the closing direction of a suction cup: the one nearest to y."""
+    direction, other = _crosswise(approach)
+    return other if math.fabs(other[1]) > math.fabs(direction[1]) else direction

@@ -1,4 +1,4 @@
-"""What is valid in an assembly file, but found out late: wide grasps, blocked feeders, dwells."""
+"""Output of ``check`` on a valid assembly: supports, insertions, meshes, and hints."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
 from skillplan.domains.assembly.gripping import grasps_of_part
 from skillplan.domains.assembly.holding import direction_name
-from skillplan.domains.assembly.insertion import directions_of, insertion_m
-from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_pose
-from skillplan.domains.assembly.part_meshes import origin_lines, piece_lines
+from skillplan.domains.assembly.insertion import insertion_directions, insertion_m
+from skillplan.domains.assembly.layout import get_layout
+from skillplan.domains.assembly.part_meshes import list_moved_meshes, list_pieces
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -26,15 +26,15 @@ _TOUCH_M = 2e-4
 _ROUNDING_M = 1e-6
 
 
-def hints(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield parts that a hand cannot grasp or that block a feeder, and dwells without effect."""
-    yield from _wide_grasps(config)
-    yield from _blocked_feeders(config)
-    yield from _idle_dwells(config)
+def find_hints(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts too wide for a hand, parts that block a feeder, and dwells without effect."""
+    yield from _find_wide_grasps(config)
+    yield from _find_blocked_feeders(config)
+    yield from _find_idle_dwells(config)
 
 
-def _idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield dwell times that are in no skill."""
+def _find_idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield dwell times that no skill uses."""
     for name, screw in config.screws.items():
         if screw.feeder is None and "fetch" in given_kinds(screw):
             message = f"has no effect, as {name!r} comes from no feeder. Give one, or leave it out."
@@ -43,15 +43,15 @@ def _idle_dwells(config: AssemblyConfig) -> Iterator[Issue]:
         screws = [screw for screw in config.screws.values() if screw.tool == name]
         fetched = any(screw.feeder is not None for screw in screws)
         holds = any(part.tool == name for part in config.parts.values())
-        does = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
+        is_used = {"pick": holds, "place": holds, "fasten": bool(screws), "fetch": fetched}
         for kind in given_kinds(tool):
-            if not does.get(kind, True):
+            if not is_used.get(kind, True):
                 message = f"has no effect, as no skill with {name!r} has this dwell. Leave it out."
                 yield Issue(message, ("tools", name, "durations_s", kind))
 
 
-def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield the parts that are wider along their closing axis than the jaws of an engine open."""
+def _find_wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts that are wider along their closing axis than the jaws of an engine open."""
     for name, part in config.parts.items():
         grasps = grasps_of_part(config, name)
         tool = config.tools[part.tool]
@@ -63,32 +63,33 @@ def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
         given = part.grasp if isinstance(part.grasp, GraspConfig) else None
         turned = ""
         if given is not None and grasp.from_above and axis in ("x", "y"):
-            # The other axis, at the same depth, helps where the part is narrow enough.
+            # Suggest the other axis if the part is narrow enough along it at the same depth.
             other = "yx"["xy".index(axis)]
-            if jaws_about(boxes_of(part), other, given.depth_m).width_m <= opening_m:
+            if jaws_about(part.bounding_boxes, other, given.depth_m).width_m <= opening_m:
                 turned = f"{{closing_axis: {other}}} or "
         message = (
             f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those "
             f"that engines simulate open {opening_m:.3f} m. Give grasp: {turned}{{type: suction}}."
         )
-        own = given is None or given.model_fields_set & {"approach", "closing_axis"}
-        yield Issue(message, ("parts", name, "grasp" if own else part.shape_key))
+        is_own = given is None or given.model_fields_set & {"approach", "closing_axis"}
+        yield Issue(message, ("parts", name, "grasp" if is_own else part.shape_key))
 
 
 def _fits(grasp: Grasp, opening_m: float) -> bool:
     return grasp.kind is GraspKind.SUCTION or grasp.width_m <= opening_m + _ROUNDING_M
 
 
-def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
+def _find_blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
+    layout = get_layout(config)
     lying = {
-        name: _boxes_at(part, start_pose(config, name))
+        name: _boxes_at(part, layout.start(name).pose)
         for name, part in config.parts.items()
         if part.feeder is None
     }
     for feeder in config.feeders:
-        handed_out = _handed_out(config, feeder)
+        presented = _list_presented(config, feeder)
         blocked = {
-            name: [what for what, boxes in handed_out.items() if _meet(boxes, own, config)]
+            name: [item for item, boxes in presented.items() if _meet(boxes, own, config)]
             for name, own in lying.items()
         }
         for name, waiting in blocked.items():
@@ -101,11 +102,11 @@ def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
                 yield Issue(message, ("parts", name, key))
 
 
-def _handed_out(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox, ...]]:
-    """Return what a feeder hands out, by the boxes about it where it is taken."""
-    place = feeder_of(config, feeder)
+def _list_presented(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox, ...]]:
+    """Return the boxes about the parts and screws that a feeder presents, by name."""
+    layout, place = get_layout(config), config.feeders[feeder].position
     parts = {
-        name: _boxes_at(part, start_pose(config, name))
+        name: _boxes_at(part, layout.start(name).pose)
         for name, part in config.parts.items()
         if part.feeder == feeder
     }
@@ -118,7 +119,7 @@ def _handed_out(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox
 
 
 def _boxes_at(part: PartConfig, pose: Pose) -> tuple[WorldBox, ...]:
-    return tuple(box_at(box, pose) for box in boxes_of(part))
+    return tuple(box_at(box, pose) for box in part.bounding_boxes)
 
 
 def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
@@ -130,7 +131,7 @@ def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
 
 
 def _meet(taken: tuple[WorldBox, ...], lying: tuple[WorldBox, ...], config: AssemblyConfig) -> bool:
-    """Whether what is lifted straight up to safe height meets what lies there."""
+    """Whether boxes lifted straight up to safe height meet lying boxes."""
     lift = (0.0, 0.0, config.robot.safe_height_m)
     return any(sweep_hits(own, lift, other, _TOUCH_M) for own in taken for other in lying)
 
@@ -140,18 +141,18 @@ def _listed(names: list[str]) -> str:
     return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
 
 
-def rest_overview(config: AssemblyConfig) -> Overview:
-    """Return what every part of a faultless assembly rests on, in words and as JSON values."""
+def list_supports(config: AssemblyConfig) -> Overview:
+    """Return the supports of every part, moved meshes and convex pieces, as text and JSON."""
     lines, entries = [], []
     for name, part in config.parts.items():
         start, goal = rests_at_start(config, name), rests_at_goal(config, name)
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
         lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
         entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
-    origins, meshes = origin_lines(config)
-    more, pieces = piece_lines(config)
-    found = {"meshes": meshes, "pieces": pieces}
-    document = {"rests": entries, **{key: values for key, values in found.items() if values}}
+    origins, meshes = list_moved_meshes(config)
+    more, pieces = list_pieces(config)
+    extra = {"meshes": meshes, "pieces": pieces}
+    document = {"rests": entries, **{key: values for key, values in extra.items() if values}}
     return Overview(document, (*lines, *origins, *more))
 
 
@@ -163,15 +164,15 @@ def _document(rests: list[Rest]) -> list[dict[str, Any]]:
     return [{"on": rest.on, "area_mm2": round(rest.area_m2 * 1e6, 3)} for rest in rests]
 
 
-def way_overview(config: AssemblyConfig) -> Overview:
-    """Return how parts of a faultless assembly go in and are held, in words and as JSON values.
+def list_choices(config: AssemblyConfig) -> Overview:
+    """Return the insertions and grasps of parts, as text and JSON.
 
-    Only of parts that say in which direction they go in, or may be held in several ways.
+    Parts with one grasp and no given direction of insertion are left out.
     """
     lines, entries = [], []
     for name, part in config.parts.items():
         grasps = [grasp.name for grasp in grasps_of_part(config, name) if grasp.name]
-        directions = () if part.insert_along is None else directions_of(config, name)
+        directions = () if part.insert_along is None else insertion_directions(config, name)
         if not grasps and not directions:
             continue
         stretches: list[dict[str, Any]] = []
@@ -181,8 +182,8 @@ def way_overview(config: AssemblyConfig) -> Overview:
             stretches.append({"along": list(direction), "insert_m": length_m})
             far = "" if length_m is None else f" over {1000 * length_m:,.1f} mm"
             words.append(f"along {direction_name(direction)}{far}")
-        said = [f"goes in {' or '.join(words)}"] if words else []
-        said += [f"is held at {' or '.join(grasps)}"] if grasps else []
-        lines.append(f"ways       {name} {', '.join(said)}")
+        clauses = [f"goes in {' or '.join(words)}"] if words else []
+        clauses += [f"is held at {' or '.join(grasps)}"] if grasps else []
+        lines.append(f"ways       {name} {', '.join(clauses)}")
         entries.append({"part": name, "directions": stretches, "grasps": grasps})
     return Overview({"ways": entries} if entries else {}, tuple(lines))

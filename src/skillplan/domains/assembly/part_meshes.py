@@ -1,4 +1,4 @@
-"""Meshes that are moved from where their files have them, and how to keep their origins."""
+"""Meshes of parts: shifts against the frames of their files, and convex pieces of concave ones."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.domains.assembly.part_schema import MeshConfig, PartConfig
+from skillplan.domains.assembly.part_schema import MeshConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.files.schema_errors import shown
@@ -20,7 +20,7 @@ _DECIMALS = 6
 
 @dataclass(frozen=True, slots=True)
 class MovedMesh:
-    """A mesh without ``centre_m`` whose origin is not that of its part.
+    """A mesh without ``centre_m`` whose origin differs from that of its part.
 
     Parameters
     ----------
@@ -54,38 +54,34 @@ class MovedMesh:
         return f"{begin}, so that its box is centred; give centre_m: [{keeping}] to keep its origin"
 
 
-def moved_meshes(config: AssemblyConfig, parts: Iterable[str]) -> Iterator[MovedMesh]:
+def find_moved_meshes(config: AssemblyConfig, parts: Iterable[str]) -> Iterator[MovedMesh]:
     """Yield the moved meshes of some parts."""
     for name in parts:
-        yield from _moved(name, config.parts[name])
-
-
-def _moved(name: str, part: PartConfig) -> Iterator[MovedMesh]:
-    meshes = part.meshes or []
-    # Several meshes of a part keep their heights relative to the lowest.
-    lowest_m = min((mesh.middle_m[2] - mesh.size_m[2] / 2 for mesh in meshes), default=0.0)
-    for index, mesh in enumerate(meshes):
-        if mesh.centre_m is not None:
-            continue
-        x_m, y_m, z_m = mesh.middle_m
-        keeping: Point = (x_m, y_m, z_m - lowest_m)
-        moved: Point = (-x_m, -y_m, mesh.size_m[2] / 2 - z_m)
-        is_aside = max(abs(x_m), abs(y_m), abs(keeping[2] - mesh.size_m[2] / 2)) > _SHIFT_M
-        if is_aside or abs(moved[2]) > _SHIFT_M:
-            kept = _rounded(keeping) if is_aside else None
-            yield MovedMesh(name, index, mesh, _rounded(moved), kept)
+        meshes = config.parts[name].meshes or []
+        # Several meshes of a part keep their heights relative to the lowest.
+        lowest_m = min((mesh.middle_m[2] - mesh.size_m[2] / 2 for mesh in meshes), default=0.0)
+        for index, mesh in enumerate(meshes):
+            if mesh.centre_m is not None:
+                continue
+            x_m, y_m, z_m = mesh.middle_m
+            keeping: Point = (x_m, y_m, z_m - lowest_m)
+            moved: Point = (-x_m, -y_m, mesh.size_m[2] / 2 - z_m)
+            is_aside = max(abs(x_m), abs(y_m), abs(keeping[2] - mesh.size_m[2] / 2)) > _SHIFT_M
+            if is_aside or abs(moved[2]) > _SHIFT_M:
+                kept = _round_point(keeping) if is_aside else None
+                yield MovedMesh(name, index, mesh, _round_point(moved), kept)
 
 
 def origin_hint(config: AssemblyConfig, parts: Iterable[str]) -> str:
     """Return sentences on moved meshes, to be appended to a fault of their parts' places."""
-    moved = moved_meshes(config, parts)
+    moved = find_moved_meshes(config, parts)
     words = dict.fromkeys(mesh.words for mesh in moved if mesh.keeping_m is not None)
     return "".join(f" {sentence}." for sentence in words)
 
 
-def origin_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
+def list_moved_meshes(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
     """Return all moved meshes of an assembly, in words and as JSON values."""
-    moved = list(moved_meshes(config, config.parts))
+    moved = list(find_moved_meshes(config, config.parts))
     lines = [f"mesh       {mesh.words} ({mesh.part})" for mesh in moved]
     entries = [
         {
@@ -99,16 +95,11 @@ def origin_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]
     return lines, entries
 
 
-def _rounded(point: Point) -> Point:
-    x, y, z = (round(value, _DECIMALS) + 0.0 for value in point)
-    return (x, y, z)
-
-
-def piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield meshes that are not convex where nothing takes them apart into pieces that are."""
-    concave = [entry for entry in _concave(config) if not entry[3]]
+def find_piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield concave meshes that no plugin decomposes into convex pieces."""
+    concave = [entry for entry in _concave_meshes(config) if not entry[3]]
     for number, (name, index, mesh, _) in enumerate(concave, 1):
-        # Takes numpy, which most boards do without.
+        # Imports numpy, which most boards do not need.
         from skillplan.collision.decomposition import NoPieces, decomposition_of
 
         try:
@@ -117,33 +108,40 @@ def piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(f"{error}.", ("parts", name, "meshes", index, "file"))
 
 
-def piece_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
-    """Return of every mesh that is not convex its pieces and their error, in words and as JSON."""
+def list_pieces(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return number and errors of the pieces of each concave mesh, in words and as JSON values."""
     lines, entries = [], []
-    for name, index, mesh, given in _concave(config):
+    for name, index, mesh, given in _concave_meshes(config):
         from skillplan.collision.decomposition import decomposition_of, given_decomposition
 
-        found = given_decomposition(mesh, given) if given else decomposition_of(mesh)
-        count = len(found.pieces)
+        decomposition = given_decomposition(mesh, given) if given else decomposition_of(mesh)
+        count = len(decomposition.pieces)
         lines.append(
             f"pieces     {name} moves as {count} convex piece{'' if count == 1 else 's'}, "
-            f"{found.outside_m * 1e3:.2f} mm outside its mesh and {found.missing_m * 1e3:.2f} mm "
-            "short of it"
+            f"{decomposition.outside_m * 1e3:.2f} mm outside its mesh and "
+            f"{decomposition.missing_m * 1e3:.2f} mm short of it"
         )
         entries.append(
             {
                 "part": name,
                 "mesh": index,
                 "pieces": count,
-                "outside_mm": round(found.outside_m * 1e3, 4),
-                "missing_mm": round(found.missing_m * 1e3, 4),
+                "outside_mm": round(decomposition.outside_m * 1e3, 4),
+                "missing_mm": round(decomposition.missing_m * 1e3, 4),
             }
         )
     return lines, entries
 
 
-def _concave(config: AssemblyConfig) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
+def _concave_meshes(
+    config: AssemblyConfig,
+) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
     for name, part in config.parts.items():
         for index, mesh in enumerate(part.meshes or ()):
             if not mesh.convex:
                 yield name, index, mesh.shape, mesh.given_pieces
+
+
+def _round_point(point: Point) -> Point:
+    x, y, z = (round(value, _DECIMALS) + 0.0 for value in point)
+    return (x, y, z)

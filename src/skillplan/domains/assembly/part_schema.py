@@ -29,13 +29,14 @@ from skillplan.domains.assembly.schema_types import (
     PlanarOrSpatial,
     ScrewDurations,
     Spatial,
+    as_point,
     is_absent,
     unit_of,
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.task.pose import DOWN, Point
-from skillplan.task.shape import Mesh
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 # Beyond, the expected number of tries exceeds what 53 bits can tell apart from never.
@@ -274,6 +275,51 @@ class PartConfig(Strict):
         return _turn(self.goal_rpy_rad, self.goal_yaw_rad)
 
     @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Shapes that it consists of, in its own frame."""
+        if self.size_m is not None:
+            x_m, y_m, z_m = self.size_m
+            return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
+        if self.cylinder is not None:
+            height_m = self.cylinder.height_m
+            return (Cylinder(self.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
+        if self.meshes is not None:
+            return tuple(mesh.shape for mesh in self.meshes)
+        return tuple(Box(as_point(box.size_m), as_point(box.centre_m)) for box in self.boxes or ())
+
+    @property
+    def convex_shapes(self) -> tuple[Shape, ...]:
+        """Convex shapes that it consists of: a concave mesh is replaced by its pieces.
+
+        Raises
+        ------
+        NoPieces
+            If no installed plugin decomposes such a mesh.
+        """
+        if all(mesh.convex for mesh in self.meshes or ()):
+            return self.shapes
+        # Imports numpy, which most boards do not need.
+        from skillplan.collision.decomposition import decomposition_of
+
+        shapes: list[Shape] = []
+        for mesh in self.meshes or ():
+            if mesh.convex:
+                shapes.append(mesh.shape)
+            else:
+                shapes += mesh.given_pieces or decomposition_of(mesh.shape).pieces
+        return tuple(shapes)
+
+    @property
+    def bounding_boxes(self) -> tuple[Box, ...]:
+        """Smallest upright boxes about its shapes, in its own frame."""
+        return tuple(shape.box for shape in self.shapes)
+
+    @property
+    def height_m(self) -> float:
+        """Height of its top above its bottom [m]."""
+        return max(box.centre[2] + box.size[2] / 2 for box in self.bounding_boxes)
+
+    @property
     def shape_key(self) -> str:
         """The key that gives its shape."""
         return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
@@ -311,8 +357,13 @@ class ScrewConfig(Strict):
         description="dwell times of this screw [s]; left out: those of its tool, or the task's",
     )
 
+    @property
+    def direction(self) -> Point:
+        """Unit vector in the world along which it goes into its hole."""
+        return unit_of(self.axis)
+
     @model_validator(mode="after")
-    def _height_of_what_is_askew(self) -> ScrewConfig:
+    def _require_height_of_oblique_hole(self) -> ScrewConfig:
         if len(self.hole_m) < 3 and unit_of(self.axis) != DOWN:
             message = "give the hole x y z [m], as its axis is not straight down."
             raise Located(message, "hole_m")

@@ -1,4 +1,4 @@
-"""What parts rest on, with which area; and what floats, overlaps, or lies elsewhere."""
+"""Supports of parts with their contact areas, and faults: overlaps, gaps, missing supports."""
 
 from __future__ import annotations
 
@@ -7,32 +7,31 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from skillplan.collision.boxes import WorldBox
 from skillplan.collision.solid import TOUCH_M, Solid, centre_of, stands
-from skillplan.domains.assembly.layout import goal_solid, start_solid, table
+from skillplan.domains.assembly.layout import get_layout, get_table
 from skillplan.domains.assembly.part_meshes import origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 
-# Up to so much of its least width, a part is taken to have been meant beside what it stands on.
-_MOST_SHARE = 0.4
+# A part that passes a wall once it is narrower by this share was meant to stand beside it.
+_WALL_SHARE = 0.4
 _PRECISION_M = 1e-5
 
 TABLE = "the table"
-"""What is beneath everything; no part can have this name."""
+"""Name of the table as a support; part names have no blanks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What bears a part.
+    """A support of a part.
 
     Parameters
     ----------
     on
-        Its name.
+        Name of the support.
     area_m2
-        How much of it the part stands on, seen from above [m2]; 0 on a line or a point.
+        Contact area seen from above [m2]; 0 for a line or a point.
     """
 
     on: str
@@ -40,8 +39,8 @@ class Rest:
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
-    """All parts that lie or stand somewhere at one time."""
+class _Stage:
+    """All parts at the start, or all at their goals."""
 
     key: str
     when: str
@@ -49,73 +48,75 @@ class _Layout:
     named: Mapping[str, list[str]]
 
     def place(self, part: PartConfig) -> list[float] | None:
-        """Return the numbers that the file gives for a part's place."""
+        """Return the place of a part as the file gives it."""
         given: list[float] | None = getattr(part, f"{self.key}_m")
         return given
 
 
 def bearers_at_start(config: AssemblyConfig, name: str) -> list[str]:
-    """Return the parts that a part lies on at the start, as the file says or by its height."""
+    """Return the parts that a part lies on at the start, by name or by its height."""
     part = config.parts[name]
     if part.start_m is None or len(part.start_m) == 2:
         return [] if part.start_on is None else [part.start_on]
-    own = start_solid(config, name)
+    layout = get_layout(config)
+    own = layout.start(name)
     lying = [other for other, at in config.parts.items() if other != name and at.feeder is None]
-    return [other for other in lying if _bears(start_solid(config, other), own)]
+    return [other for other in lying if _bears(layout.start(other), own)]
 
 
 def rests_at_start(config: AssemblyConfig, name: str) -> list[Rest]:
-    """Return what a part lies on at the start, that of the most area first; none in a feeder."""
-    return [] if config.parts[name].feeder is not None else _rests(_starts(config), name)
+    """Return the supports of a part at the start, largest area first; none in a feeder."""
+    return [] if config.parts[name].feeder is not None else _find_rests(_starts(config), name)
 
 
 def rests_at_goal(config: AssemblyConfig, name: str) -> list[Rest]:
-    """Return what a part stands on at its goal once all others do, that of the most area first."""
-    return _rests(_goals(config), name)
+    """Return the supports of a part at its goal among all parts, largest area first."""
+    return _find_rests(_goals(config), name)
 
 
-def resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield what overlaps, and what does not lie on what it should, with millimetres."""
-    for layout in (_starts(config), _goals(config)):
-        amiss: set[str] = set()
-        for issue, names in _overlaps(config, layout):
-            amiss |= names
+def find_resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield overlaps, and parts that do not lie on their supports, with millimetres."""
+    for stage in (_starts(config), _goals(config)):
+        overlapping: set[str] = set()
+        for issue, names in _find_overlaps(config, stage):
+            overlapping |= names
             yield issue
-        for name in layout.solids:
-            if name not in amiss:
-                hint = origin_hint(config, (name, *layout.named.get(name, ())))
-                for issue in _loose(config.parts[name], name, layout):
+        for name in stage.solids:
+            if name not in overlapping:
+                hint = origin_hint(config, (name, *stage.named.get(name, ())))
+                for issue in _find_gaps(config.parts[name], name, stage):
                     yield replace(issue, message=f"{issue.message}{hint}")
 
 
-def _starts(config: AssemblyConfig) -> _Layout:
+def _starts(config: AssemblyConfig) -> _Stage:
+    layout = get_layout(config)
     lying = [name for name, part in config.parts.items() if part.feeder is None]
-    return _Layout(
+    return _Stage(
         "start",
         "at the start",
-        {name: start_solid(config, name) for name in lying},
+        {name: layout.start(name) for name in lying},
         {name: [on] for name in lying if (on := config.parts[name].start_on) is not None},
     )
 
 
-def _goals(config: AssemblyConfig) -> _Layout:
-    return _Layout(
+def _goals(config: AssemblyConfig) -> _Stage:
+    layout = get_layout(config)
+    return _Stage(
         "goal",
         "at their goals",
-        {name: goal_solid(config, name) for name in config.parts},
+        {name: layout.goal(name) for name in config.parts},
         {name: on for name, part in config.parts.items() if (on := part.goal_on) is not None},
     )
 
 
-def _rests(layout: _Layout, name: str) -> list[Rest]:
-    own = layout.solids[name]
-    beneath = {TABLE: table(), **layout.solids}
-    found = [
+def _find_rests(stage: _Stage, name: str) -> list[Rest]:
+    own = stage.solids[name]
+    rests = [
         Rest(other, own.contact_m2(solid))
-        for other, solid in beneath.items()
+        for other, solid in {TABLE: get_table(), **stage.solids}.items()
         if other != name and _bears(solid, own)
     ]
-    return sorted(found, key=lambda rest: -rest.area_m2)
+    return sorted(rests, key=lambda rest: -rest.area_m2)
 
 
 def _bears(lower: Solid, upper: Solid) -> bool:
@@ -125,31 +126,31 @@ def _bears(lower: Solid, upper: Solid) -> bool:
     return gap_m is not None and gap_m <= TOUCH_M
 
 
-def _overlaps(config: AssemblyConfig, layout: _Layout) -> Iterator[tuple[Issue, set[str]]]:
-    """Yield what overlaps, with the names of those that do."""
-    for one, other in combinations(layout.solids, 2):
-        depth_m = layout.solids[other].depth_m(layout.solids[one])
+def _find_overlaps(config: AssemblyConfig, stage: _Stage) -> Iterator[tuple[Issue, set[str]]]:
+    """Yield overlaps of parts with each other and with the table, and the names of the parts."""
+    for first, second in combinations(stage.solids, 2):
+        depth_m = stage.solids[second].depth_m(stage.solids[first])
         if depth_m > TOUCH_M:
-            way_m = layout.solids[other].way_out_m(layout.solids[one])
-            message = f"{other!r} and {one!r} overlap by {_mm(way_m)} {layout.when}. Move one."
-            message += origin_hint(config, (other, one))
-            given = layout.place(config.parts[other]) is not None
-            key = f"{layout.key}_m" if given else f"{layout.key}_on"
-            yield Issue(message, ("parts", other, key)), {one, other}
-    for name, solid in layout.solids.items():
+            way_m = stage.solids[second].way_out_m(stage.solids[first])
+            message = f"{second!r} and {first!r} overlap by {_mm(way_m)} {stage.when}. Move one."
+            message += origin_hint(config, (second, first))
+            given = stage.place(config.parts[second]) is not None
+            key = f"{stage.key}_m" if given else f"{stage.key}_on"
+            yield Issue(message, ("parts", second, key)), {first, second}
+    for name, solid in stage.solids.items():
         depth_m = -solid.box.low[2]
         if depth_m > TOUCH_M:
-            message = f"{name!r} is {_mm(depth_m)} deep in the table {layout.when}. Raise it."
-            yield Issue(message, ("parts", name, f"{layout.key}_m")), {name}
+            message = f"{name!r} is {_mm(depth_m)} deep in the table {stage.when}. Raise it."
+            yield Issue(message, ("parts", name, f"{stage.key}_m")), {name}
 
 
-def _loose(part: PartConfig, name: str, layout: _Layout) -> Iterator[Issue]:
-    """Yield what a part should lie on, and does not."""
-    own, place = layout.solids[name], layout.place(part)
-    key, raised = f"{layout.key}_on", place is not None and len(place) == 3
-    named = layout.named.get(name, [])
+def _find_gaps(part: PartConfig, name: str, stage: _Stage) -> Iterator[Issue]:
+    """Yield the named supports that a part does not touch, and a part above all supports."""
+    own, place = stage.solids[name], stage.place(part)
+    key, has_height = f"{stage.key}_on", place is not None and len(place) == 3
+    named = stage.named.get(name, [])
     for index, other in enumerate(named):
-        beneath = layout.solids[other]
+        beneath = stage.solids[other]
         gap_m = own.gap_m(beneath)
         path = ("parts", name, key, index) if len(named) > 1 else ("parts", name, key)
         if gap_m is not None and gap_m <= TOUCH_M:
@@ -161,72 +162,64 @@ def _loose(part: PartConfig, name: str, layout: _Layout) -> Iterator[Issue]:
             yield Issue(message, path)
         elif gap_m is None:
             yield Issue(f"{name!r} does not lie on {other!r}, but below its top. Raise it.", path)
-        elif raised:
+        elif has_height:
             message = f"{name!r} floats {_mm(gap_m)} above {other!r}. Lower it, or leave out z."
-            yield Issue(message, ("parts", name, f"{layout.key}_m"))
+            yield Issue(message, ("parts", name, f"{stage.key}_m"))
         else:
             message = (
                 f"{name!r} does not lie on {other!r}, but {_mm(gap_m)} above it. Leave it out."
             )
             yield Issue(message, path)
-    if raised and not named:
-        yield from _floating(name, layout)
-    if named and not raised:
-        yield from _on_a_wall(name, named, layout)
+    if has_height and not named:
+        yield from _find_floating(name, stage)
+    if named and not has_height:
+        yield from _find_wall_overlap(name, named, stage)
 
 
-def _on_a_wall(name: str, named: list[str], layout: _Layout) -> Iterator[Issue]:
-    """Yield that a part would tip off what it would pass by if it was a little narrower."""
-    own = layout.solids[name]
-    beneath = [table(), *(solid for other, solid in layout.solids.items() if other != name)]
+def _find_wall_overlap(name: str, named: list[str], stage: _Stage) -> Iterator[Issue]:
+    """Yield a part that would tip off a wall that it would pass if it were a little narrower."""
+    own = stage.solids[name]
+    beneath = [get_table(), *(solid for other, solid in stage.solids.items() if other != name)]
     corners = [corner for solid in beneath for face in own.contacts(solid) for corner in face]
     if not corners or stands(centre_of(own.shapes, own.pose), corners):
         return
 
     def passes(by_m: float) -> bool:
-        falls_m = [own.narrowed_fall_m(layout.solids[other], by_m) for other in named]
+        falls_m = [own.narrowed_fall_m(stage.solids[other], by_m) for other in named]
         return TOUCH_M < min(falls_m) < math.inf
 
-    sizes_m = [h - low for piece in own.pieces for low, h in zip(*_plan(piece.box), strict=True)]
-    low_m, high_m = 0.0, _MOST_SHARE * min(sizes_m)
+    boxes = [piece.box for piece in own.pieces]
+    sizes_m = [box.high[axis] - box.low[axis] for box in boxes for axis in (0, 1)]
+    low_m, high_m = 0.0, _WALL_SHARE * min(sizes_m)
     if not passes(high_m):
         return
     while high_m - low_m > _PRECISION_M:
         middle_m = (low_m + high_m) / 2
         low_m, high_m = (low_m, middle_m) if passes(middle_m) else (middle_m, high_m)
-    message = (
-        f"{name!r} is {_mm(high_m)} deep in a wall of {_listed(named)} {layout.when}. Move it."
-    )
-    key = "m" if layout.key == "goal" else "on"
-    yield Issue(message, ("parts", name, f"{layout.key}_{key}"))
+    walls = " or ".join(repr(other) for other in named)
+    message = f"{name!r} is {_mm(high_m)} deep in a wall of {walls} {stage.when}. Move it."
+    key = "m" if stage.key == "goal" else "on"
+    yield Issue(message, ("parts", name, f"{stage.key}_{key}"))
 
 
-def _plan(box: WorldBox) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return box.low[:2], box.high[:2]
-
-
-def _listed(names: list[str]) -> str:
-    return " or ".join(repr(name) for name in names)
-
-
-def _floating(name: str, layout: _Layout) -> Iterator[Issue]:
-    own = layout.solids[name]
-    beneath = {TABLE: table(), **layout.solids}
-    gaps = {
+def _find_floating(name: str, stage: _Stage) -> Iterator[Issue]:
+    """Yield a part at a given height with a gap to the nearest support."""
+    own = stage.solids[name]
+    gaps_m = {
         other: gap_m
-        for other, solid in beneath.items()
+        for other, solid in {TABLE: get_table(), **stage.solids}.items()
         if other != name and (gap_m := own.gap_m(solid)) is not None
     }
-    if not gaps:
+    if not gaps_m:
         return
-    nearest = min(gaps, key=lambda other: gaps[other])
-    if gaps[nearest] > TOUCH_M:
-        what = nearest if nearest == TABLE else repr(nearest)
+    nearest = min(gaps_m, key=lambda other: gaps_m[other])
+    if gaps_m[nearest] > TOUCH_M:
+        support = nearest if nearest == TABLE else repr(nearest)
         message = (
-            f"{name!r} floats {_mm(gaps[nearest])} above {what} {layout.when}. Lower it, or leave "
-            "out z."
+            f"{name!r} floats {_mm(gaps_m[nearest])} above {support} {stage.when}. Lower it, or "
+            "leave out z."
         )
-        yield Issue(message, ("parts", name, f"{layout.key}_m"))
+        yield Issue(message, ("parts", name, f"{stage.key}_m"))
 
 
 def _mm(length_m: float) -> str:

@@ -149,6 +149,12 @@ class RobotConfig(Strict):
         return self._arm.works_within_m if self.reach_m is None else self.reach_m
 
     @property
+    def look(self) -> Point:
+        """Place where the tip looks for a part after a failed grasp, at safe height [m]."""
+        assert self.look_m is not None
+        return (self.look_m[0], self.look_m[1], self.safe_height_m)
+
+    @property
     def base_orientation(self) -> Quaternion:
         """How its base is turned."""
         roll, pitch, yaw = self.base_rpy_rad
@@ -215,6 +221,11 @@ class ToolConfig(Strict):
             if number and height_m < rows[number - 1][0]:
                 raise Located("heights rise from row to row.", "jaw_profile_m", number)
         return self
+
+    @property
+    def holder(self) -> Point:
+        """Position of its holder [m]."""
+        return (self.holder_m[0], self.holder_m[1], self.holder_height_m)
 
     def hand_on(self, hand: Hand) -> Hand | None:
         """Return what it looks like instead of the hand of the arm; None for that."""

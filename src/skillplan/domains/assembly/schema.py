@@ -11,6 +11,7 @@ from skillplan.domains.assembly.robot_schema import RobotConfig, ToolConfig
 from skillplan.domains.assembly.schema_types import DurationsConfig, Height, Planar
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
+from skillplan.task.pose import Point
 
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
@@ -39,6 +40,11 @@ class FeederConfig(Strict):
     height_m: Height = Field(
         0.0, description="height of what bears a part, or the head of a screw, in it [m]"
     )
+
+    @property
+    def position(self) -> Point:
+        """Where it hands out [m]."""
+        return (self.position_m[0], self.position_m[1], self.height_m)
 
 
 class ChartLine(Strict):

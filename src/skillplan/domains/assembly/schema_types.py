@@ -109,6 +109,12 @@ Grasps = Annotated[
 """One grasp, several to choose from, or ``auto``."""
 
 
+def as_point(values: list[float]) -> Point:
+    """Return three numbers as a point."""
+    x, y, z = values
+    return (x, y, z)
+
+
 def unit_of(vector: list[float]) -> Point:
     """Return the direction of three numbers that have one, as a vector of length 1."""
     # What is a unit vector already stays as it is, to the last bit.

@@ -16,57 +16,32 @@ def start_place(config: AssemblyConfig, part: str) -> str:
     return config.parts[part].feeder or f"{part}.start"
 
 
-def goal_place(part: str) -> str:
-    """Return the name of the place where a part is set down."""
-    return f"{part}.goal"
-
-
-def missed_place(part: str) -> str:
-    """Return the name of the place where the arm looks for a part whose grasp failed."""
-    return f"{part}.missed"
-
-
 def missed_parts(config: AssemblyConfig) -> list[str]:
-    """Return the parts that the arm looks for elsewhere once their grasp has failed."""
+    """Return the parts that the arm looks for from another place after a failed grasp."""
     if config.robot.look_m is None:
         return []
     return [name for name, part in config.parts.items() if part.grasp_failure]
 
 
-def holder_place(tool: str) -> str:
-    """Return the name of the place where a tool hangs."""
-    return f"{tool}.holder"
-
-
-def at(place: str) -> str:
-    """Return the fact that the arm stands at a place."""
-    return f"at({place})"
-
-
-def bare_hand(config: AssemblyConfig) -> bool:
+def allows_bare_hand(config: AssemblyConfig) -> bool:
     """Whether the arm may be without any tool."""
     return config.initial_tool is None or config.tool_change.style == "separate"
 
 
-def places(config: AssemblyConfig) -> list[str]:
-    """Return every place where the arm may stand."""
-    names = [HOME]
+def list_facts(config: AssemblyConfig) -> Facts:
+    """Return the facts of the task with their exclusive groups."""
+    places = [HOME]
     for part in config.parts:
-        names += [start_place(config, part), goal_place(part)]
-    names += [holder_place(tool) for tool in config.tools]
-    names += list(config.screws)
-    names += [missed_place(part) for part in missed_parts(config)]
-    return list(dict.fromkeys(names))
-
-
-def facts_of(config: AssemblyConfig) -> Facts:
-    """Return the vocabulary of the task."""
+        places += [start_place(config, part), f"{part}.goal"]
+    places += [f"{tool}.holder" for tool in config.tools]
+    places += list(config.screws)
+    places += [f"{part}.missed" for part in missed_parts(config)]
     parts = [f"{fact}({part})" for part in config.parts for fact in ("at_start", "held", "placed")]
     screws = [f"fastened({screw})" for screw in config.screws]
     tools = [f"tool({tool})" for tool in config.tools]
-    if bare_hand(config):
+    if allows_bare_hand(config):
         tools.append(NO_TOOL)
-    stands = [at(place) for place in places(config)]
+    stands = [f"at({place})" for place in dict.fromkeys(places)]
     held = tuple(f"held({part})" for part in config.parts)
     whereabouts = tuple((f"at_start({p})", f"held({p})", f"placed({p})") for p in config.parts)
     return Facts(
@@ -75,7 +50,7 @@ def facts_of(config: AssemblyConfig) -> Facts:
     )
 
 
-def action_names(config: AssemblyConfig) -> list[str]:
+def list_actions(config: AssemblyConfig) -> list[str]:
     """Return all actions in file order: pick and place by part, tool changes, fastenings."""
     names = [f"{kind}({part})" for part in config.parts for kind in ("pick", "place")]
     for tool in config.tools:
@@ -85,8 +60,8 @@ def action_names(config: AssemblyConfig) -> list[str]:
     return names + [f"fasten({screw})" for screw in config.screws]
 
 
-def literal_parts(text: str) -> tuple[str, bool]:
-    """Return the fact of an observation entry, and whether it stands for its truth."""
+def split_literal(text: str) -> tuple[str, bool]:
+    """Return the fact of an observation entry, and False if the entry negates it."""
     words = text.split()
     if len(words) == 2 and words[0] == "not":
         return words[1], False
