@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.errors import OptionError
-from skillplan.records import FiguresRecord, RunMetrics, metrics_line, metrics_of, read_metrics
+from skillplan.records import FiguresRecord, RunMetrics, metrics_line, parse_metrics, read_metrics
 from skillplan.solvers import Episode
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -33,12 +33,12 @@ def test_every_line_comes_back_as_it_was(episodes: list[Episode], figures: dict[
     record = FiguresRecord(10**9, figures)
     lines = [metrics_line(one) for one in (*episodes, record)]
     assert all("\n" not in line for line in lines)
-    assert RunMetrics(tuple(episodes), (record,)) == metrics_of(lines, Path("a"), 3)
+    assert RunMetrics(tuple(episodes), (record,)) == parse_metrics(lines, Path("a"), 3)
 
 
 def test_figures_that_are_not_finite_are_left_out() -> None:
     line = metrics_line(FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")}))
-    (found,) = metrics_of([line], Path("a"), 0).figures
+    (found,) = parse_metrics([line], Path("a"), 0).figures
     assert FiguresRecord(5, {"q": 1.0}) == found
 
 
@@ -56,7 +56,7 @@ def test_a_piece_of_a_line_at_the_end_is_left_out(tmp_path: Path) -> None:
     for length in range(1, len(GOOD) + 1):
         path = tmp_path / f"{length}.jsonl"
         path.write_text(f"{GOOD}\n{GOOD[:length]}")
-        assert metrics_of([GOOD], path, 0) == read_metrics(path, 0), length
+        assert parse_metrics([GOOD], path, 0) == read_metrics(path, 0), length
 
 
 @pytest.mark.parametrize(

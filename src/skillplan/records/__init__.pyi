@@ -79,7 +79,7 @@ from .training.run_folder import copy_name as copy_name
 from .training.run_folder import group_path as group_path
 from .training.run_folder import is_run_folder as is_run_folder
 from .training.run_folder import metrics_line as metrics_line
-from .training.run_folder import metrics_of as metrics_of
+from .training.run_folder import parse_metrics as parse_metrics
 from .training.run_folder import read_metrics as read_metrics
 from .training.run_folder import run_path as run_path
 from .training.shortfall import Shortfall as Shortfall
@@ -152,7 +152,7 @@ __all__ = [
     "is_run_folder",
     "mean",
     "metrics_line",
-    "metrics_of",
+    "parse_metrics",
     "policy_document",
     "published_runs",
     "read_metrics",

@@ -42,7 +42,7 @@ from skillplan.records.training.run_folder import (
     TaskReference,
     copy_name,
     group_path,
-    metrics_lines,
+    read_metrics_lines,
     run_path,
 )
 from skillplan.solvers.learning.learner import STRIDE_STEPS
@@ -212,7 +212,7 @@ class TrainingFolder(HeldFolder):
         with writing(self.path, METRICS):
             for run in range(len(self.manifest.seeds)):
                 metrics = run_path(self.path, run) / METRICS
-                for line in metrics_lines(metrics, within=self.path):
+                for line in read_metrics_lines(metrics, within=self.path):
                     lines.append(f'{{"run":{run},{line[1:]}\n')
         text = json.dumps(dict(result), indent=2, allow_nan=False)
         with writing(self.path, RESULT):

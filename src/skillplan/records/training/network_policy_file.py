@@ -1,7 +1,4 @@
-"""Networks that act, as files: their weights as safetensors, what they are for as JSON.
-
-Neither is code: whoever loads one runs nothing that it holds.
-"""
+"""Network policies as files: weights as safetensors, metadata as JSON. Neither contains code."""
 
 from __future__ import annotations
 
@@ -35,15 +32,15 @@ class LearnedTask(BaseModel):
     name: str
     kind: str
     sha256: str = Field(description="hash of the file's content")
-    fingerprint: str = Field(description="hash of facts, goal and what skills bring about")
+    fingerprint: str = Field(description="hash of facts, goal and effects of skills")
 
 
 class NetworkPolicyContent(BaseModel):
-    """What the JSON file says: who learned the network, on what, and what goes in and out."""
+    """Metadata of a network: its learner, its task, its inputs and outputs."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    features: list[str] = Field(min_length=1, description="what every input means")
+    features: list[str] = Field(min_length=1, description="the feature of every input")
     actions: list[str] = Field(min_length=1, description="the skill that every output scores")
     observation: str
     mask: str
@@ -52,54 +49,44 @@ class NetworkPolicyContent(BaseModel):
     options: dict[str, Any]
     task: LearnedTask
     seed: int = Field(ge=0)
-    step: int = Field(ge=0, description="environment steps after which it was kept")
-    cost: float | None = Field(ge=0, description="what its episode cost when it was kept")
+    step: int = Field(ge=0, description="environment step at which it was kept")
+    cost: float | None = Field(ge=0, description="cost of its episode when it was kept")
     kept: Literal["best", "last"]
     layers: list[tuple[int, int]] = Field(min_length=1, description="inputs and outputs of each")
-    sha256: str = Field(description="hash of the file of weights beside it")
+    sha256: str = Field(description="hash of the file of weights")
 
 
 @dataclass(frozen=True)
 class StoredNetwork:
-    """A network as read from its files.
-
-    Parameters
-    ----------
-    network
-        What acts.
-    content
-        What it is for.
-    """
+    """A network with its metadata."""
 
     network: NetworkPolicy
     content: NetworkPolicyContent
 
     @property
     def kept(self) -> Literal["best", "last"]:
-        """Whether it is the best that was seen or the last that was learned."""
+        """Kind of the policy: the best of its run, or the last."""
         return self.content.kept
 
     def misfit(self, task: Task, observation: Observation) -> str | None:
-        """Return why it cannot act on a task at all; None where it can.
+        """Explain why the network cannot act on a task; None if it can.
 
         Parameters
         ----------
-        task
-            The task.
         observation
-            Of its states, of the kind that the network observes.
+            Observation of the task, of the network's kind.
         """
-        for what, mine, there in (
+        for what, own, there in (
             ("actions", self.content.actions, [skill.name for skill in task.skills]),
             ("features", self.content.features, list(observation.features)),
         ):
-            if mine != there:
-                pairs = zip(mine, there, strict=False)
-                first = next(((one, other) for one, other in pairs if one != other), None)
-                found = f"{len(mine)} {what}, not {len(there)}"
+            if own != there:
+                pairs = zip(own, there, strict=False)
+                first = next(((own, other) for own, other in pairs if own != other), None)
+                difference = f"{len(own)} {what}, not {len(there)}"
                 if first is not None:
-                    found = f"other {what}: {first[0]} where the task has {first[1]}"
-                return f"it was learned on {found}"
+                    difference = f"other {what}: {first[0]} where the task has {first[1]}"
+                return f"it was learned on {difference}"
         return None
 
 
@@ -111,18 +98,16 @@ def write_network(
     within: Path | None = None,
     **content: Any,
 ) -> None:
-    """Write a network into two files; the JSON, which vouches for the other one, comes last.
+    """Write a network into two files; the JSON, which holds the hash of the weights, comes last.
 
     Parameters
     ----------
     folder, stem
-        Where to: ``stem.safetensors`` and ``stem.json``.
-    network
-        What acts.
+        The files are ``stem.safetensors`` and ``stem.json`` in the folder.
     within
-        A folder that the files must lie in, with no link on the way to them; None for anywhere.
+        Folder that the files must be in, with no link on the way. Default: any folder.
     content
-        Fields of `NetworkPolicyContent`, but for ``layers`` and ``sha256``.
+        Fields of `NetworkPolicyContent`, except ``layers`` and ``sha256``.
 
     Raises
     ------
@@ -136,7 +121,7 @@ def write_network(
         arrays[f"weight_{index}"] = np.ascontiguousarray(weight, dtype=np.float32)
         arrays[f"bias_{index}"] = np.ascontiguousarray(bias, dtype=np.float32)
     data = save(arrays)
-    network_policy_content = NetworkPolicyContent(
+    document = NetworkPolicyContent(
         **content,
         layers=[(weight.shape[0], weight.shape[1]) for weight in network.weights],
         sha256=hashlib.sha256(data).hexdigest(),
@@ -144,25 +129,25 @@ def write_network(
     write_whole(folder / f"{stem}.safetensors", data, within=within)
     write_whole(
         folder / f"{stem}.json",
-        json_text(schemas.NETWORK_POLICY, network_policy_content),
+        json_text(schemas.NETWORK_POLICY, document),
         within=within,
     )
 
 
 def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
-    """Return the network whose JSON file is named.
+    """Read a network.
 
     Parameters
     ----------
     path
-        A ``policy.json`` or ``last.json``; the weights lie beside it.
+        A ``policy.json`` or ``last.json``; the weights are in the same folder.
     within
-        A folder that both must lie in, with no link on the way to them; None for anywhere.
+        Folder that both files must be in, with no link on the way. Default: any folder.
 
     Raises
     ------
     OptionError
-        If a file cannot be read, is none that `write_network` wrote, or does not fit the other.
+        If a file cannot be read, is damaged, or does not fit the other.
     """
     checked = read_checked(
         path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within
@@ -175,16 +160,16 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     except ValueError as error:
         raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
     if hashlib.sha256(data).hexdigest() != checked.sha256:
-        raise OptionError(f"{weights}: is damaged: it is not what {path} vouches for. {_REMEDY}.")
+        raise OptionError(f"{weights}: is damaged: its hash is not the one in {path}. {_REMEDY}.")
     try:
-        network = _network(data, checked)
+        network = _load_network(data, checked)
     except (ValueError, KeyError) as error:
         reason = f"has no {error}" if isinstance(error, KeyError) else str(error).rstrip(".")
         raise OptionError(f"{weights}: is damaged: {reason}. {_REMEDY}.") from None
     return StoredNetwork(network, checked)
 
 
-def _network(data: bytes, said: NetworkPolicyContent) -> NetworkPolicy:
+def _load_network(data: bytes, content: NetworkPolicyContent) -> NetworkPolicy:
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
@@ -192,16 +177,16 @@ def _network(data: bytes, said: NetworkPolicyContent) -> NetworkPolicy:
         arrays = load(data)
     except SafetensorError as error:
         raise ValueError(str(error)) from None
-    indices = range(len(said.layers))
-    if len(arrays) != 2 * len(said.layers):
-        raise ValueError(f"it holds {len(arrays)} arrays, not {2 * len(said.layers)}")
+    indices = range(len(content.layers))
+    if len(arrays) != 2 * len(content.layers):
+        raise ValueError(f"it holds {len(arrays)} arrays, not {2 * len(content.layers)}")
     weights = tuple(arrays[f"weight_{index}"] for index in indices)
     biases = tuple(arrays[f"bias_{index}"] for index in indices)
-    if any(one.dtype != np.float32 for one in (*weights, *biases)):
-        raise ValueError("its figures are no float32")
-    if [weight.shape for weight in weights] != list(said.layers):
+    if any(array.dtype != np.float32 for array in (*weights, *biases)):
+        raise ValueError("its numbers are not float32")
+    if [weight.shape for weight in weights] != list(content.layers):
         raise ValueError("its layers have other sizes")
     network = NetworkPolicy(weights, biases)
-    if (network.inputs, network.actions) != (len(said.features), len(said.actions)):
+    if (network.inputs, network.actions) != (len(content.features), len(content.actions)):
         raise ValueError("its first or last layer does not fit the features or actions")
     return network

@@ -1,4 +1,4 @@
-"""What Moller et al. printed of their ten runs on the inverter board, to stand beside ours."""
+"""Published results of Moller et al.: their ten runs on the inverter board."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from skillplan.task.task import Task
 
 SUCCESS_RATE = 0.40
-"""What the success rate of their training converged to, about: section 5.1."""
+"""Approximate final success rate of their training: section 5.1."""
 
-# Table III: a sequence, what it measures [m] and its deviation, by the first differing places.
+# Sequences of Table III.
 _OPTIMAL = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 _SWITCHED = (0, 1, 4, 5, 2, 3, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 _OPTIMUM_M = 1.867
 _NAME = "inverter-board"
 _PARTS = ("pcb", "switch_1", "switch_2", "clock", "transformer", "brace")
-# Fig. 6, from pick(pcb) on: what every action does.
+# The skill of every action number: Fig. 6.
 _ACTIONS = (
     *(f"{verb}({part})" for part in _PARTS for verb in ("pick", "place")),
     "load(gripper)",
@@ -32,11 +32,11 @@ class PublishedRun:
     Parameters
     ----------
     actions
-        Action numbers; empty where the run produced no feasible sequence.
+        Action numbers; empty if the run produced no feasible sequence.
     cost
-        Its distance [m]; None without a sequence.
+        Distance of the sequence [m], if any.
     deviation
-        Printed excess over 1.867 m, as a fraction; None without a sequence.
+        Printed excess over 1.867 m, as a fraction, if any.
     """
 
     actions: tuple[int, ...] = ()
@@ -60,22 +60,20 @@ TABLE_III = (
 
 
 def published_runs(task: Task, optimum: float | None) -> tuple[PublishedRun, ...]:
-    """Return their ten runs where a task is theirs, or else none.
+    """Return the published runs if a task is the paper's, otherwise none.
 
-    It is by its name, its actions in their order, and an optimum that rounds to 1.867 m.
+    The paper's task has its name, its actions in order, and an optimum that rounds to 1.867 m.
 
     Parameters
     ----------
-    task
-        The task.
     optimum
-        Its proved optimum; None where it is not known, and so nothing is compared.
+        The proved optimum of the task; without one there is no comparison.
     """
-    theirs = (
+    same_task = (
         task.name == _NAME
         and task.metric.unit == "m"
         and tuple(skill.name for skill in task.skills) == _ACTIONS
         and optimum is not None
         and round(optimum, 3) == _OPTIMUM_M
     )
-    return TABLE_III if theirs else ()
+    return TABLE_III if same_task else ()

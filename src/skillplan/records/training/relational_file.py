@@ -1,6 +1,7 @@
-"""Relational policies as files: weights as safetensors, what they are for as JSON; neither is code.
+"""Relational policies as files: weights as safetensors, metadata as JSON. Neither contains code.
 
-They lie in a folder of their own, ``relational.json`` last: a folder without it was not finished.
+A policy has a folder of its own. ``relational.json`` is written last: a folder without it is not
+finished.
 """
 
 from __future__ import annotations
@@ -40,47 +41,39 @@ class StoredSize(BaseModel):
 
 
 class FamilyTrial(BaseModel):
-    """What became of the policy on boards of its family that it has not learned on."""
+    """Results of the policy on boards of its family that it was not trained on."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    boards: int = Field(ge=0, description="how many were tried")
-    completed: int = Field(ge=0, description="on how many it reached the goal")
-    proved: int = Field(ge=0, description="of how many of those the optimum was proved")
-    median_deviation: float | None = Field(description="of those from the optimum, as a fraction")
-    greatest_deviation: float | None = Field(description="of those, as a fraction")
+    boards: int = Field(ge=0, description="number of boards")
+    completed: int = Field(ge=0, description="number of boards on which it reached the goal")
+    proved: int = Field(ge=0, description="number of these whose optimum is proved")
+    median_deviation: float | None = Field(description="deviation from the optimum, as a fraction")
+    greatest_deviation: float | None = Field(description="as a fraction")
 
 
 class RelationalContent(BaseModel):
-    """What the JSON file says: who learned the network, on what, and what it sees."""
+    """Metadata of a policy: its learner, its boards, its features."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     solver: str
     options: dict[str, Any]
-    family: str = Field(description="the boards that were learned on, such as generated:6-12")
-    boards: int = Field(ge=1, description="how many of them")
+    family: str = Field(description="the training boards, such as generated:6-12")
+    boards: int = Field(ge=1, description="number of training boards")
     seed: int = Field(ge=0)
     size: StoredSize
-    element_features: list[str] = Field(description="what is seen of every element, in order")
-    pair_features: list[str] = Field(description="what is seen of every pair, in order")
+    element_features: list[str] = Field(description="features of every element, in order")
+    pair_features: list[str] = Field(description="features of every pair, in order")
     trace: dict[str, Any] = Field(description="figures of the learning")
-    trial: FamilyTrial | None = Field(description="null where it was interrupted before")
+    trial: FamilyTrial | None = Field(description="null if the training was interrupted")
     wall_s: float = Field(ge=0)
-    sha256: str = Field(description="hash of the file of weights beside it")
+    sha256: str = Field(description="hash of the file of weights")
 
 
 @dataclass(frozen=True)
 class StoredRelational:
-    """A relational policy as read from its files.
-
-    Parameters
-    ----------
-    policy
-        The policy.
-    content
-        The JSON document beside it.
-    """
+    """A relational policy with its metadata."""
 
     policy: FamilyPolicy
     content: RelationalContent
@@ -91,10 +84,6 @@ def write_relational(folder: Path, policy: FamilyPolicy, **content: Any) -> Rela
 
     Parameters
     ----------
-    folder
-        Existing folder.
-    policy
-        The policy.
     content
         Fields of `RelationalContent` that do not follow from the policy.
 
@@ -123,12 +112,10 @@ def write_relational(folder: Path, policy: FamilyPolicy, **content: Any) -> Rela
 def read_relational(
     folder: Path, learner_of: Callable[[str], type[FamilyLearner]]
 ) -> StoredRelational:
-    """Return the policy in a folder.
+    """Read the policy in a folder.
 
     Parameters
     ----------
-    folder
-        Folder of the policy.
     learner_of
         Returns the class of a solver by its name.
 
@@ -147,7 +134,7 @@ def read_relational(
     plugin = learner_of(content.solver).Policy
     features = (list(plugin.element_features), list(plugin.pair_features))
     if features != (content.element_features, content.pair_features):
-        raise OptionError(f"{path}: sees other features than this skillplan shows. {_REMEDY}.")
+        raise OptionError(f"{path}: has other features than this skillplan. {_REMEDY}.")
     try:
         data, _ = read_safetensors(weights, _MOST_BYTES, within=folder)
     except OSError as error:
@@ -155,7 +142,7 @@ def read_relational(
     except ValueError as error:
         raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
     if hashlib.sha256(data).hexdigest() != content.sha256:
-        raise OptionError(f"{weights}: is damaged: it is not what {path} vouches for. {_REMEDY}.")
+        raise OptionError(f"{weights}: is damaged: its hash is not the one in {path}. {_REMEDY}.")
     try:
         policy = _load_policy(data, content.size, plugin)
     except ValueError as error:

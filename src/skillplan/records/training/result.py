@@ -1,4 +1,7 @@
-"""Several training runs of one solver on one task: the document ``skillplan.training/1``."""
+"""Results of several training runs: the documents ``skillplan.training/1`` and ``trainings/1``.
+
+A run is judged by its policy on the model, never by a claim of its learner.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +27,14 @@ if TYPE_CHECKING:
 
 
 RECENT_STEPS = 2_000
-"""A run's success at its end is that of the episodes that ended in so many last steps."""
+"""Length of the last part of a training that its success rate is of [steps]."""
 
 
 class RunStatus(StrEnum):
-    """How a run stands.
+    """Status of a run.
 
     ``complete``: its policy completes the task. ``incomplete``: it does not. ``failed``: the run
-    could not go on, or nothing of it can be read.
+    could not continue, or cannot be read.
     """
 
     COMPLETE = "complete"
@@ -41,12 +44,12 @@ class RunStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """How many episodes succeeded.
+    """Number of successful episodes.
 
     Parameters
     ----------
     successes, episodes
-        So many of so many, 0 <= successes <= episodes.
+        0 <= successes <= episodes.
 
     Raises
     ------
@@ -66,33 +69,32 @@ class Tally:
 
     @property
     def rate(self) -> float | None:
-        """The share of successes, in [0, 1]; None of no episode."""
+        """Success rate, in [0, 1]; None without episodes."""
         return self.successes / self.episodes if self.episodes else None
 
     @property
     def estimate(self) -> Estimate | None:
-        """The share with its interval after Wilson; None of no episode."""
+        """Success rate with Wilson's interval; None without episodes."""
         return share(self.successes, self.episodes)
 
 
 @dataclass(frozen=True, slots=True)
 class GreedyRollOut:
-    """A policy that was followed without any chance of its own, on the model.
+    """A policy that was followed greedily on the model.
 
     Parameters
     ----------
     kept
-        Which policy: the ``best`` that was kept during training, or the ``last``.
+        Kind of the policy: the ``best`` of the training, or the ``last``.
     actions, skills
-        What it does while every outcome is the nominal one, by number and by name; a skill that
-        could not be executed ends it.
+        Its actions under nominal outcomes, by number and by name; a skill that fails ends it.
     cost
-        In the task's metric: of the sequence, or under chance what the policy costs on average,
-        exactly. None where it does not complete the task with certainty.
+        Cost in the task's metric, under chance the exact expected cost; None if the policy does not
+        complete the task with certainty.
     step
-        After how many environment steps the policy was kept; None where nobody knows.
+        Environment step at which the policy was kept, if known.
     reason
-        Why it does not complete the task; empty where it does.
+        Why it does not complete the task; empty if it does.
 
     Raises
     ------
@@ -113,13 +115,13 @@ class GreedyRollOut:
 
     @property
     def complete(self) -> bool:
-        """Whether it completes the task."""
+        """True if it completes the task."""
         return self.cost is not None
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecord:
-    """What the episodes of a run came to while it learned.
+    """Summary of the training episodes of a run.
 
     Parameters
     ----------
@@ -128,22 +130,21 @@ class TrainingRecord:
     every
         All episodes.
     recent
-        Those that ended in the last `RECENT_STEPS` steps.
+        Episodes that ended in the last `RECENT_STEPS` steps.
     first_success_step
-        After how many steps the task was completed for the first time; None if never.
+        Environment step of the first success, if any.
     best_cost
-        The least that a successful episode cost; None without one.
+        Lowest cost of a successful episode, if any.
     best_actions
-        What was done in it, the first of equals.
+        Actions of that episode; the first of equals.
     wall_s
-        How long the run took [s], together with those that learned beside it; None where
-        nobody has measured it.
+        Duration of the run's group [s], if known.
     planned
         Number of episodes planned with a learned model.
     settled_step
         Environment steps after which a run that plans found no better plan; None before.
     explores
-        Whether a run explored because a learned model does not fit the task.
+        True if a run explored because a learned model does not fit the task.
     """
 
     steps: int
@@ -164,16 +165,16 @@ def training_record(
     wall_s: float | None = None,
     figures: Mapping[str, float] = MappingProxyType({}),
 ) -> TrainingRecord:
-    """Return what the episodes of one run came to.
+    """Summarise the episodes of one run.
 
     Parameters
     ----------
     episodes
-        Of one run, in order.
+        Its episodes, in order.
     steps
-        Environment steps that the run has done.
+        Environment steps of the run.
     wall_s
-        How long that took [s].
+        Duration [s].
     figures
         The run's latest figures.
     """
@@ -197,21 +198,20 @@ def training_record(
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """One run of several.
+    """Outcome of one run.
 
     Parameters
     ----------
     run, seed
-        Its number, from 0, and what governed its randomness.
+        Number of the run, from 0, and its seed.
     failure
-        Why it could not go on, or cannot be read; empty where all is well.
+        Why it could not continue or be read; empty if neither.
     best, last
-        Its policies, followed greedily; None where there is none.
+        Greedy roll-outs of its policies, if any.
     sampled
-        Roll-outs of its reported policy, each action drawn by its score; None where none
-        were made.
+        Sampled roll-outs of its reported policy, if any.
     training
-        What its episodes came to; None where nobody knows.
+        Summary of its episodes, if known.
     """
 
     run: int
@@ -224,12 +224,12 @@ class RunOutcome:
 
     @property
     def greedy(self) -> GreedyRollOut | None:
-        """The roll-out of the run's reported policy: the best evaluated one, or else the last."""
+        """Roll-out of the reported policy: the best one, or else the last."""
         return self.last if self.best is None else self.best
 
     @property
     def status(self) -> RunStatus:
-        """How it stands."""
+        """Status of the run."""
         if self.failure:
             return RunStatus.FAILED
         complete = self.greedy is not None and self.greedy.complete
@@ -237,24 +237,24 @@ class RunOutcome:
 
     @property
     def reason(self) -> str:
-        """Why it has failed, or does not complete the task; empty where it does."""
+        """Why it has failed, or does not complete the task; empty if it does."""
         if self.failure:
             return self.failure
         return "it has no policy" if self.greedy is None else self.greedy.reason
 
     @property
     def cost(self) -> float | None:
-        """What its policy costs; None where it does not complete the task."""
+        """Cost of its policy; None if it does not complete the task."""
         return None if self.greedy is None else self.greedy.cost
 
     @property
     def best_cost_seen(self) -> float | None:
-        """The least that an episode of its training cost; None where none succeeded."""
+        """Lowest cost of a training episode; None without success."""
         return None if self.training is None else self.training.best_cost
 
     @property
     def tally(self) -> Tally:
-        """The episodes that its success rate is of: sampled ones, or else the last of training."""
+        """Episodes of its success rate: sampled ones, or else the last of the training."""
         if self.sampled is not None:
             return self.sampled
         return Tally() if self.training is None else self.training.recent
@@ -265,10 +265,10 @@ class RunOutcome:
         Parameters
         ----------
         optimum
-            The proved optimum, or None.
+            The proved optimum, if any.
         seen_apart
-            Whether what was seen while learning is not to be held to it: it is an expected cost,
-            or other layouts were learned on.
+            True if training episodes must not be compared with the optimum: it is an expected cost,
+            or the training used other layouts.
         """
         greedy, training = self.greedy, self.training
         ci95 = None if (rate := self.tally.estimate) is None else [rate.low, rate.high]
@@ -311,36 +311,36 @@ class RunOutcome:
         }
 
 
-def _roll_out_document(one: GreedyRollOut, optimum: float | None) -> dict[str, Any]:
+def _roll_out_document(roll_out: GreedyRollOut, optimum: float | None) -> dict[str, Any]:
     return {
-        "actions": list(one.actions),
-        "skills": list(one.skills),
-        "cost": one.cost,
-        "deviation": deviation(one.cost, optimum),
-        "reason": one.reason,
-        "step": one.step,
+        "actions": list(roll_out.actions),
+        "skills": list(roll_out.skills),
+        "cost": roll_out.cost,
+        "deviation": deviation(roll_out.cost, optimum),
+        "reason": roll_out.reason,
+        "step": roll_out.step,
     }
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutOutcome:
-    """What became of one layout.
+    """Results of all policies on one unseen layout.
 
     Parameters
     ----------
     name
-        The layout's name, such as ``inverter-board/40``.
+        Name of the layout, such as ``inverter-board/40``.
     optimum
-        What it costs at least, and how long proving that took.
+        Its proved optimum, and the duration of the proof.
     answers
-        What the policy of every run does, greedily.
+        Greedy roll-outs, one per run.
     answer_s
-        How long each of them took [s], the model's verdicts included.
+        Duration of each roll-out [s], including the model's verdicts.
 
     Raises
     ------
     ValueError
-        If there are not as many times as answers.
+        If there are not as many durations as roll-outs.
     """
 
     name: str
@@ -354,14 +354,14 @@ class LayoutOutcome:
 
     @property
     def completed(self) -> int:
-        """How many policies complete it."""
+        """Number of policies that complete it."""
         return sum(answer.complete for answer in self.answers)
 
     @property
     def deviations(self) -> list[float]:
-        """Deviations of those that complete it; empty where no optimum is proved."""
-        found = [deviation(answer.cost, self.optimum.cost) for answer in self.answers]
-        return [one for one in found if one is not None]
+        """Deviations of the policies that complete it; empty without a proved optimum."""
+        values = [deviation(answer.cost, self.optimum.cost) for answer in self.answers]
+        return [value for value in values if value is not None]
 
     def document(self) -> dict[str, Any]:
         """Return the layout as JSON values."""
@@ -372,24 +372,24 @@ class LayoutOutcome:
             "optimum_wall_s": self.optimum.wall_s,
             "completed": self.completed,
             "costs": [answer.cost for answer in self.answers],
-            "deviations": [deviation(one.cost, self.optimum.cost) for one in self.answers],
-            "actions": [list(one.actions) for one in self.answers],
+            "deviations": [deviation(answer.cost, self.optimum.cost) for answer in self.answers],
+            "actions": [list(answer.actions) for answer in self.answers],
             "answer_s": list(self.answer_s),
         }
 
 
 @dataclass(frozen=True)
 class LayoutsResult:
-    """Several layouts of a family that no policy has learned on.
+    """Results on layouts of a family that no policy has learned on.
 
     Parameters
     ----------
     rows
-        One for every layout, at least one.
+        One per layout, at least one.
     learned_on
-        On how many layouts of the family the policies were learned; 0 on the file's own alone.
+        Number of layouts of the family in the training; 0 for the file's own alone.
     training_s
-        How long the training of all runs took [s]; None where nobody knows.
+        Duration of the training of all runs [s], if known.
     """
 
     rows: tuple[LayoutOutcome, ...]
@@ -398,25 +398,25 @@ class LayoutsResult:
 
     @property
     def complete_share(self) -> Estimate | None:
-        """The share of answers that complete their layout."""
+        """Share of answers that complete their layout."""
         answers = sum(len(row.answers) for row in self.rows)
         return share(sum(row.completed for row in self.rows), answers)
 
     @property
     def deviation_iqm(self) -> Estimate | None:
-        """Interquartile mean over the layouts of the mean deviation of answers that complete."""
+        """Interquartile mean over the layouts of the mean deviation of complete answers."""
         means = [statistics.fmean(row.deviations) for row in self.rows if row.deviations]
         return interquartile_mean(means)
 
     @property
     def answer_s(self) -> float | None:
-        """Median time of an answer [s]."""
-        times = [one for row in self.rows for one in row.answer_s]
+        """Median duration of an answer [s]."""
+        times = [answer_s for row in self.rows for answer_s in row.answer_s]
         return statistics.median(times) if times else None
 
     @property
     def proof_s(self) -> float | None:
-        """Median time in which an optimum was proved [s]; None where none was."""
+        """Median duration of a successful proof [s], if any."""
         times = [
             row.optimum.wall_s
             for row in self.rows
@@ -425,8 +425,8 @@ class LayoutsResult:
         return statistics.median(times) if times else None
 
     def at_most(self, excess: float) -> int:
-        """Return how many answers deviate by no more."""
-        return sum(one <= excess for row in self.rows for one in row.deviations)
+        """Return the number of answers with at most this deviation."""
+        return sum(value <= excess for row in self.rows for value in row.deviations)
 
     def document(self) -> dict[str, Any]:
         """Return the layouts as JSON values."""
@@ -450,16 +450,14 @@ _ZERO_PERCENT, _ONE_PERCENT = 0.5e-4, 0.01
 
 @dataclass(frozen=True, slots=True)
 class RandomBaseline:
-    """Episodes in which every action was drawn evenly among those that the mask allows.
+    """Episodes with uniformly random actions among the allowed ones.
 
     Parameters
     ----------
-    tally
-        How many of them completed the task.
     best_cost
-        The least that one cost; None where none succeeded.
+        Lowest cost of a success, if any.
     mask
-        What the choice was limited to: ``none``, ``applicable`` or ``feasible``.
+        Restriction of the actions: ``none``, ``applicable`` or ``feasible``.
     """
 
     tally: Tally
@@ -469,7 +467,7 @@ class RandomBaseline:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How roll-outs were drawn: so many a run, by scores over a temperature, from a seed."""
+    """Sampled roll-outs: number per run, temperature, and seed."""
 
     episodes: int
     temperature: float
@@ -478,47 +476,47 @@ class Sampling:
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """Several runs of one solver on one task.
+    """Several runs of one learner on one task.
 
     Parameters
     ----------
     task
-        What was learned, or what the policies were evaluated on.
+        The task that was learned, or that the policies were evaluated on.
     run_dir
-        The folder of the runs, as the user named it.
+        Folder of the runs as the user named it.
     solver, options
-        Who learned, and all its options.
+        The learner and all its options.
     steps
-        Environment steps that every run was to do.
+        Environment steps requested per run.
     outcomes
-        One for every run, in order.
+        One per run, in order.
     optimum
-        What the task costs at least.
+        The proved optimum.
     physics, collision
-        The back ends queried.
+        The back ends.
     baseline
-        What chance alone achieves; None where nobody tried.
+        Result of random actions, if measured.
     sampling
-        How roll-outs were drawn; None where success rates are those of the training.
+        Sampled roll-outs; None if success rates refer to the training.
     checks, executions
-        Queries that back ends answered, and skills that an engine has executed for them.
+        Queries answered by back ends, and skills executed by an engine for them.
     wall_s
-        How long it all took [s].
+        Total duration [s].
     steps_per_s
-        Environment steps of all runs together in a second; None where none were done.
+        Environment steps of all runs per second, if any were done.
     interrupted
-        Whether the runs were stopped before they had done their steps.
+        True if the runs stopped before they had done their steps.
     layouts
-        What the policies do on layouts that they have not seen; None where nobody tried.
+        Results on unseen layouts, if any.
     shortfall
-        Why runs do not complete the task; None where all do, or where nobody knows.
+        Analysis of the runs that do not complete the task, if any.
     family
-        Whether the runs learned on other layouts than the task's own: what they saw while they
-        learned is not to be held to its optimum.
+        True if the runs learned on other layouts: their training episodes must not be compared with
+        the optimum of the task.
     warm_start
-        What the runs began with; None for networks that were drawn.
+        Networks that the runs started from. Default: random ones.
     notes
-        What else is to be said below the table, each ``label      text``.
+        Further lines below the table, each ``label      text``.
     """
 
     task: Task
@@ -545,17 +543,17 @@ class TrainingResult:
 
     @property
     def learner(self) -> str:
-        """The learner, and that it plans its episodes by search in a learned model, if it does."""
+        """Name of the learner, marked if it plans its episodes in a learned model."""
         return f"{self.solver}{MODEL_BASED if self.options.get('planning') else ''}"
 
     @property
     def success(self) -> Tally:
-        """The episodes of all runs together: sampled ones, or else the last of training."""
+        """Episodes of all runs together: sampled ones, or else the last of the training."""
         return sum((outcome.tally for outcome in self.outcomes), Tally())
 
     @property
     def training_success(self) -> Tally:
-        """The last episodes of the training of all runs together."""
+        """Last training episodes of all runs together."""
         known = [
             outcome.training.recent for outcome in self.outcomes if outcome.training is not None
         ]
@@ -569,43 +567,43 @@ class TrainingResult:
 
     @property
     def deviations(self) -> list[float]:
-        """Deviations from the optimum of the runs that complete the task, in order."""
-        found = [deviation(outcome.cost, self.optimum.cost) for outcome in self.outcomes]
-        return [one for one in found if one is not None]
+        """Deviations of the complete runs from the optimum, in order."""
+        values = [deviation(outcome.cost, self.optimum.cost) for outcome in self.outcomes]
+        return [value for value in values if value is not None]
 
     @property
     def completed(self) -> int:
-        """How many runs complete the task."""
+        """Number of runs that complete the task."""
         return sum(outcome.cost is not None for outcome in self.outcomes)
 
     @property
     def completion(self) -> Estimate | None:
-        """Share of the runs that complete the task, with Wilson's interval; None of no runs."""
+        """Share of runs that complete the task, with Wilson's interval; None without runs."""
         return share(self.completed, len(self.outcomes))
 
     @property
     def failed(self) -> list[RunOutcome]:
-        """The runs that could not go on or cannot be read."""
+        """The runs that could not continue or cannot be read."""
         return [outcome for outcome in self.outcomes if outcome.status is RunStatus.FAILED]
 
     @property
     def chance(self) -> bool:
-        """Whether costs are expected ones: a single episode may cost less than the optimum."""
+        """True if costs are expected costs, so that one episode may cost less than the optimum."""
         return not self.task.deterministic
 
     @property
     def episode_optimum(self) -> float | None:
-        """What no single episode can undercut; None under chance, or where nothing is proved."""
+        """Lower bound on the cost of one episode; None under chance, or without a proof."""
         return None if self.chance else self.optimum.cost
 
     @property
     def seen_optimum(self) -> float | None:
-        """What no episode of training can undercut; None where other layouts were learned on."""
+        """Lower bound on the cost of a training episode; None after a training on other layouts."""
         return None if self.family else self.episode_optimum
 
     @property
     def best_seen(self) -> float | None:
-        """The least that an episode of any run cost while it learned; None without success."""
+        """Lowest cost of a training episode of any run; None without success."""
         costs = [
             outcome.best_cost_seen
             for outcome in self.outcomes
@@ -614,19 +612,19 @@ class TrainingResult:
         return min(costs, default=None)
 
     def at_most(self, excess: float) -> int | None:
-        """Return how many runs deviate by no more; None where no optimum is proved."""
+        """Return the number of runs with at most this deviation; None without a proved optimum."""
         if self.optimum.cost is None:
             return None
-        return sum(one <= excess for one in self.deviations)
+        return sum(value <= excess for value in self.deviations)
 
     @property
     def deviation_iqm(self) -> Estimate | None:
-        """Interquartile mean of the deviations of the runs that complete the task."""
+        """Interquartile mean of the deviations of complete runs."""
         return interquartile_mean(self.deviations)
 
     @property
     def cost_iqm(self) -> Estimate | None:
-        """Interquartile mean of what the runs that complete the task cost."""
+        """Interquartile mean of the costs of complete runs."""
         return interquartile_mean(
             [outcome.cost for outcome in self.outcomes if outcome.cost is not None]
         )
@@ -639,7 +637,7 @@ class TrainingResult:
 
     @property
     def published(self) -> tuple[PublishedRun, ...]:
-        """The paper's runs, where the task is the paper's; else none."""
+        """The paper's runs, if the task is the paper's; otherwise none."""
         return published_runs(self.task, self.optimum.cost)
 
     def document(self) -> dict[str, Any]:
@@ -682,15 +680,15 @@ class TrainingResult:
             "optimal_runs": self.at_most(0.0),
             "zero_percent_runs": self.at_most(_ZERO_PERCENT),
             "one_percent_runs": self.at_most(_ONE_PERCENT),
-            "failed_runs": [one.run for one in self.failed],
+            "failed_runs": [outcome.run for outcome in self.failed],
             "deviation_iqm": _estimate(self.deviation_iqm),
             "cost_iqm": _estimate(self.cost_iqm),
             "success_iqm": _estimate(self.success_iqm),
             "best_cost_seen": self.best_seen,
             "random_baseline": self._baseline_document(),
             "published": [
-                {"actions": list(one.actions), "cost": one.cost, "deviation": one.deviation}
-                for one in self.published
+                {"actions": list(run.actions), "cost": run.cost, "deviation": run.deviation}
+                for run in self.published
             ],
             "checks": self.checks,
             "executions": self.executions,
@@ -720,10 +718,10 @@ class TrainingResult:
         }
 
 
-def _estimate(one: Estimate | None) -> dict[str, Any] | None:
-    return None if one is None else one.document()
+def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
+    return None if estimate is None else estimate.document()
 
 
 def trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
-    """Return the document: a training's own for each."""
+    """Return the document ``skillplan.trainings/1`` of several trainings."""
     return {"schema": schemas.TRAININGS, "rows": [result.document() for result in results]}

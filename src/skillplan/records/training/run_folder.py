@@ -1,9 +1,11 @@
-"""The folder of training runs as it is read: settings, metrics and what was learned.
+"""Reader for a folder of training runs: settings, metrics and learned policies.
 
-Whatever is wrong with a file is one error that names it and says what to do. How a folder comes
-about, and survives whatever ends the program, is the business of `skillplan.training`.
-Somebody else may have made it: `files.regular_file` follows no link in it and opens regular files
-only, and what the manifest says is bounded.
+Any fault in a file is one error that names the file and the remedy. `skillplan.training` writes the
+folder. The folder may come from another person, so `files.regular_file` follows no links and opens
+only regular files, and the sizes in the manifest are limited.
+
+Metrics are lines of JSON: one per episode, and figures now and then. They contain no time of day,
+so that an interrupted and resumed run writes the same bytes as any other.
 """
 
 from __future__ import annotations
@@ -29,13 +31,13 @@ from skillplan.solvers.learning.learner import End, Episode
 
 METRICS = "metrics.jsonl"
 _ENDS = get_args(End)
-# More than a run of a hundred million steps notes.
+# Larger than the metrics of a hundred million steps.
 _MOST_BYTES = 4 * 1024**3
 
 
 @dataclass(frozen=True, slots=True)
 class FiguresRecord:
-    """What a learner thinks worth a curve.
+    """Figures of a learner at one step.
 
     Parameters
     ----------
@@ -51,29 +53,21 @@ class FiguresRecord:
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """All that a run noted, in order.
-
-    Parameters
-    ----------
-    episodes
-        Those that ended.
-    figures
-        What the learner thought worth a curve.
-    """
+    """Recorded episodes and figures of a run, in order."""
 
     episodes: tuple[Episode, ...] = ()
     figures: tuple[FiguresRecord, ...] = ()
 
 
 def metrics_line(record: Episode | FiguresRecord) -> str:
-    """Return a line of JSON, without its end.
+    """Return a record as a line of JSON, without its line break.
 
-    Figures that are not finite are left out; an episode's must be finite.
+    Figures that are not finite are left out. The numbers of an episode must be finite.
 
     Raises
     ------
     ValueError
-        If an episode's cost or reward is not finite.
+        If the cost or reward of an episode is not finite.
     """
     if isinstance(record, FiguresRecord):
         finite = {name: float(x) for name, x in record.figures.items() if math.isfinite(x)}
@@ -95,34 +89,32 @@ def metrics_line(record: Episode | FiguresRecord) -> str:
 
 
 def read_metrics(path: Path, run: int, *, within: Path | None = None) -> RunMetrics:
-    """Return what a run noted; a piece of a line at the end of the file is left out.
+    """Read the metrics of a run; an incomplete last line is ignored.
 
     Parameters
     ----------
     path
-        The file; none is that of a run which has noted nothing.
-    run
-        The run's number.
+        The file. A missing file is an empty one.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that the file must be in, with no link on the way. Default: any folder.
 
     Raises
     ------
     OptionError
-        If the file cannot be read, or another line is damaged: it is named.
+        If the file cannot be read, or another line is damaged; the message names it.
     """
     try:
-        lines = metrics_lines(path, within=within)
+        lines = read_metrics_lines(path, within=within)
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror}.") from None
-    return metrics_of(lines, path, run)
+    return parse_metrics(lines, path, run)
 
 
-def metrics_of(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
-    """Return what lines say; parameters and errors are those of `read_metrics`."""
+def parse_metrics(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
+    """Parse lines; parameters and errors as for `read_metrics`."""
     episodes: list[Episode] = []
     figures: list[FiguresRecord] = []
-    for record in _records(lines, path, run):
+    for record in _parse_lines(lines, path, run):
         if isinstance(record, Episode):
             episodes.append(record)
         else:
@@ -130,8 +122,8 @@ def metrics_of(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
     return RunMetrics(tuple(episodes), tuple(figures))
 
 
-def metrics_lines(path: Path, *, within: Path | None = None) -> list[str]:
-    """Return the whole lines of a file, unread; none where there is no file.
+def read_metrics_lines(path: Path, *, within: Path | None = None) -> list[str]:
+    """Return the complete lines of a file; an empty list without a file.
 
     Parameters
     ----------
@@ -151,11 +143,11 @@ def metrics_lines(path: Path, *, within: Path | None = None) -> list[str]:
     return whole.decode("utf-8", "replace").splitlines()
 
 
-def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | FiguresRecord]:
+def _parse_lines(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | FiguresRecord]:
     before = 0
     for number, line in enumerate(lines, start=1):
         try:
-            record = _record(line, run)
+            record = _parse_line(line, run)
             if record.step < max(before, 1):
                 raise ValueError("its step is before that of the line above")
         except (ValueError, TypeError, KeyError) as error:
@@ -168,50 +160,50 @@ def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | F
         yield record
 
 
-def _record(line: str, run: int) -> Episode | FiguresRecord:
+def _parse_line(line: str, run: int) -> Episode | FiguresRecord:
     content = parse_json(line)
     if not isinstance(content, dict):
-        raise ValueError("it is no mapping")
+        raise ValueError("it is not a mapping")
     kind, step = content.pop("kind", None), content.pop("step", None)
     if type(step) is not int:
         raise ValueError("it has no step")
     if kind == "figures":
-        return FiguresRecord(step, {name: _finite(value) for name, value in content.items()})
+        return FiguresRecord(step, {name: _check_finite(value) for name, value in content.items()})
     if kind != "episode":
         raise ValueError("it is neither an episode nor figures")
     actions = tuple(content["actions"])
     if not all(type(action) is int and action >= 0 for action in actions):
-        raise ValueError("its actions are no numbers of skills")
+        raise ValueError("its actions are not numbers of skills")
     if content["end"] not in _ENDS or content["length"] != len(actions):
         raise ValueError("its end or its length is wrong")
     if type(content["greedy"]) is not bool:
-        raise ValueError("it does not say whether it was greedy")
+        raise ValueError("its greedy is not a bool")
     if type(content.get("planned", False)) is not bool:
-        raise ValueError("it does not say whether it was planned")
+        raise ValueError("its planned is not a bool")
     return Episode(
         run,
         step,
         content["end"],
         actions,
-        _finite(content["cost"]),
-        _finite(content["reward"]),
+        _check_finite(content["cost"]),
+        _check_finite(content["reward"]),
         content["greedy"],
         content.get("planned", False),
     )
 
 
-def _finite(value: object) -> float:
+def _check_finite(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError("a figure is no finite number")
+        raise ValueError("a figure is not a finite number")
     return float(value)
 
 
 TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
 MOST_RUNS = 1_000
-"""As many as --runs takes; what else a manifest lists is not longer either."""
+"""Limit of --runs, and of all lists in a manifest."""
 MOST_PATH = 4_096
-"""No path of a file is longer."""
+"""Largest length of a path."""
 _REMEDY = "Bring the file back from a copy, or train again in another folder"
 
 
@@ -225,43 +217,43 @@ Seed = Annotated[int, Field(ge=0, le=2**64)]
 
 
 class TaskReference(_Part):
-    """The task that is learned, and where its file was."""
+    """The learned task, and the path of its file."""
 
     name: Word
     kind: Word
     sha256: Word = Field(description="hash of the file's content")
-    source: Word = Field(description="the file as the user named it")
-    path: Word = Field(description="the same from the root")
-    part: Word | None = Field(description="of a file that describes a chain, the task meant")
+    source: Word = Field(description="path as the user gave it")
+    path: Word = Field(description="absolute path")
+    part: Word | None = Field(description="task of a chain")
     changes: dict[Word, str] = Field(
-        max_length=MOST_RUNS, description="what --set changed, by key path"
+        max_length=MOST_RUNS, description="changes of --set, by key path"
     )
 
 
 class Family(_Part):
-    """Layouts drawn from the task file's family, one for every episode."""
+    """Layouts drawn from the family of the task file, one per episode."""
 
     count: int = Field(ge=1, le=10_000, description="layouts")
     seed: Seed
 
 
 class WarmStartRecord(_Part):
-    """Networks of an earlier training that the runs began with."""
+    """Networks of an earlier training that the runs started from."""
 
     run_dir: Word = Field(description="folder of the earlier training as the user named it")
-    task: Word = Field(description="what was learned there")
+    task: Word = Field(description="task of the earlier training")
     runs: tuple[int, ...] = Field(
-        min_length=1, max_length=MOST_RUNS, description="the earlier run of every run"
+        min_length=1, max_length=MOST_RUNS, description="earlier run that each run starts from"
     )
     skills: Amount
-    skills_known: Amount = Field(description="of these skills the earlier task has the name, too")
+    skills_known: Amount = Field(description="skills whose name the earlier task has, too")
     features: Amount
-    features_known: Amount = Field(description="of these features likewise")
-    sha256: Word = Field(description="hash of the networks as they were taken over")
+    features_known: Amount = Field(description="features whose name the earlier task has, too")
+    sha256: Word = Field(description="hash of the adapted networks")
 
     @property
     def text(self) -> str:
-        """Return it in words."""
+        """Description for tables."""
         return (
             f"from networks of {self.run_dir} ({self.task}): {self.skills_known} of {self.skills} "
             f"skills and {self.features_known} of {self.features} features known"
@@ -273,23 +265,19 @@ class RunManifest(_Part):
 
     task: TaskReference
     solver: Word
-    options: dict[str, Any] = Field(description="every option as it counts")
-    steps: Amount = Field(description="environment steps of every run")
+    options: dict[str, Any] = Field(description="all options, defaults included")
+    steps: Amount = Field(description="environment steps per run")
     seed: Seed
-    seeds: tuple[Seed, ...] = Field(
-        min_length=1, max_length=MOST_RUNS, description="one for every run"
-    )
+    seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_RUNS, description="one per run")
     physics: Word
     collision: tuple[Word, ...] = Field(max_length=MOST_RUNS)
     back_end_options: dict[str, dict[str, Any]]
-    screening: bool = Field(
-        False, description="whether geometry is asked before anything is executed"
-    )
+    screening: bool = Field(False, description="true if geometry is checked before any execution")
     family: Family | None
     warm_start: WarmStartRecord | None = None
     checkpoint_steps: Amount
     groups: tuple[Annotated[tuple[int, ...], Field(min_length=1, max_length=MOST_RUNS)], ...] = (
-        Field(max_length=MOST_RUNS, description="runs that learn side by side")
+        Field(max_length=MOST_RUNS, description="runs that learn together")
     )
     command: tuple[str, ...]
     versions: dict[str, str]
@@ -308,17 +296,17 @@ class RunManifest(_Part):
 
     @property
     def observation(self) -> str:
-        """What is observed of a state."""
+        """Kind of the observation."""
         return str(self.options["observation"])
 
     @property
     def mask(self) -> str:
-        """What a choice is limited to."""
+        """Restriction of the actions."""
         return str(self.options["mask"])
 
     @property
     def objective(self) -> str:
-        """What the rewards are made from."""
+        """Source of the rewards."""
         return str(self.options["objective"])
 
 
@@ -326,40 +314,40 @@ _SEEN = ("observation", "mask", "objective")
 
 
 class GroupProgress(_Part):
-    """How far runs that learn side by side have come, and what that took."""
+    """Progress of a group of runs, and its effort."""
 
     steps: int = Field(ge=0, le=1_000_000_000)
     failures: dict[int, Annotated[str, Field(max_length=10_000)]] = Field(
-        max_length=MOST_RUNS, description="why runs cannot go on, by run"
+        max_length=MOST_RUNS, description="reason of failure, by run"
     )
-    wall_s: float = Field(ge=0, description="time spent on learning [s]")
-    elapsed_s: float = Field(ge=0, description="time of the whole training until then [s]")
+    wall_s: float = Field(ge=0, description="duration of the learning [s]")
+    elapsed_s: float = Field(ge=0, description="duration of the whole training so far [s]")
     checks: int = Field(ge=0)
     hits: int = Field(ge=0)
     executions: int = Field(ge=0)
-    asked: dict[str, int] = Field(description="how often each back end was queried")
+    asked: dict[str, int] = Field(description="queries by back end")
 
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A run as its files have it.
+    """A run as stored in its files.
 
     Parameters
     ----------
     run, seed
-        Its number, from 0, and what governs its randomness.
+        Number of the run, from 0, and its seed.
     steps
-        Environment steps done and kept.
+        Environment steps at the last checkpoint.
     episodes, figures
-        What it noted, in order.
+        Its metrics, in order.
     policy
-        Its reported policy; None while it has neither finished nor been interrupted.
+        Its reported policy; None before the run ends or is interrupted.
     last
-        What it had learned last; None likewise.
+        Its last policy; None as above.
     failure
-        Why it could not go on, or which of its files is damaged; empty where all is well.
+        Why it could not continue, or which of its files is damaged; empty if neither.
     wall_s
-        Time that it took together with those beside it [s]; None while nothing is kept.
+        Duration of its group [s]; None before the first checkpoint.
     """
 
     run: int
@@ -374,7 +362,7 @@ class StoredRun:
 
     @property
     def best(self) -> StoredNetwork | None:
-        """The best policy that was seen; None where none ever completed the task."""
+        """The best policy; None if none completed the task."""
         return self.policy if self.policy is not None and self.policy.kept == "best" else None
 
     @property
@@ -384,7 +372,7 @@ class StoredRun:
 
 
 def is_run_folder(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder of training runs rather than a task file."""
+    """Return True if a path is a folder of training runs."""
     return is_folder(path) and is_regular(Path(path) / MANIFEST)
 
 
@@ -394,12 +382,12 @@ def run_path(folder: Path, run: int) -> Path:
 
 
 def group_path(folder: Path, group: int) -> Path:
-    """Return the folder of runs that learn side by side."""
+    """Return the folder of a group of runs."""
     return folder / "groups" / str(group)
 
 
 def copy_name(source: str) -> str:
-    """Return what the copy of a task file is called: by its suffix it is read."""
+    """Return the name of the copy of a task file; its suffix selects the reader."""
     suffix = Path(source).suffix.lower()
     return f"task{suffix}" if suffix not in ("", ".yml", ".json", ".tmp") else "task.yaml"
 
@@ -407,24 +395,17 @@ def copy_name(source: str) -> str:
 class RunFolder:
     """A folder of training runs.
 
-    Parameters
-    ----------
-    path
-        The folder.
-
     Attributes
     ----------
-    path
-        The folder.
     manifest
         The settings of the training.
     config
-        The task file's content as it was read, defaults included.
+        Content of the task file, defaults included.
 
     Raises
     ------
     OptionError
-        If it is no such folder, or its manifest or configuration is damaged or of another
+        If it is not such a folder, or its manifest or configuration is damaged or of another
         version.
     """
 
@@ -435,7 +416,7 @@ class RunFolder:
         except (OSError, ValueError) as error:
             raise OptionError(f"{path}: cannot be read: {error}.") from None
         if not known:
-            raise OptionError(f"{path}: there is no such folder. Name one that train wrote.")
+            raise OptionError(f"{path}: there is no such folder. Name a folder of train.")
         if not (self.path / MANIFEST).exists():
             raise OptionError(f"{path}: holds no {MANIFEST}. Name a folder that train wrote.")
         self.manifest = read_checked(
@@ -447,7 +428,7 @@ class RunFolder:
 
     @property
     def source(self) -> str:
-        """Where to load the task from: the user's file if it is still there, else the copy.
+        """Path to load the task from: the user's file if it still exists, else the copy.
 
         Raises
         ------
@@ -459,16 +440,16 @@ class RunFolder:
 
     @property
     def task_copy(self) -> Path:
-        """The copy of the task file as it was when the training began."""
+        """The copy of the task file from the beginning of the training."""
         return self.path / copy_name(self.manifest.task.path)
 
     def checked_copy(self) -> Path:
-        """Return the copy, having seen that it is a file of the folder.
+        """Return the copy, having checked that it is a regular file of the folder.
 
         Raises
         ------
         OptionError
-            If it is missing, no regular file, or a link.
+            If it is missing, not a regular file, or a link.
         """
         try:
             os.close(open_regular(self.task_copy, os.O_RDONLY, within=self.path))
@@ -479,7 +460,7 @@ class RunFolder:
         return self.task_copy
 
     def progress(self, group: int) -> GroupProgress | None:
-        """Return how far a group has come; None before its first checkpoint.
+        """Return the progress of a group; None before its first checkpoint.
 
         Raises
         ------
@@ -492,12 +473,12 @@ class RunFolder:
         return read_checked(path, schemas.RUN_GROUP, GroupProgress, _REMEDY, within=self.path)
 
     def run(self, index: int) -> StoredRun:
-        """Return a run.
+        """Read a run.
 
         Raises
         ------
         OptionError
-            If there is no such run, or a file of it is damaged.
+            If there is no such run, or one of its files is damaged.
         """
         seeds = self.manifest.seeds
         if not 0 <= index < len(seeds):
@@ -514,22 +495,22 @@ class RunFolder:
             stored,
             episodes=metrics.episodes,
             figures=metrics.figures,
-            policy=self._policy(folder / "policy.json"),
-            last=self._policy(folder / "last.json"),
+            policy=self._read_policy(folder / "policy.json"),
+            last=self._read_policy(folder / "last.json"),
         )
 
     def runs(self) -> list[StoredRun]:
-        """Return all runs; one whose files are damaged says so as its failure."""
-        found = []
+        """Read all runs; a damaged file becomes the failure of its run."""
+        runs = []
         for index, seed in enumerate(self.manifest.seeds):
             try:
-                found.append(self.run(index))
+                runs.append(self.run(index))
             except OptionError as error:
-                found.append(StoredRun(index, seed, failure=str(error)))
-        return found
+                runs.append(StoredRun(index, seed, failure=str(error)))
+        return runs
 
     def result(self) -> dict[str, Any] | None:
-        """Return the result document; None while there is none.
+        """Return the result document; None before it is written.
 
         Raises
         ------
@@ -543,6 +524,6 @@ class RunFolder:
         document = read_document(path, schemas.TRAINING, remedy, within=self.path)
         return {"schema": schemas.TRAINING, **document}
 
-    def _policy(self, path: Path) -> StoredNetwork | None:
+    def _read_policy(self, path: Path) -> StoredNetwork | None:
         there = path.exists() or path.with_suffix(".safetensors").exists()
         return read_network(path, within=self.path) if there else None

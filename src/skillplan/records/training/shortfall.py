@@ -1,7 +1,7 @@
-"""Why runs of a learner do not complete a task, from the episodes that they have noted.
+"""Analysis of runs that do not complete a task, from their recorded episodes.
 
-Nothing is asked of back ends: what is known of a skill in a state is what came of it there. Whoever
-reads it learns how far the runs got, where they ended, and what to try next.
+It queries no back end: it uses the recorded outcome of a skill in a state.
+It shows the progress of the runs, their ends, and advice on the next step.
 """
 
 from __future__ import annotations
@@ -18,48 +18,46 @@ if TYPE_CHECKING:  # a table of results needs no environment
     from skillplan.solvers.learning.learner import Episode
 
 Cause = Literal["steps", "exploration", "policy"]
-# Where progress came in so much of the end of a training, more steps may bring more.
+# If progress came in this last share of a training, more steps may bring more.
 _RECENT_SHARE = 0.25
 _MORE = 4
-# A learner that plans its episodes with what it has learned.
+# A learner that plans its episodes in its learned model.
 _PLANNING = "dqn"
 
 
 @dataclass(frozen=True, slots=True)
 class Shortfall:
-    """How far the runs that do not complete a task got, and what ended them.
+    """Progress of the runs that do not complete a task, and what ended their episodes.
 
     Parameters
     ----------
     runs
         Numbers of these runs, at least one.
     episodes, completed
-        Their episodes while they learned, and how many of these completed the task.
+        Number of their training episodes, and number of successes.
     goals, most_goals
-        How many facts the goal requires, and how many of these held at the same time at most.
+        Number of facts that the goal requires, and the largest number that held together.
     missing
-        Facts of the goal that never held, in the order of the task.
+        Goal facts that never held, in the order of the task.
     never
         Skills that were never executed, in the order of the task.
     last_progress_step
-        After how many environment steps of its run the most goals were reached first, or None
-        where none was.
+        Environment step at which a run first reached the most goals; None without progress.
     out_of_time
-        How many episodes reached the step limit.
+        Number of episodes that reached the step limit.
     failed
-        Skills that could not be executed when they were tried, with how often; the most frequent
-        first.
+        Skills that failed when tried, with their counts; the most frequent first.
     dead_states, dead_ends
-        States from which every applicable skill was seen to fail or to lead into such a state,
-        and how many episodes entered one.
+        Number of states from which every applicable skill fails or leads to such a state, and of
+        episodes that entered one.
     hidden, skills
-        How many skills preconditions hid in a state that was met, on average, and how many
-        there are. None where nothing is hidden.
+        Mean number of skills that preconditions hid in a visited state, and the number of skills.
+        None without a mask.
     cause
-        ``policy``: the task was completed, but what was learned does not do so. ``steps``: there
-        was progress to the end. ``exploration``: nothing new was met for long.
+        ``policy``: the task was completed, but not by the policy. ``steps``: there was progress
+        until the end. ``exploration``: nothing new was found for long.
     advice
-        What to try, as a sentence.
+        Next thing to try, as a sentence.
     """
 
     runs: tuple[int, ...]
@@ -80,7 +78,7 @@ class Shortfall:
     advice: str
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the JSON values."""
         return {
             "runs": list(self.runs),
             "episodes": self.episodes,
@@ -108,33 +106,31 @@ def shortfall_of(
     steps: int,
     episodes: Mapping[int, Sequence[Episode]],
 ) -> Shortfall | None:
-    """Return why runs do not complete a task; None of no run, or where chance rules.
+    """Analyse runs that do not complete a task; return None without such runs, or under chance.
 
     Parameters
     ----------
-    task
-        What was learned.
     solver, options
-        Who learned, and all its options.
+        The learner, and all its options.
     steps
-        Environment steps that every run was to do.
+        Environment steps per run.
     episodes
-        Of each run that does not complete the task, by its number.
+        Episodes of each run that does not complete the task, by run number.
     """
     if not episodes or not task.deterministic:
         return None
+    recorded = [episode for run in sorted(episodes) for episode in episodes[run]]
     seen = _Episodes(task)
-    for run in sorted(episodes):
-        for episode in episodes[run]:
-            seen.add(episode)
+    for episode in recorded:
+        seen.add(episode)
     dead = seen.dead()
-    completed = sum(one.success for run in episodes.values() for one in run)
-    cause = _cause(completed, seen.progress_step, steps)
+    completed = sum(episode.success for episode in recorded)
+    cause = _find_cause(completed, seen.progress_step, steps)
     mask = str(options.get("mask", "none"))
     goal = task.goal.requires
     return Shortfall(
         runs=tuple(sorted(episodes)),
-        episodes=sum(len(one) for one in episodes.values()),
+        episodes=len(recorded),
         completed=completed,
         goals=goal.bits.bit_count(),
         most_goals=seen.most_goals,
@@ -143,23 +139,21 @@ def shortfall_of(
             skill.name for action, skill in enumerate(task.skills) if action not in seen.executed
         ),
         last_progress_step=seen.progress_step,
-        out_of_time=sum(one.end == "out-of-time" for run in episodes.values() for one in run),
+        out_of_time=sum(episode.end == "out-of-time" for episode in recorded),
         failed=tuple(
             (task.skills[action].name, times)
             for action, times in sorted(seen.failed.items(), key=lambda item: (-item[1], item[0]))
         ),
         dead_states=len(dead),
-        dead_ends=sum(
-            bool(dead.intersection(seen.path(one))) for run in episodes.values() for one in run
-        ),
+        dead_ends=sum(bool(dead.intersection(seen.path(episode))) for episode in recorded),
         hidden=None if mask == "none" else seen.hidden(),
         skills=len(task.skills),
         cause=cause,
-        advice=_advice(cause, solver, options, steps),
+        advice=_give_advice(cause, solver, options, steps),
     )
 
 
-def _cause(completed: int, progress_step: int | None, steps: int) -> Cause:
+def _find_cause(completed: int, progress_step: int | None, steps: int) -> Cause:
     if completed:
         return "policy"
     if progress_step is not None and progress_step > (1 - _RECENT_SHARE) * steps:
@@ -167,7 +161,7 @@ def _cause(completed: int, progress_step: int | None, steps: int) -> Cause:
     return "exploration"
 
 
-def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -> str:
+def _give_advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -> str:
     more = f"--steps {_MORE * steps}"
     if cause == "policy":
         return f"{more}: the task was completed while learning, and values had not settled."
@@ -175,7 +169,7 @@ def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -
         return f"{more}: the runs were still getting further when they ended."
     mask = str(options.get("mask", "none"))
     if mask == "none":
-        return f"-O {solver}.mask=applicable: no choice of what cannot begin at all."
+        return f"-O {solver}.mask=applicable: skills that cannot begin are never chosen."
     exact = "search-optimal, which needs no learning"
     if not options.get("planning", solver == _PLANNING):
         if solver == _PLANNING:
@@ -183,18 +177,18 @@ def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -
             plans = "observation=markov" if costs_seen else "planning=true"
             return f"-O {solver}.{plans}, with which episodes are planned; or {more}; or {exact}."
         return (
-            f"--solver {_PLANNING}, which plans its episodes with what it has learned; or "
+            f"--solver {_PLANNING}, which plans its episodes in a learned model; or "
             f"{more}; or {exact}."
         )
     if mask == "applicable":
-        asks = f"-O {solver}.mask=feasible, which asks back ends before a choice"
-        return f"{more}; or {asks}; or {exact}."
+        feasible = f"-O {solver}.mask=feasible, which queries back ends before a choice"
+        return f"{more}; or {feasible}; or {exact}."
     return f"{more}; or {exact}: each choice is feasible, but most lead nowhere."
 
 
 @dataclass
 class _Episodes:
-    """What episodes have met: states by their bits, and what came of skills there."""
+    """States that the episodes visited, as bits, and the outcomes of skills there."""
 
     task: Task
     most_goals: int = 0
@@ -208,7 +202,7 @@ class _Episodes:
     _applicable: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def add(self, episode: Episode) -> None:
-        """Take in what an episode did."""
+        """Add an episode."""
         goal = self.task.goal.requires.bits
         path, actions = self.path(episode), episode.actions
         self._visits.update(path)
@@ -223,7 +217,7 @@ class _Episodes:
                 self.most_goals, self.progress_step = reached, episode.step
 
     def path(self, episode: Episode) -> list[int]:
-        """Return the states that an episode met, the first one included, by their bits."""
+        """Return the states of an episode as bits, including the first."""
         done = episode.actions[:-1] if episode.end == "infeasible" else episode.actions
         path = [self.task.initial.bits]
         for action in done:
@@ -231,10 +225,10 @@ class _Episodes:
         return path
 
     def dead(self) -> set[int]:
-        """Return the states from which all that is applicable has failed, or leads to such."""
+        """Return the states from which every applicable skill fails or leads to such a state."""
         facts = self.task.facts
-        found: set[int] = set()
-        # A goal ends an episode: nothing was to be tried there.
+        dead: set[int] = set()
+        # A goal ends an episode, so it has no skills to try.
         open_states = {
             bits for bits in self._visits if not self.task.goal.holds(State(bits, facts))
         }
@@ -244,17 +238,17 @@ class _Episodes:
                 for bits in open_states
                 if all(
                     action in self._fails.get(bits, ())
-                    or self._after.get((bits, action), -1) in found
+                    or self._after.get((bits, action), -1) in dead
                     for action in self._applicable_in(bits)
                 )
             }
             if not more:
-                return found
-            found |= more
+                return dead
+            dead |= more
             open_states -= more
 
     def hidden(self) -> float:
-        """Return how many skills are not applicable in a state that was met, on average."""
+        """Return the mean number of skills that are not applicable in a visited state."""
         total = sum(self._visits.values())
         allowed = sum(
             times * len(self._applicable_in(bits)) for bits, times in self._visits.items()
