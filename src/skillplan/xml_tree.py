@@ -100,12 +100,12 @@ class _Builder:
             raise XmlError(f"it has more than {MAX_ELEMENTS:,} elements; {self.remedy}", line)
         if len(self.unclosed) >= MAX_DEPTH:
             raise XmlError(f"its elements lie more than {MAX_DEPTH} deep; {self.remedy}", line)
-        made = Element(tag, attributes, line)
+        element = Element(tag, attributes, line)
         if self.unclosed:
-            self.unclosed[-1].children.append(made)
+            self.unclosed[-1].children.append(element)
         else:
-            self.root = made
-        self.unclosed.append(made)
+            self.root = element
+        self.unclosed.append(element)
 
     def _end(self, tag: str) -> None:
         self.unclosed.pop()

@@ -77,9 +77,9 @@ def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
         after.setdefault(one, []).append(other)
     shortest: tuple[str, ...] = ()
     for start in after:
-        found = _cycle_through(start, after)
-        if found and (not shortest or len(found) < len(shortest)):
-            shortest = found
+        cycle_through = _cycle_through(start, after)
+        if cycle_through and (not shortest or len(cycle_through) < len(shortest)):
+            shortest = cycle_through
     return shortest
 
 

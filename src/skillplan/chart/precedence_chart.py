@@ -84,8 +84,8 @@ def alternatives(
         return None
     component = query.component
     groups = (
-        tuple((other, component) if done else (component, other) for other, done in one)
-        for one in choices
+        tuple((other, component) if done else (component, other) for other, done in choice)
+        for choice in choices
     )
     return Alternatives(component, query.skill.name, tuple(groups))
 
@@ -134,17 +134,17 @@ def simplest(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
     By consensus and absorption (Quine 1955): of two that contradict each other in one component
     the rest of both together is one, too.
     """
-    found = _weakest(conditions)
+    weakest = _weakest(conditions)
     while True:
         more = {
             made
-            for one, other in combinations(found, 2)
+            for one, other in combinations(weakest, 2)
             if (made := _consensus(dict(one), dict(other))) is not None
-            if not any(weaker <= made for weaker in found)
+            if not any(weaker <= made for weaker in weakest)
         }
-        if not more or len(found) > _MOST_STATES:
-            return tuple(found)
-        found = _weakest([*found, *more])
+        if not more or len(weakest) > _MOST_STATES:
+            return tuple(weakest)
+        weakest = _weakest([*weakest, *more])
 
 
 def _weakest(conditions: Iterable[Condition]) -> list[Condition]:

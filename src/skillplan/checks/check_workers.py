@@ -438,9 +438,12 @@ class CheckWorkers:
         """Wait for the worker that makes a check ahead already, if there is one."""
         needed = pending.request
         for worker, guessed in self._ahead.items():
-            made = guessed.request
-            if made.back_end == needed.back_end and made.state == needed.state:
-                if made.skill.name != needed.skill.name:
+            guessed_request = guessed.request
+            if (
+                guessed_request.back_end == needed.back_end
+                and guessed_request.state == needed.state
+            ):
+                if guessed_request.skill.name != needed.skill.name:
                     continue
                 del self._ahead[worker]
                 self._busy[worker] = pending

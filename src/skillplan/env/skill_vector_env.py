@@ -368,8 +368,10 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             raise ValueError(f"This is no state of an environment of {self.num_envs} places.")
         records = [PlaceRecord.read(document, self.models) for document in places]
         numbers = [
-            self._table.number(one.model, self.models[one.model].task.facts.state(one.bits))
-            for one in records
+            self._table.number(
+                record.model, self.models[record.model].task.facts.state(record.bits)
+            )
+            for record in records
         ]
         self._at = np.array(numbers, dtype=np.int64)
         self._steps = np.array([one.steps for one in records], dtype=np.int64)

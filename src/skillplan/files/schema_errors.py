@@ -175,9 +175,9 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in typing.get_args(annotation):
-        found = _model_in(argument)
-        if found is not None:
-            return found
+        model_in = _model_in(argument)
+        if model_in is not None:
+            return model_in
     return None
 
 
@@ -194,7 +194,7 @@ def _child(annotation: Any, step: str | int) -> Any:
         return arguments[0]
     if origin in (typing.Union, UnionType, typing.Annotated):
         for argument in arguments:
-            found = _child(argument, step)
-            if found is not None:
-                return found
+            child = _child(argument, step)
+            if child is not None:
+                return child
     return None

@@ -1,4 +1,4 @@
-"""The lazy skill-transition model; it never queries a back end itself, `checks` does."""
+"""The lazy skill-transition model; only `checks` queries back ends."""
 
 import lazy_loader as _lazy
 

@@ -1,7 +1,7 @@
-"""Jobs: the runs of skills that bring one component of a product each to its goal.
+"""Jobs: sequences of skills that bring one component of a product to its goal.
 
-What is worked out here needs no back end: which facts only a component's own skills change, that
-those skills follow each other without anything between, and what holds right after the last.
+None of this queries a back end: the facts that only a component's own skills change, the order of
+these skills, and the situation after the last one.
 """
 
 from __future__ import annotations
@@ -28,23 +28,20 @@ from skillplan.task.verdict import Verdict
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The skills that must follow each other to finish one component.
+    """The skills that finish one component, in order.
 
     Parameters
     ----------
-    component
-        The component that is finished.
     chain
-        At least one skill.
+        The skills, at least one.
     own
         Bits of the facts that only these skills change.
     stages
-        Those of them that hold before each skill and after the last: one more than skills.
+        Own bits that hold before each skill and after the last one.
     known
-        For each skill the bits of other facts that are certain to hold, and certain not to,
-        where it is begun.
+        Bits of other facts that certainly hold, and certainly do not hold, before each skill.
     after
-        Bits of the facts that are nobody's own and hold after the last skill.
+        Bits of the situation after the last skill.
     """
 
     component: str
@@ -56,39 +53,38 @@ class Job:
 
     @property
     def change(self) -> int:
-        """Own bits that differ between the component's being done and not."""
+        """Own bits that the job changes."""
         return self.stages[0] ^ self.stages[-1]
 
 
 class ComponentJobs:
-    """The jobs of a task, and the skills between them.
+    """The jobs of a task, and the skills between jobs.
 
-    Facts that are no job's own make up the *situation*: where an arm stands, which tool it
-    holds. Right after a job the situation is always the same.
+    Facts that belong to no job form the *situation*, such as the place and tool of an arm. The
+    situation after a job is always the same.
 
     Parameters
     ----------
     task
-        What to look at.
+        The task.
     told_basis
-        Bits of the facts that costs depend on where back ends tell them, beside those that the
-        task's own costs depend on.
+        Bits of further facts that costs from back ends depend on.
 
     Attributes
     ----------
     jobs
-        In the order of the task's components; also those of components that are not in the goal.
+        Jobs in the order of the task's components, those outside the goal included.
     goal
-        Indices of the jobs that the goal demands.
+        Indices of the jobs that the goal needs.
     connectors
-        Skills that are part of no job, such as tool changes.
+        Skills outside of all jobs, such as tool changes.
     situation
-        Bits of the facts that are no job's own.
+        Bits of the situation.
 
     Raises
     ------
     NotASequencing
-        If the task does not have this structure; the message says what stands against it.
+        If the task does not have this structure; the message gives the reason.
     """
 
     def __init__(self, task: Task, told_basis: int = 0) -> None:
@@ -109,27 +105,24 @@ class ComponentJobs:
         changed = reduce(or_, (effects(skill) for skill in self._live), 0)
         self._constant = self.situation & ~changed
         self.jobs = tuple(self._job(name, chain, own[name]) for name, chain in chains.items())
-        wanted = {fact for fact in task.goal.requires if fact not in task.initial}
+        goal_facts = {fact for fact in task.goal.requires if fact not in task.initial}
         self.goal = tuple(
-            i for i, job in enumerate(self.jobs) if task.operations[job.component] in wanted
+            i for i, job in enumerate(self.jobs) if task.operations[job.component] in goal_facts
         )
         self._check_connectors()
         self._check_runs()
 
     def no(self, reason: str) -> NotASequencing:
-        """Return the error that says why the task does not have the structure."""
+        """Return the error with the reason why the task does not have the structure."""
         return NotASequencing(f"{self.task.name!r} is not a sequencing problem: {reason}.")
 
     def settled(self, job: int, position: int) -> tuple[int, int]:
-        """Return the bits of the situation that are certain where a skill of a job is begun.
-
-        Those that hold, and those that do not.
-        """
+        """Return the bits of the situation that hold, and that do not, before a skill of a job."""
         holds, lacks = self.jobs[job].known[position]
         return holds | self._constant & self._initial, lacks | self._constant & ~self._initial
 
     def _named_bits(self) -> dict[str, int]:
-        """Return the bits of the facts named after each component that no cost depends on."""
+        """Return the bits of the facts of each component, without those that costs depend on."""
         basis, depended = CostBasis(), self._told_basis
         for skill in self._live:
             bits = basis.bits(skill.cost)
@@ -139,7 +132,7 @@ class ComponentJobs:
         return {name: bits & ~depended for name, bits in named_bits(self.task).items()}
 
     def _chains(self) -> dict[str, tuple[Skill, ...]]:
-        """Return the skills of each component that is not done from the start, in order."""
+        """Return the skills of each unfinished component, in order."""
         task = self.task
         goal = task.goal.requires.bits
         facts = {component: task.facts.bit(fact) for component, fact in task.operations.items()}
@@ -163,14 +156,14 @@ class ComponentJobs:
         return chains
 
     def _chain(self, bit: int, named: int, makers: dict[int, list[Skill]]) -> tuple[Skill, ...]:
-        """Return the skills that must follow each other to bring about a fact of a component."""
+        """Return the skills that reach a fact of a component, in order."""
         chain: list[Skill] = []
         while True:
-            found = makers.get(bit.bit_length(), [])
-            if len(found) != 1:
+            candidates = makers.get(bit.bit_length(), [])
+            if len(candidates) != 1:
                 fact = self.task.facts.names_of(bit)[0]
-                raise self.no(f"{len(found)} skills bring about {fact}")
-            maker = found[0]
+                raise self.no(f"{len(candidates)} skills bring about {fact}")
+            maker = candidates[0]
             if any(maker.name == skill.name for skill in chain):
                 raise self.no(f"{maker.name} needs what only {maker.name} leads to")
             chain.insert(0, maker)
@@ -191,7 +184,7 @@ class ComponentJobs:
         return tuple(skill for skill in self._live if skill.name not in inside)
 
     def _own_bits(self, chains: dict[str, tuple[Skill, ...]]) -> dict[str, int]:
-        """Return the bits of the facts that are named after a component and its skills' alone."""
+        """Return the bits of the facts of a component that only its own skills change."""
         touched = {
             component: reduce(or_, (effects(skill) for skill in chain), 0)
             for component, chain in chains.items()
@@ -212,7 +205,7 @@ class ComponentJobs:
         return own
 
     def _job(self, component: str, chain: tuple[Skill, ...], own: int) -> Job:
-        """Return a job; refuse one whose skills need not, or cannot, be done in order and once."""
+        """Return a job, whose skills must run in order and once."""
         stages = [self._initial & own]
         for skill in chain:
             kept = stages[-1] & ~skill.prediction.delete.bits
@@ -245,16 +238,16 @@ class ComponentJobs:
         return Job(component, chain, own, tuple(stages), tuple(known), after)
 
     def _after(self, holds: int, lacks: int, skill: Skill) -> tuple[int, int]:
-        """Return what of the situation is known right after a skill, given what was before."""
+        """Return the known bits of the situation after a skill, given those before."""
         add = skill.prediction.add.bits & self.situation
         delete = skill.prediction.delete.bits & self.situation
         holds = holds & ~delete | add
         return holds, lacks & ~add | delete | self._excluded(holds)
 
     def _excluded(self, holds: int) -> int:
-        """Return the bits of what cannot hold beside some facts."""
-        found = (self._exclusive.get(bit.bit_length(), 0) for bit in each_bit(holds))
-        return reduce(or_, found, 0)
+        """Return the bits of facts that some facts exclude."""
+        excluded = (self._exclusive.get(bit.bit_length(), 0) for bit in each_bit(holds))
+        return reduce(or_, excluded, 0)
 
     def _check_connectors(self) -> None:
         owned = self.task.facts.all_bits & ~self.situation
@@ -266,10 +259,10 @@ class ComponentJobs:
                 raise self.no(f"{skill.name} is no part of a job and depends on {fact}")
 
     def _check_runs(self) -> None:
-        """Demand that nothing can come between the skills of a job.
+        """Check that nothing can happen between the skills of a job.
 
-        Only what may begin outside of a job need be looked at: skills further on in other jobs
-        wait for their first, which cannot come between either.
+        Only connectors and first skills of jobs matter: later skills wait for their first, which
+        cannot run either.
         """
         starters: dict[tuple[int, int], list[tuple[int, str]]] = {}
         beginnings = [(-1, skill) for skill in self.connectors]
@@ -290,12 +283,12 @@ class ComponentJobs:
 
 
 class DoneSets:
-    """States in which some jobs are done; sets of jobs are the bits of whole numbers.
+    """States in which some jobs are done. The bits of an integer represent a set of jobs.
 
     Parameters
     ----------
     structure
-        The jobs.
+        Jobs of the task.
     """
 
     def __init__(self, structure: ComponentJobs) -> None:
@@ -307,26 +300,26 @@ class DoneSets:
         }
 
     def state_bits(self, done: int) -> int:
-        """Return the own facts of all jobs where exactly some are done."""
+        """Return the own facts of all jobs if exactly some jobs are done."""
         bits = self._undone
         for i in members(done):
             bits ^= self.structure.jobs[i].change
         return bits
 
     def named(self, verdict: Verdict) -> int:
-        """Return the jobs of which a verdict says something only while they are done, or not."""
+        """Return the jobs whose being done, or not, a verdict rests on."""
         assert verdict.present is not None
         assert verdict.absent is not None
         bits = (verdict.present.bits | verdict.absent.bits) & self._telling
         return reduce(or_, (1 << self._owner[bit.bit_length()] for bit in each_bit(bits)), 0)
 
     def demands(self, job: int) -> tuple[int, int]:
-        """Return the jobs that preconditions want done, and not done, while a job is done.
+        """Return the jobs that preconditions of a job require to be done, and not done.
 
         Raises
         ------
         NotASequencing
-            If one needs what holds neither before nor after.
+            If a precondition holds neither before nor after another job.
         """
         structure = self.structure
         own, done, undone = structure.jobs[job].own, 0, 0
@@ -335,13 +328,13 @@ class DoneSets:
             needs = skill.precondition.requires.bits & foreign
             bars = skill.precondition.forbids.bits & foreign
             for bit in each_bit(needs | bars):
-                wanted = bool(bit & needs)
+                must_hold = bool(bit & needs)
                 other = self._owner[bit.bit_length()]
                 stages = structure.jobs[other].stages
-                may = bool(stages[0] & bit) == wanted, bool(stages[-1] & bit) == wanted
+                may = bool(stages[0] & bit) == must_hold, bool(stages[-1] & bit) == must_hold
                 if not any(may):
                     fact = structure.task.facts.names_of(bit)[0]
-                    missing = fact if wanted else f"not {fact}"
+                    missing = fact if must_hold else f"not {fact}"
                     raise structure.no(f"{skill.name} is never feasible (needs {missing})")
                 done |= (not may[0]) << other
                 undone |= (not may[1]) << other
@@ -357,19 +350,19 @@ def members(jobs: int) -> Iterator[int]:
 def closed(
     structure: ComponentJobs, before: Mapping[int, int]
 ) -> tuple[dict[int, int], dict[int, int]]:
-    """Return by job the jobs before and after it in whatever number of steps.
+    """Return all direct and indirect predecessors and successors of each job.
 
     Parameters
     ----------
     structure
-        The jobs.
+        Jobs of the task.
     before
-        By job those that must be done before it.
+        Direct predecessors of each job.
 
     Raises
     ------
     NotASequencing
-        If they would have to come before each other.
+        If the precedence has a cycle.
     """
     direct = {i: list(members(jobs)) for i, jobs in before.items()}
     try:

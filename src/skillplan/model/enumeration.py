@@ -1,4 +1,4 @@
-"""The complete feasibility of a task: every applicable skill in every state that can be reached."""
+"""Complete feasibility of a task: every applicable skill in every reachable state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Query = tuple[Skill, State]
 
 @dataclass(frozen=True, slots=True)
 class Enumeration:
-    """How many queries there are, and their verdicts.
+    """Numbers of queries and verdicts.
 
     Parameters
     ----------
@@ -28,15 +28,15 @@ class Enumeration:
     feasible, unknown
         Queries with these verdicts.
     checks
-        Queries for which at least one back end had to work.
+        Queries that made at least one back end check.
     hits
-        Queries answered from kept verdicts alone.
+        Queries that kept verdicts answered.
     executions
-        Queries for which an expensive back end had to work; any back end where none is expensive.
+        Queries that made an expensive back end check, or any back end if none is expensive.
     executions_by_state
-        What it would have been with verdicts kept by state and skill instead of by facts.
+        The same number if verdicts were kept by state and skill instead of by facts.
     complete
-        Whether it came to its end.
+        Whether the enumeration was completed.
 
     Raises
     ------
@@ -63,18 +63,17 @@ class Enumeration:
 def enumerate_feasibility(
     feasibility: Feasibility, stopped: Callable[[], bool] = lambda: False
 ) -> Enumeration:
-    """Check every state that feasible skills lead to within the step limit.
+    """Check all states that feasible skills reach within the step limit.
 
-    Breadth first, all states of one distance at once; processes that have nothing to do then check
-    what the next distances ask if all that is not known is feasible. Where the task is done,
-    nothing is checked any more.
+    Breadth first, all states of one distance together. Idle workers check ahead, for the next
+    distances, as if all unknown verdicts were feasible. Goal states are not expanded.
 
     Parameters
     ----------
     feasibility
-        The chain of checks, fresh.
+        A new chain of checks.
     stopped
-        Whether to stop; called several times a second. Checks in progress are given up then.
+        Returns True to stop; called several times a second. Checks in progress are aborted.
 
     Raises
     ------
@@ -128,7 +127,7 @@ def enumerate_feasibility(
 
 
 def _queries(model: SkillModel, level: Iterable[State]) -> list[Query]:
-    """Return what is asked about states."""
+    """Return the queries about states."""
     return [
         (skill, state)
         for state in level
@@ -140,7 +139,7 @@ def _queries(model: SkillModel, level: Iterable[State]) -> list[Query]:
 def _likely(
     feasibility: Feasibility, model: SkillModel, queries: Sequence[Query], seen: Collection[State]
 ) -> Iterator[tuple[State, Skill]]:
-    """Yield what the distances after some queries ask if all that is not known is feasible."""
+    """Yield the queries of the next distances, as if all unknown verdicts were feasible."""
     foresight = feasibility.foresight
     assert foresight is not None
     seen = set(seen)
@@ -159,4 +158,4 @@ def _likely(
 
 
 class _Stopped(Exception):
-    """Raised where querying is given up."""
+    """Ends the enumeration early."""

@@ -1,4 +1,4 @@
-"""What can be read off a task about its facts: who may change them, and what depends on them."""
+"""Analysis of facts: skills that change them, and costs that depend on them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillplan.task.task import Task
 
 
 def each_bit(bits: int) -> Iterator[int]:
-    """Yield the bits that are set, lowest first."""
+    """Yield the bits of an integer, the lowest first."""
     while bits:
         low = bits & -bits
         yield low
@@ -20,16 +20,15 @@ def each_bit(bits: int) -> Iterator[int]:
 
 
 def effects(skill: Skill) -> int:
-    """Return the bits of the facts that a skill's nominal outcome adds or deletes."""
+    """Return the bits of the facts that the nominal outcome of a skill adds or deletes."""
     return skill.prediction.add.bits | skill.prediction.delete.bits
 
 
 def live_skills(task: Task) -> tuple[Skill, ...]:
-    """Return the skills that may come to be applicable.
+    """Return the skills that may become applicable.
 
-    All others are certain never to: the delete relaxation, in which what has once held goes on
-    to hold, leaves them without a fact they require, or a fact that they forbid holds from the
-    start and nothing ends it.
+    The others never become applicable: in the delete relaxation, where facts stay true, a required
+    fact is unreachable, or a forbidden fact holds from the start and no skill deletes it.
     """
     live: Sequence[Skill] = task.skills
     while True:
@@ -37,7 +36,7 @@ def live_skills(task: Task) -> tuple[Skill, ...]:
         lasting = task.initial.bits & ~deleted
         reached = task.initial.bits
         waiting = [skill for skill in live if not skill.precondition.forbids.bits & lasting]
-        found: set[str] = set()
+        reachable: set[str] = set()
         while True:
             ready: list[Skill] = []
             left: list[Skill] = []
@@ -45,29 +44,29 @@ def live_skills(task: Task) -> tuple[Skill, ...]:
                 (left if skill.precondition.requires.bits & ~reached else ready).append(skill)
             if not ready:
                 break
-            found |= {skill.name for skill in ready}
+            reachable |= {skill.name for skill in ready}
             reached = reduce(or_, (skill.prediction.add.bits for skill in ready), reached)
             waiting = left
-        if len(found) == len(live):
+        if len(reachable) == len(live):
             return tuple(live)
-        live = [skill for skill in live if skill.name in found]
+        live = [skill for skill in live if skill.name in reachable]
 
 
 def exclusive_bits(task: Task) -> dict[int, int]:
-    """Return, by the number of a fact's bit, the bits of those that cannot hold beside it."""
-    found: dict[int, int] = {}
+    """Return the bits of the facts that each fact excludes, by the number of its bit."""
+    exclusive: dict[int, int] = {}
     for group in task.facts.exclusive:
         bits = [task.facts.bit(fact) for fact in group]
         together = reduce(or_, bits, 0)
         for bit in bits:
-            # Powers of two make poor keys, see `State.__hash__`.
+            # Powers of two hash badly, see `State.__hash__`.
             number = bit.bit_length()
-            found[number] = found.get(number, 0) | together & ~bit
-    return found
+            exclusive[number] = exclusive.get(number, 0) | together & ~bit
+    return exclusive
 
 
 def named_bits(task: Task) -> dict[str, int]:
-    """Return the bits of the facts named after each component; not of where an arm stands."""
+    """Return the bits of the facts named after each component, without places of arms."""
     stands = {fact for robot in task.scene.robots for fact in robot.places}
     named = {component: task.facts.bit(fact) for component, fact in task.operations.items()}
     for fact in task.facts.names:
@@ -78,16 +77,13 @@ def named_bits(task: Task) -> dict[str, int]:
 
 
 class CostBasis:
-    """The facts that costs depend on.
-
-    What costs share is looked at once.
-    """
+    """The facts that costs depend on; shared parts are analysed once."""
 
     def __init__(self) -> None:
         self._places: dict[int, int] = {}
 
     def bits(self, cost: Cost) -> int | None:
-        """Return the bits of the facts that a cost depends on, or None where nothing is known."""
+        """Return the bits of the facts that a cost depends on, or None if they are unknown."""
         if isinstance(cost, ConstantCost):
             return 0
         if isinstance(cost, TableCost):

@@ -1,4 +1,4 @@
-"""The paths between jobs: what leads from one to the next at least cost, such as tool changes."""
+"""Cheapest paths between jobs, such as tool changes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# Limits of the search between two jobs: situations, and queries about one skill.
+# Limits of the search between two jobs: situations, and queries about a skill.
 _MOST_SITUATIONS = 1_000
 _MOST_QUERIES = 1_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A situation after a job, the skills that lead to it, and their cost."""
+    """A situation after a job, the skills that reach it, and their cost."""
 
     cost: float
     situation: int
@@ -34,9 +34,9 @@ class _Stop:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Jobs that can be begun in the same situations.
+    """Jobs that can start in the same situations.
 
-    Those of one skill with a table of costs by place are kept apart, by the bits of the places.
+    Jobs of a single skill with a table of costs are listed apart, by the bits of the places.
     """
 
     needs: int
@@ -46,28 +46,28 @@ class _Group:
 
 
 class JobConnections:
-    """Least costs of coming to jobs and doing them, and the skills on these paths.
+    """Least costs of reaching and doing each job, and the skills on these paths.
 
-    Where back ends tell costs, lower bounds stand for them: see :mod:`priced_connections`.
+    If back ends compute costs, these are lower bounds: see `PricedConnections`.
 
     Parameters
     ----------
     model
-        Queried about the skills between jobs.
+        The model, queried about the skills between jobs.
     structure
-        The jobs of its task.
+        Jobs of the task.
     sets
-        The states in which it is queried.
+        States of the queries.
 
     Attributes
     ----------
     paths
-        The skills from a job, or the start (-1), to a job, where there are any.
+        Skills from a job, or the start (-1), to a job; pairs without skills are left out.
 
     Raises
     ------
     NotASequencing
-        If a skill between jobs depends on what has been done.
+        If a skill between jobs depends on the jobs that are done.
     """
 
     def __init__(self, model: SkillModel, structure: ComponentJobs, sets: DoneSets) -> None:
@@ -90,34 +90,34 @@ class JobConnections:
         self._groups = self._grouped()
 
     def matrix(self) -> NDArray[np.float64]:
-        """Return the costs from the initial state (row 0) and from each job, shape (n + 1, n).
+        """Return the costs from the start (row 0) and from each job, shape (n + 1, n).
 
-        They are inf where a job cannot come right after another.
+        They are inf if a job cannot follow another directly.
         """
         structure = self._structure
         n = len(structure.jobs)
-        found = np.full((n + 1, n), math.inf)
+        matrix_costs = np.full((n + 1, n), math.inf)
         initial = structure.task.initial.bits & structure.situation
         taken: dict[int, tuple[NDArray[np.float64], list[tuple[str, ...]]]] = {}
         for source, situation in enumerate([initial, *(job.after for job in structure.jobs)]):
             if situation not in taken:
                 taken[situation] = self._from(situation)
             costs, paths = taken[situation]
-            found[source] = costs
+            matrix_costs[source] = costs
             if source:
-                found[source, source - 1] = math.inf
+                matrix_costs[source, source - 1] = math.inf
             for job, path in enumerate(paths):
-                if path and math.isfinite(found[source, job]):
+                if path and math.isfinite(matrix_costs[source, job]):
                     self.paths[source - 1, job] = path
-        return found
+        return matrix_costs
 
     def begun_in(self, job: int) -> int:
-        """Return the bits of a situation in which a job is begun at least cost.
+        """Return the bits of the cheapest situation in which a job can start.
 
         Raises
         ------
         NotASequencing
-            If nothing leads to the job.
+            If no path leads to the job.
         """
         if self._begun_in[job] < 0:
             structure = self._structure
@@ -126,28 +126,28 @@ class JobConnections:
         return self._begun_in[job]
 
     def costs_from(self, situation: int) -> NDArray[np.float64]:
-        """Return the costs of coming from a situation to each job and doing it, shape (n,)."""
+        """Return the costs of reaching and doing each job from a situation, shape (n,)."""
         return self._from(situation)[0]
 
     def stops_from(self, situation: int) -> list[tuple[float, int, tuple[str, ...]]]:
-        """Return cost, situation and skills of whatever can be come to without a job."""
+        """Return cost, situation and skills of all paths without a job."""
         return [(stop.cost, stop.situation, stop.path) for stop in self._stops(situation)]
 
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
-        """Return the cost of coming from a situation to each job and doing it, and the paths."""
+        """Return the costs of reaching and doing each job from a situation, and the paths."""
         stops = self._stops(situation)
         costs = np.stack([stop.cost + self.row(stop.situation) for stop in stops])
-        # Of equally expensive paths the first found, which is the shortest.
+        # The first of equally expensive paths, which is the shortest.
         chosen = costs.argmin(axis=0)
-        least = costs[chosen, np.arange(len(chosen))]
+        cost = costs[chosen, np.arange(len(chosen))]
         if -1 in self._begun_in:
             for job, position in enumerate(chosen.tolist()):
-                if self._begun_in[job] < 0 and math.isfinite(least[job]):
+                if self._begun_in[job] < 0 and math.isfinite(cost[job]):
                     self._begun_in[job] = stops[position].situation
-        return least, [stops[position].path for position in chosen.tolist()] if chosen.any() else []
+        return cost, [stops[position].path for position in chosen.tolist()] if chosen.any() else []
 
     def _stops(self, situation: int) -> list[_Stop]:
-        """Return the situations that lead on from one without a job, cheapest first."""
+        """Return the situations that can be reached from one without a job, the cheapest first."""
         queue: list[tuple[float, int, int, tuple[str, ...]]] = [(0.0, 0, situation, ())]
         met: dict[int, _Stop] = {}
         pushed = 0
@@ -165,7 +165,7 @@ class JobConnections:
         return list(met.values())
 
     def steps_from(self, situation: int) -> list[tuple[float, int, str]]:
-        """Return cost, situation after and name of each skill that may be done between jobs."""
+        """Return cost, next situation and name of each possible skill between jobs."""
         if situation not in self._edges:
             edges = []
             for skill, needs, bars in self._connectors:
@@ -178,9 +178,9 @@ class JobConnections:
         return self._edges[situation]
 
     def _passes(self, skill: Skill, situation: int) -> bool:
-        """Whether a skill between jobs is feasible in a situation, whatever has been done.
+        """Whether a skill between jobs is feasible in a situation, whichever jobs are done.
 
-        Every job that a verdict names is tried both done and not done.
+        Every job that a verdict rests on is checked both done and not done.
         """
         kept = self._passable.setdefault(skill.name, [])
         for basis, value, passes in kept:
@@ -214,7 +214,7 @@ class JobConnections:
         return verdict
 
     def _grouped(self) -> list[_Group]:
-        """Return the jobs grouped by the situations in which they can be begun."""
+        """Return the jobs grouped by the situations in which they can start."""
         groups: dict[tuple[int, int], _Group] = {}
         for i, job in enumerate(self._structure.jobs):
             needs = job.chain[0].precondition.requires.bits & self._structure.situation
@@ -228,22 +228,22 @@ class JobConnections:
         return list(groups.values())
 
     def row(self, situation: int) -> NDArray[np.float64]:
-        """Return the cost of beginning and doing each job in a situation; inf where it cannot."""
-        found = self._rows.get(situation)
-        if found is None:
+        """Return the cost of each job from a situation, inf if it cannot start there."""
+        row_costs = self._rows.get(situation)
+        if row_costs is None:
             state = self._facts.state(situation)
-            found = np.full(len(self._structure.jobs), math.inf)
+            row_costs = np.full(len(self._structure.jobs), math.inf)
             for group in self._groups:
                 if situation & group.needs == group.needs and not situation & group.bars:
                     for job in group.jobs:
-                        found[job] = self._cost(job, state)
+                        row_costs[job] = self._cost(job, state)
                     for places, jobs in group.tables.items():
-                        found[jobs] = self._column(places, jobs, situation)
-            self._rows[situation] = found
-        return found
+                        row_costs[jobs] = self._column(places, jobs, situation)
+            self._rows[situation] = row_costs
+        return row_costs
 
     def _column(self, places: int, jobs: list[int], situation: int) -> NDArray[np.float64]:
-        """Return the cost of jobs of one skill each from where one stands, by their tables."""
+        """Return the costs of single-skill jobs from the present place, by their tables."""
         key = (places, jobs[0])
         if key not in self._tables:
             costs = [self._structure.jobs[job].chain[0].cost for job in jobs]
@@ -256,7 +256,7 @@ class JobConnections:
         return self._tables[key][:, here.bit_length() - (places & -places).bit_length()]
 
     def _cost(self, job: int, state: State) -> float:
-        """Return the cost of a job that is begun in a situation; inf where it cannot go on."""
+        """Return the cost of a job from its first state, inf for a dead end."""
         chain = self._structure.jobs[job].chain
         cost = self._cost_of(chain[0], state)
         if len(chain) == 1:
@@ -268,7 +268,7 @@ class JobConnections:
         return cost + self._tails[key]
 
     def tail(self, skills: tuple[Skill, ...], situation: int) -> float:
-        """Return the cost of the last skills of a job from a situation; inf for a dead end."""
+        """Return the cost of the last skills of a job from a situation, inf for a dead end."""
         cost = 0.0
         for skill in skills:
             needs = skill.precondition.requires.bits & self._structure.situation
@@ -302,18 +302,18 @@ _Path = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A step on from the end of a path: a skill between jobs, or a job, which ends the path.
+    """The next step after a path: a skill between jobs, or a job, which ends the path.
 
     Parameters
     ----------
     cost, situation, path
-        Of the path: what it costs, the bits of the situation it leads to, and its skills.
+        Cost of the path, bits of the situation it reaches, and its skills.
     skill
-        The skill between jobs; empty where the step is a job.
+        The skill between jobs; empty for a job.
     job
-        The job; -1 where the step is none.
+        The job; -1 for a skill between jobs.
     priced
-        Whether its own cost counts, and not a lower bound.
+        Whether `cost` includes the exact cost of the step instead of a lower bound.
     """
 
     cost: float
@@ -325,26 +325,26 @@ class _Step:
 
 
 class PricedConnections:
-    """Least costs of coming to jobs and doing them, as back ends tell them.
+    """Least costs of reaching and doing each job, if back ends compute costs.
 
     Parameters
     ----------
     model
-        Asked for costs.
+        The model, queried for costs.
     structure
-        The jobs of its task.
+        Jobs of the task.
     bounds
-        Lower bounds on these costs.
+        Lower bounds on the costs.
     needed
-        Whether the cost of coming to a job is wanted, shape (n + 1, n); row 0 is the start.
+        Whether each connection is needed, shape (n + 1, n); row 0 is the start.
 
     Attributes
     ----------
     costs
-        From the initial state (row 0) and from each job, shape (n + 1, n); inf where a job cannot
-        come right after another, or that is not needed.
+        Costs from the start (row 0) and from each job, shape (n + 1, n); inf if a job cannot follow
+        another directly, or the connection is not needed.
     paths
-        The skills from a job, or the start (-1), to a job, where there are any.
+        Skills from a job, or the start (-1), to a job; pairs without skills are left out.
     """
 
     def __init__(
@@ -363,22 +363,22 @@ class PricedConnections:
         self.paths: dict[tuple[int, int], _Path] = {}
         initial = structure.task.initial.bits & structure.situation
         for source, situation in enumerate([initial, *(job.after for job in structure.jobs)]):
-            wanted = set(np.flatnonzero(needed[source]).tolist()) - {source - 1}
-            for job, (cost, path) in self._cheapest(situation, wanted).items():
+            needed_jobs = set(np.flatnonzero(needed[source]).tolist()) - {source - 1}
+            for job, (cost, path) in self._cheapest(situation, needed_jobs).items():
                 self.costs[source, job] = cost
                 if path:
                     self.paths[source - 1, job] = path
 
-    def _cheapest(self, situation: int, wanted: set[int]) -> dict[int, tuple[float, _Path]]:
-        """Return least cost and path from a situation to each of some jobs that it leads to."""
+    def _cheapest(self, situation: int, needed: set[int]) -> dict[int, tuple[float, _Path]]:
+        """Return the least cost and path from a situation to each needed job that it can reach."""
         settled: dict[int, tuple[float, _Path]] = {}
         met = {situation}
-        waiting = self._steps(_Step(0.0, situation, ()), wanted)
-        # Of equally expensive ones the first found, which is the shortest.
+        waiting = self._steps(_Step(0.0, situation, ()), needed)
+        # The first of equally expensive paths, which is the shortest.
         queue = [(cost, number, step) for number, (cost, step) in enumerate(waiting)]
         heapq.heapify(queue)
         pushed = len(queue)
-        while queue and len(settled) < len(wanted):
+        while queue and len(settled) < len(needed):
             cost, _, step = heapq.heappop(queue)
             after = -1 if step.job >= 0 else self._after(step)
             if step.job in settled or after in met:
@@ -391,24 +391,24 @@ class PricedConnections:
             else:
                 met.add(after)
                 here = _Step(cost, after, (*step.path, step.skill))
-                more = self._steps(here, wanted - set(settled))
+                more = self._steps(here, needed - set(settled))
             for total, following in more:
                 if math.isfinite(total):
                     pushed += 1
                     heapq.heappush(queue, (total, pushed, following))
         return settled
 
-    def _steps(self, here: _Step, wanted: set[int]) -> list[tuple[float, _Step]]:
-        """Return what may follow at the end of a path, each with a lower bound on the whole."""
+    def _steps(self, here: _Step, needed: set[int]) -> list[tuple[float, _Step]]:
+        """Return the possible next steps, each with a lower bound on the cost of the whole path."""
         row = self._bounds.row(here.situation)
-        found = [
+        steps = [
             (here.cost + float(row[job]), _Step(here.cost, here.situation, here.path, job=job))
-            for job in sorted(wanted)
+            for job in sorted(needed)
             if math.isfinite(row[job])
         ]
-        for least, _, name in self._bounds.steps_from(here.situation):
-            found.append((here.cost + least, _Step(here.cost, here.situation, here.path, name)))
-        return found
+        for bound, _, name in self._bounds.steps_from(here.situation):
+            steps.append((here.cost + bound, _Step(here.cost, here.situation, here.path, name)))
+        return steps
 
     def _after(self, step: _Step) -> int:
         return self._bounds.following(self._skills[step.skill], step.situation)
@@ -433,15 +433,15 @@ class PricedConnections:
 def needed_connections(
     jobs: int, all_before: Mapping[int, int], all_after: Mapping[int, int]
 ) -> NDArray[np.bool_]:
-    """Return which job may come right after which, shape (n + 1, n); row 0 is the start.
+    """Return whether each job may directly follow each other, shape (n + 1, n); row 0 is the start.
 
     Parameters
     ----------
     jobs
-        How many there are: n.
+        Number n of jobs.
     all_before, all_after
-        By job that every plan does the jobs that come before it and after it, as bits, in whatever
-        number of steps. If there are others, all connections are needed.
+        Predecessors and successors of the jobs that every plan does, direct and indirect, as bits.
+        If there are other jobs, all connections are needed.
     """
     if len(all_before) < jobs:
         return np.ones((jobs + 1, jobs), dtype=np.bool_)

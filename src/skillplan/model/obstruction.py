@@ -1,8 +1,7 @@
-"""Why no plan exists: what blocks a skill in every state that can be reached.
+"""Reasons why no plan exists: facts that block a skill in every reachable state.
 
-After a proof that there is no plan, the verdicts that matter are known. The reasons given here
-follow from them, so that expensive back ends need not be queried again.
-The cycle is found in `chart.partial_order` and worded in `chart.conflict`.
+After a proof that no plan exists, the relevant verdicts are known, so no expensive back end is
+queried again. `chart.partial_order` finds the cycle, and `chart.conflict` describes it.
 """
 
 from __future__ import annotations
@@ -20,21 +19,19 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 
-# So many skills are named one by one.
+# Number of skills that are described in full.
 _MOST_NAMED = 2
 
 
 @dataclass
 class _Tries:
-    """The verdicts on one skill wherever its precondition held.
+    """The verdicts on one skill in all states in which it is applicable.
 
     Attributes
     ----------
     last
-        The verdict in the state with the most components in place: there it is least likely that
-        the skill fails only because something else is missing.
-    in_place
-        The components in place in that state.
+        The verdict in the state with the most components in place, in which a missing component is
+        the least likely cause.
     """
 
     states: int = 0
@@ -53,13 +50,13 @@ class _Tries:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict met most often."""
+        """The most frequent verdict."""
         return self.first[self.counts.most_common(1)[0][0]]
 
 
 @dataclass
 class _Reached:
-    """The states that can be reached, and the verdicts on the skills there."""
+    """The reachable states, and the verdicts on the skills in them."""
 
     states: set[State]
     tries: dict[str, _Tries]
@@ -67,24 +64,24 @@ class _Reached:
 
 
 def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
-    """Return why the goal is out of reach, in at most three lines.
+    """Return the reason why the goal is unreachable, in at most three lines.
 
-    That is the shortest cycle of what must come before what, as far as the verdicts of reachable
-    states show one; or else the skills towards the goal that fail wherever they can be tried,
-    without those that only fail because another one does.
+    The reason is the shortest cycle of precedence that the verdicts of reachable states show.
+    Otherwise it lists the skills towards the goal that fail in every state, without those that fail
+    only because of another one.
 
     Parameters
     ----------
     model
-        Of a task without a plan; its verdicts should be known.
+        Model of a task without a plan; its verdicts should be known.
     most_states
-        Larger tasks are not gone through.
+        Greatest number of states, >= 1; larger tasks are not analysed.
 
     Returns
     -------
     str or None
-        None where no single skill is to blame: every one succeeds somewhere, but never in an
-        order that leads to the goal; or where there are too many states.
+        None if every skill succeeds in some state, but in no order that reaches the goal; or if
+        there are too many states.
     """
     reached = _reach(model, most_states)
     if reached is None:
@@ -112,7 +109,7 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
 
 
 def _reach(model: SkillModel, most_states: int) -> _Reached | None:
-    """Return the states that can be reached, or None where there are too many."""
+    """Return the reachable states, or None if there are too many."""
     goals = model.task.operations
     seen = {model.initial}
     queue = [model.initial]
@@ -136,7 +133,7 @@ def _reach(model: SkillModel, most_states: int) -> _Reached | None:
 
 
 def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
-    """Whether the skill brings about something that is never reached otherwise."""
+    """Whether the skill adds a fact that is not reached otherwise."""
     gained = [fact for effect in skill.effects for fact in effect.add]
     return any(all(fact not in state for state in seen) for fact in gained)
 
@@ -144,7 +141,7 @@ def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
 def _needs(
     model: SkillModel, hypothetical: HypotheticalStates, reached: _Reached
 ) -> Iterator[Relation]:
-    """Yield what skills that can be tried nowhere forbid of other components' starts."""
+    """Yield the precedence that preconditions of never applicable skills impose."""
     for skill in model.task.skills:
         component = hypothetical.component(skill)
         if component is None or skill.name in reached.tries or skill.name in reached.succeeded:
@@ -161,9 +158,9 @@ def _needs(
 def _relations(
     hypothetical: HypotheticalStates, skill: Skill, verdict: Verdict
 ) -> Iterator[Relation]:
-    """Yield what a skill that fails wherever it is tried says of the order.
+    """Yield the precedence that a skill imposes which fails in every state.
 
-    Only a verdict that blames a single other component says so.
+    Only a verdict that rests on a single other component does so.
     """
     component = hypothetical.component(skill)
     others = hypothetical.components(verdict) - {component}
@@ -180,7 +177,7 @@ def _relations(
 def _sentences(
     hypothetical: HypotheticalStates, blocked: list[Skill], tries: dict[str, _Tries]
 ) -> list[str]:
-    """Return a sentence for each skill that does not fail for another's sake, two at most."""
+    """Return a sentence for each skill that fails for a reason of its own, at most two."""
     failing = {hypothetical.component(skill) for skill in blocked}
     roots = []
     for skill in blocked:

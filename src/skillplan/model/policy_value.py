@@ -1,4 +1,4 @@
-"""The expected cost of a policy, exactly, on tasks whose skills may have several outcomes."""
+"""Expected cost of a policy: exactly by linear equations, or estimated by roll-outs."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
 
 
 MAX_STATES = 200_000
-# Up to so many states a dense linear system is solved; beyond, values are swept until they rest.
+# Largest dense linear system; larger ones are solved by sweeps.
 _MOST_EQUATIONS = 2_000
 _MOST_SWEEPS = 20_000
-# Values that a sweep changes by less, as a fraction of the largest, have come to rest.
+# Largest change of converged values in a sweep, as a fraction of the largest value.
 _AT_REST = 1e-14
 _ABOVE_ROUNDING = 1e3
-# With such a rate the changes to come add up to a thousand times the last one.
+# At this rate, the remaining changes add up to a thousand times the last one.
 _SLOWEST = 0.999
 
 
 @dataclass(frozen=True, slots=True)
 class PolicyValue:
-    """What a policy is worth from the initial state.
+    """Value of a policy in the initial state.
 
     Parameters
     ----------
     cost, duration_s, steps
-        Expected sums until the goal; None where `problem` is given.
+        Expected sums until the goal; None if there is a `problem`.
     problem
-        Why the policy does not reach the goal with certainty, or None.
+        Reason why the policy does not reach the goal with certainty, or None.
     infeasible
         Whether the problem is a step that cannot be executed.
     """
@@ -52,10 +52,10 @@ class PolicyValue:
 
 
 class Convergence:
-    """Decides whether the values of sweeps have converged.
+    """Detects convergence of sweeps.
 
-    A small change alone is no sign of it: if a chain hardly ever ends, every sweep changes little,
-    and there are many to come.
+    A small change is not sufficient: if a chain hardly ever ends, every sweep changes little, and
+    many are to come.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Convergence:
         self._rate = 0.0
 
     def reached(self, change: float, largest: float) -> bool:
-        """Record the change of a sweep; whether the changes to come are negligible.
+        """Record the change of a sweep, and return whether the remaining changes are negligible.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class Convergence:
             Largest value.
         """
         scale = max(1.0, largest)
-        # Below, rounding decides how fast changes shrink.
+        # Smaller changes are rounding errors.
         if change > _ABOVE_ROUNDING * self._tolerance * scale and math.isfinite(self._previous):
             self._rate = change / self._previous
         self._previous = change
@@ -87,9 +87,9 @@ class Convergence:
 
 
 def roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> list[Skill]:
-    """Return the skills that a policy takes while every outcome is the nominal one.
+    """Return the skills of a policy if every outcome is the nominal one.
 
-    Ends at the goal, at the step limit, where the policy knows nothing, or with a skill that is
+    They end at the goal, at the step limit, at a state without an action, or with a skill that is
     not applicable.
     """
     state = model.initial
@@ -106,19 +106,14 @@ def roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> list
 
 
 def evaluate_policy(model: SkillModel, choose: Callable[[State], Skill | None]) -> PolicyValue:
-    """Solve the linear equations of the Markov chain that a policy makes of the model.
+    """Return the value of a policy, by the linear equations of its Markov chain.
 
     Parameters
     ----------
     model
-        A model, queried on every step that the policy takes.
+        The model, queried about every step of the policy.
     choose
-        The policy: the skill it takes in a state, or None where it has none.
-
-    Raises
-    ------
-    ModelTooLarge
-        If the policy reaches more than `MAX_STATES` states.
+        Policy: returns the skill in a state, or None if it has none.
     """
     chain: dict[State, Transition | None] = {}
     todo = [model.initial]
@@ -147,7 +142,7 @@ def evaluate_policy(model: SkillModel, choose: Callable[[State], Skill | None]) 
 
 
 def _cannot_finish(chain: Mapping[State, Transition | None]) -> State | None:
-    """Return a state from which no outcome leads to the goal, or None."""
+    """Return a state from which the goal is unreachable, or None."""
     before: dict[State, list[State]] = {}
     for state, step in chain.items():
         for _, next_state in step.outcomes if step is not None else ():
@@ -163,7 +158,7 @@ def _cannot_finish(chain: Mapping[State, Transition | None]) -> State | None:
 
 
 def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> PolicyValue:
-    # Here and not above: a deterministic task must not pay for importing numpy.
+    # Imported here, because deterministic tasks do not need numpy.
     import numpy as np
 
     index = {state: i for i, state in enumerate(chain)}
@@ -172,8 +167,8 @@ def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> Polic
     for state, step in chain.items():
         if step is None:
             continue
-        # Tries that leave the state as it is are divided out: with failures that are almost
-        # certain, the equations would lose all digits.
+        # Outcomes that leave the state unchanged are divided out: if failures are almost certain,
+        # the equations would lose all digits.
         leaving = math.fsum(share for share, following in step.outcomes if following != state)
         gains[index[state]] = (step.cost / leaving, step.duration_s / leaving, 1.0 / leaving)
         for share, following in step.outcomes:
@@ -194,19 +189,19 @@ def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> Polic
 def _swept(
     gains: NDArray[np.float64], owners: list[int], successors: list[int], shares: list[float]
 ) -> NDArray[np.float64]:
-    """Return the values of a chain that ends for certain, by sweeps from 0.
+    """Return the values of an absorbing chain, by sweeps from 0.
 
     Parameters
     ----------
     gains
-        What every state adds to each of k sums, shape (n, k).
+        Gains of every state in each of k sums, shape (n, k).
     owners, successors, shares
         State, next state and probability of every outcome.
 
     Raises
     ------
     ModelTooLarge
-        If the values have not come to rest, as the chain hardly ever ends.
+        If the values do not converge, because the chain hardly ever ends.
     """
     import numpy as np
 
@@ -230,18 +225,18 @@ def _swept(
 
 ROLL_OUTS = 2_000
 _TWO_SIDED_95 = NormalDist().inv_cdf(0.975)
-# What takes so many times the step limit does not arrive.
+# Roll-outs of more than this multiple of the step limit count as endless.
 _LIMITS = 20
 
 
 @dataclass(frozen=True, slots=True)
 class PolicySample:
-    """What roll-outs of a policy say.
+    """Estimate of a policy from roll-outs.
 
     Parameters
     ----------
     cost, half_width
-        Mean of what a roll-out costs until the goal, and half its 95 % interval; 0 of one.
+        Mean cost of a roll-out until the goal, and half of its 95 % interval; 0 for one roll-out.
     duration_s, steps
         Means of its time and its number of skills.
     roll_outs
@@ -276,28 +271,28 @@ def sample_policy(
     roll_outs: int = ROLL_OUTS,
     over: Callable[[], bool] = lambda: False,
 ) -> PolicySample | None:
-    """Follow a policy from the initial state to the goal, again and again.
+    """Estimate the expected cost of a policy by roll-outs to the goal.
 
-    The step limit does not count, as for `evaluate_policy`: under chance no number of skills
-    suffices for certain.
+    The step limit is ignored, as in `evaluate_policy`: under chance no number of skills is
+    certainly enough.
 
     Parameters
     ----------
     model
-        Queried on every step that the policy takes.
+        The model, queried about every step of the policy.
     choose
-        The policy: the skill it takes in a state, or None where it has none.
+        Policy: returns the skill in a state, or None if it has none.
     seed
-        Governs what comes of skills.
+        Seed of the outcomes.
     roll_outs
-        How many, >= 1.
+        Number of roll-outs, >= 1.
     over
-        Polled before every roll-out; once true, they are given up.
+        Returns True to stop; called before every roll-out.
 
     Returns
     -------
     PolicySample or None
-        None where it was given up.
+        None if it was stopped.
     """
     chance = random.Random(seed)
     arrows: dict[State, Transition] = {}
@@ -309,10 +304,10 @@ def sample_policy(
         while not model.is_goal(state):
             arrow = arrows.get(state)
             if arrow is None:
-                made = _arrow(model, choose, state)
-                if isinstance(made, PolicySample):
-                    return made
-                arrow = arrows[state] = made
+                next_arrow = _arrow(model, choose, state)
+                if isinstance(next_arrow, PolicySample):
+                    return next_arrow
+                arrow = arrows[state] = next_arrow
             if taken >= _LIMITS * model.step_limit:
                 return _failed(f"the policy takes more than {taken:,} skills")
             cost.append(arrow.cost)
@@ -329,7 +324,7 @@ def sample_policy(
 def _arrow(
     model: SkillModel, choose: Callable[[State], Skill | None], state: State
 ) -> Transition | PolicySample:
-    """Return what the policy does in a state, or what stands against it."""
+    """Return the action of the policy in a state, or the problem with it."""
     skill = choose(state)
     if skill is None:
         return _failed(f"the policy says nothing in {state}")

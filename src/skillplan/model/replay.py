@@ -1,4 +1,4 @@
-"""Walking a sequence through a model: what it costs, and what fails where."""
+"""Replay of a sequence on a model: its cost, and its first fault."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ class Step:
     Parameters
     ----------
     index, skill, action
-        Position in the sequence, name, and number among the task's actions.
+        Position in the sequence, name, and action number.
     start, goal
-        Where the arm starts and where it works last [m]; None for a skill without motion.
+        First and last position of the arm [m]; None for a skill without motion.
     cost
-        In the task's metric.
+        Cost in the task's metric.
     duration_s
-        Time it takes [s].
+        Duration [s].
     reward
-        The reward; None where the task has no reward scheme.
+        The reward; None if the task has no reward scheme.
     place
-        The place where it ends, of a skill that walks.
+        Final place of a walking skill.
     way
-        The way that it takes, in words, of a skill that has several.
+        Label of the motion, for a skill with several.
     """
 
     index: int
@@ -51,14 +51,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """What is wrong with a sequence, and where.
+    """A fault of a sequence.
 
     Parameters
     ----------
     step
-        Index of the skill, or the length of the sequence where its end is at fault.
+        Index of the skill, or the length of the sequence for a fault at its end.
     skill
-        Its name; None where the end is at fault.
+        Name of the skill; None for a fault at the end.
     stage, reason, facts
         As in the verdict.
     """
@@ -72,23 +72,23 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A sequence, walked as far as it can be.
+    """A replayed sequence.
 
     Parameters
     ----------
     steps
-        The skills executed.
+        The executed steps.
     state
-        Where it ended.
+        Final state.
     feasible
         Whether every skill could be executed within the step limit.
     complete
         Whether the goal holds at the end.
     violations
-        Empty if feasible and complete.
+        Faults; empty if feasible and complete.
     penalty
-        The reward of the skill that could not be executed, else 0; None where the
-        task has no reward scheme.
+        Reward of the skill that could not be executed, else 0; None if the task has no reward
+        scheme.
     """
 
     steps: tuple[Step, ...]
@@ -100,27 +100,27 @@ class Replay:
 
     @property
     def cost(self) -> float:
-        """Sum of the executed skills' costs."""
+        """Sum of the costs."""
         return sum(step.cost for step in self.steps)
 
     @property
     def duration_s(self) -> float:
-        """Sum of their durations [s]."""
+        """Sum of the durations [s]."""
         return sum(step.duration_s for step in self.steps)
 
     @property
     def total_reward(self) -> float | None:
-        """Sum of all rewards; None where the task has no reward scheme."""
+        """Sum of the rewards; None if the task has no reward scheme."""
         if self.penalty is None:
             return None
         return sum(step.reward or 0.0 for step in self.steps) + self.penalty
 
 
 def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
-    """Execute skills one after another from the initial state, each with its nominal outcome.
+    """Execute skills in sequence from the initial state, each with its nominal outcome.
 
-    Stops at the first skill that cannot be executed. A skill after the goal is reached is
-    executed like any other.
+    The replay stops at the first skill that cannot be executed. Skills after the goal are executed
+    like any other.
     """
     state, steps = model.initial, []
     reward = model.task.reward
@@ -156,7 +156,7 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
 
 
 def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> Step:
-    """Return the record of a step; once the episode is over, there are no rewards any more."""
+    """Return the record of a step; steps after the end of the episode have no reward."""
     task, state, skill = model.task, transition.state, transition.skill
     start = goal = place = None
     if skill.motion is not None:
@@ -164,7 +164,7 @@ def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> 
         goal = skill.motion.visits(state)[-1].position
     elif task.places:
         following = transition.next_state
-        # A skill that stays leaves and reaches nothing.
+        # A skill whose place does not change neither leaves nor reaches one.
         left = task.places_in(state - following) or task.places_in(state)
         reached = task.places_in(following - state) or task.places_in(following)
         if len(left) == len(reached) == 1:

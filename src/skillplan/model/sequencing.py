@@ -1,9 +1,9 @@
-"""A model as a sequential ordering problem: jobs, costs between them, and precedence.
+"""Sequential ordering problem of a model: jobs, costs between them, and precedence.
 
-Escudero (1988): an asymmetric path through all jobs that respects a precedence relation. A job
-is the run of skills that brings one component of the product to its goal, such as pick and place;
-what a tool change costs is part of the path from one job to the next. Models that do not have
-this structure are refused in words.
+Escudero (1988): an asymmetric path through all jobs that respects a precedence relation. A job is a
+sequence of skills that brings one component of the product to its goal, such as pick and place.
+Tool changes are part of the path between jobs. Models without this structure are refused with a
+reason.
 """
 
 from __future__ import annotations
@@ -24,26 +24,24 @@ from skillplan.model.job_connections import JobConnections, PricedConnections, n
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# The most states that are considered for one job before the model is given up.
+# Greatest number of states that are checked for one job.
 _MOST_QUERIES = 5_000
 
 
 class JobQuery:
-    """The queries to back ends about the skills of one job.
+    """Queries about the skills of one job.
 
     Parameters
     ----------
     sets
-        The states that are considered.
-    job
-        Index of the job.
+        States of the queries.
     situation
-        Bits of a situation in which it can be begun.
+        Bits of a situation in which the job can start.
 
     Attributes
     ----------
     before, after
-        Jobs that must be done, and must not, while this one is done; grows.
+        Jobs that must be done before this job, and those that must not be.
     """
 
     def __init__(self, sets: DoneSets, job: int, situation: int) -> None:
@@ -57,30 +55,30 @@ class JobQuery:
         self.before, self.after = sets.demands(job)
 
     def feasible_sets(self) -> CheckSteps[bool]:
-        """Find jobs with which done each skill is feasible, and those of them that are necessary.
+        """Find sets of done jobs with which each skill is feasible, and the necessary jobs of them.
 
         Raises
         ------
         NotASequencing
-            If a skill is feasible in no order, or depends on more than on what is done.
+            If a skill is feasible in no order, or depends on more than the done jobs.
         """
         for position in range(len(self.job.chain)):
             yield from self._settle(position)
         return True
 
     def relations(self) -> CheckSteps[bool]:
-        """Find the other jobs that must be done before this one, and those that must not.
+        """Find the jobs that must be done before this one, and those that must not.
 
         Raises
         ------
         NotASequencing
-            If a skill is feasible in no order, or depends on more than on what is done.
+            If a skill is feasible in no order, or depends on more than the done jobs.
         """
         positions = range(len(self.job.chain))
         for position in positions:
             yield from self._settle(position)
             yield from self._necessary(position)
-        # What one skill needs, another may have been feasible without.
+        # Another skill may have been feasible without the jobs that this one needs.
         for position in positions:
             yield from self._settle(position)
         return True
@@ -88,20 +86,20 @@ class JobQuery:
     def beyond(
         self, closed_before: Mapping[int, int], closed_after: Mapping[int, int]
     ) -> CheckSteps[bool]:
-        """Demand that the skills are feasible in every order that respects the relation.
+        """Check that the skills are feasible in every order that respects the relation.
 
         Parameters
         ----------
         closed_before, closed_after
-            By job the jobs that must come before it, and those that are not done before it.
+            Jobs that must come before each job, and those that are not done before it.
 
         Raises
         ------
         NotASequencing
-            If there is an order in which one is not feasible.
+            If a skill is infeasible in such an order.
         """
         for position, (done, named) in self._found.items():
-            # A verdict that rests on nothing else holds in all of them.
+            # A verdict that rests on no other job holds in all orders.
             if named & (done & ~self.before | ~done & ~self.after):
                 base = closed_before[self._index]
                 never = closed_after[self._index] | 1 << self._index
@@ -109,7 +107,7 @@ class JobQuery:
         return True
 
     def _beginnings(self, situation: int) -> Iterator[int]:
-        """Yield the situation in which each skill is begun."""
+        """Yield the situation before each skill."""
         for skill in self.job.chain:
             yield situation
             outcome = skill.prediction
@@ -117,7 +115,7 @@ class JobQuery:
             situation = kept | outcome.add.bits & self._structure.situation
 
     def _check(self, position: int, done: int) -> CheckSteps[Verdict]:
-        """Return the verdict on a skill of the job where exactly these others are done."""
+        """Return the verdict on a skill if exactly some other jobs are done."""
         self._queries += 1
         skill, structure = self.job.chain[position], self._structure
         if self._queries > _MOST_QUERIES:
@@ -142,38 +140,38 @@ class JobQuery:
         return self._sets.named(verdict) & ~(1 << self._index)
 
     def _settle(self, position: int) -> CheckSteps[None]:
-        """Find jobs with which done a skill is feasible that agree with what is known by now."""
+        """Find a set of done jobs, within the known precedence, that makes a skill feasible."""
         if position in self._found:
             done, named = self._found[position]
             settled = (done | self.before) & ~self.after
             if not named & (done ^ settled):
                 self._found[position] = settled, named
                 return
-        found = yield from self._feasible(position, self.before, self.after, sure=True)
-        if found is None:
+        feasible_set = yield from self._feasible(position, self.before, self.after, sure=True)
+        if feasible_set is None:
             verdict = yield from self._check(position, self.before)
             no_order = "in no order" if self.before | self.after else "never"
             why = f"{verdict.stage}: {verdict.reason}"
             name = self.job.chain[position].name
             raise self._structure.no(f"{name} is {no_order} feasible ({why})")
-        self._found[position] = found
+        self._found[position] = feasible_set
 
     def _feasible(
         self, position: int, done: int, undone: int, *, sure: bool = False
     ) -> CheckSteps[tuple[int, int] | None]:
-        """Return jobs with which done a skill is feasible, and those its verdict names, or None.
+        """Return a set of done jobs that makes a skill feasible, and the jobs its verdict names.
 
-        An infeasible verdict rules out every set that agrees with what it names, so that any
-        feasible one differs in that: depth-first search over which.
+        None if there is no such set. An infeasible verdict rules out every set that agrees with the
+        facts it rests on. Feasible sets differ in one of these: depth-first search over them.
 
         Parameters
         ----------
         position
-            Which skill.
+            Index of the skill.
         done, undone
-            Jobs that must, and must not, be done.
+            Jobs that are fixed as done, and as not done.
         sure
-            Whether these are certain to be so: then what alone is left to differ must, too.
+            Whether these are certain; then a single remaining difference is necessary.
         """
         while True:
             verdict = yield from self._check(position, done)
@@ -189,16 +187,16 @@ class JobQuery:
             if sure:
                 self.before = done
         for other in each_bit(blamed):
-            found = yield from self._feasible(position, done | other, undone)
-            if found is not None:
-                return found
+            feasible_set = yield from self._feasible(position, done | other, undone)
+            if feasible_set is not None:
+                return feasible_set
             undone |= other
         return None
 
     def _necessary(self, position: int) -> CheckSteps[None]:
-        """Find which of the jobs that a feasible verdict names have to be as they are.
+        """Find the necessary jobs among those that a feasible verdict rests on.
 
-        No others can have to be: the verdict holds whatever they are.
+        Other jobs are not necessary: the verdict holds either way.
         """
         done, named = self._found[position]
         blamed: dict[int, int] = {}
@@ -207,24 +205,24 @@ class JobQuery:
             if not verdict.is_feasible:
                 blamed[other] = self._blamed(verdict) & ~other
         while blamed:
-            # What rests on nothing but what has to be as it is needs no search.
+            # A verdict that rests only on necessary jobs needs no search.
             sure = [o for o, rest in blamed.items() if not rest & ~(self.before | self.after)]
             for other in sure or [next(iter(blamed))]:
                 del blamed[other]
                 exception = (0, other) if other & done else (other, 0)
-                found = None
+                feasible_set = None
                 if not sure:
-                    found = yield from self._feasible(
+                    feasible_set = yield from self._feasible(
                         position, self.before | exception[0], self.after | exception[1]
                     )
-                if found is None:
+                if feasible_set is None:
                     self.before |= other & done
                     self.after |= other & ~done
 
     def _cover(
         self, position: int, done: int, never: int, closed_before: Mapping[int, int]
     ) -> CheckSteps[None]:
-        """Demand that a skill is feasible with these done, and whatever else but some jobs."""
+        """Check that a skill is feasible with some jobs done, and with any others except some."""
         verdict = yield from self._check(position, done)
         if not verdict.is_feasible:
             facts = ", ".join(verdict.facts)
@@ -237,16 +235,16 @@ class JobQuery:
             never |= other
 
 
-# By how much a path may cost more for leaving a job out, because of rounding.
+# Rounding error of the cost of a path with one job less.
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class SequencingProblem:
-    """Jobs to be put into an order.
+    """Jobs that must be ordered.
 
-    The least cost of an order that respects the precedence is the least of any plan, and every
-    such order of finite cost is a plan, but for the step limit.
+    The least cost of an order that respects the precedence is that of the best plan. Every such
+    order of finite cost is a plan, unless it exceeds the step limit.
 
     Parameters
     ----------
@@ -255,24 +253,23 @@ class SequencingProblem:
     skills
         The skills of every job.
     first
-        Cost of coming to a job from the initial state and doing it, shape (n,); inf where it
-        cannot be the first.
+        Cost of reaching and doing each job from the initial state, shape (n,); inf if it cannot be
+        the first.
     costs
-        Cost of coming from job i to job j and doing it, shape (n, n); inf on the diagonal and
-        where j cannot come right after i.
+        Cost of reaching and doing job j from job i, shape (n, n); inf on the diagonal and if j
+        cannot follow i directly.
     precedence
-        Pairs of indices: the first before the second. What follows from others may be left out.
+        Pairs of indices, the first before the second; implied pairs may be left out.
     paths
-        The skills between the initial state (-1), or a job, and a job, such as tool changes;
-        pairs without any are left out.
+        Skills between the initial state (-1), or a job, and a job, such as tool changes; pairs
+        without skills are left out.
     step_limit
-        The most skills a plan of the task may have. An order does not know of it: one whose
-        plan is longer is no solution of the task, see `fits`.
+        Greatest number of skills in a plan. An order may exceed it, see `fits`.
 
     Raises
     ------
     ValueError
-        If the shapes do not fit or the precedence names an unknown job.
+        If the shapes do not match, or the precedence names an unknown job.
     """
 
     jobs: tuple[str, ...]
@@ -291,12 +288,12 @@ class SequencingProblem:
             raise ValueError("SequencingProblem precedence names an unknown job.")
 
     def cost(self, order: Sequence[int]) -> float:
-        """Return the cost of doing all jobs in an order."""
+        """Return the cost of an order."""
         between = sum(self.costs[i, j] for i, j in pairwise(order))
         return float(self.first[order[0]] + between) if len(order) else 0.0
 
     def plan(self, order: Sequence[int]) -> tuple[str, ...]:
-        """Return the skills of doing all jobs in an order, tool changes included."""
+        """Return the skills of an order, tool changes included."""
         names: list[str] = []
         for before, job in zip((-1, *order), order, strict=False):
             names += [*self.paths.get((before, job), ()), *self.skills[job]]
@@ -307,17 +304,17 @@ class SequencingProblem:
         return len(self.plan(order)) <= self.step_limit
 
     def order(self, plan: Sequence[str]) -> tuple[int, ...] | None:
-        """Return the order in which a plan does the jobs.
+        """Return the order of the jobs in a plan.
 
-        None where it does not do each job once and without anything between its skills; other
-        skills may come between jobs. Whether it is feasible is not looked at.
+        None if the plan does not do each job once and without interruption; other skills may come
+        between jobs. Feasibility is not checked.
 
         Parameters
         ----------
         plan
             Names of skills.
         """
-        begun = {chain[0]: job for job, chain in enumerate(self.skills)}
+        first_jobs = {chain[0]: job for job, chain in enumerate(self.skills)}
         inside = {name for chain in self.skills for name in chain}
         order: list[int] = []
         position = 0
@@ -326,7 +323,7 @@ class SequencingProblem:
             if name not in inside:
                 position += 1
                 continue
-            job = begun.get(name)
+            job = first_jobs.get(name)
             if job is None:
                 return None
             chain = self.skills[job]
@@ -338,41 +335,41 @@ class SequencingProblem:
 
     @classmethod
     def from_model(cls, model: SkillModel) -> SequencingProblem:
-        """Recognise the structure in a model; back ends are queried for the precedence.
+        """Return the sequencing problem of a model; back ends are queried for the precedence.
 
-        And for costs where they tell them: then what cannot come right after each other, and what
-        is not cheapest even by its lower bound, is not asked.
+        If back ends compute costs, they are not queried for impossible connections, nor for paths
+        that a lower bound excludes.
 
         Raises
         ------
         NotASequencing
-            If the model does not have it; the message says why.
+            If the model does not have this structure; the message gives the reason.
         BackEndError
             If a back end fails.
         SearchStopped
-            If the caller should have stopped long ago.
+            If the solver is overdue.
         """
         told_basis = model.feasibility.times.basis if model.asks_costs else 0
         structure = ComponentJobs(model.task, told_basis)
         several = next(
-            (one.name for one in model.task.skills if one.ways and model.asks_costs), None
+            (skill.name for skill in model.task.skills if skill.ways and model.asks_costs), None
         )
         if several is not None:
             raise structure.no(f"how long {several} takes depends on the way that it can take")
         sets = DoneSets(structure)
         connections = JobConnections(model, structure, sets)
-        costs, paths_found = connections.matrix(), connections.paths
+        costs, paths_by_job = connections.matrix(), connections.paths
         before = _precedence(model, structure, sets, connections)
         if model.asks_costs:
             needed = needed_connections(len(structure.jobs), *closed(structure, before))
             priced = PricedConnections(model, structure, connections, needed)
-            costs, paths_found = priced.costs, priced.paths
+            costs, paths_by_job = priced.costs, priced.paths
         chosen = sorted(before)
         _check_left_out(structure, set(before), costs)
         index = {job: i for i, job in enumerate(chosen)}
         paths = {
             (index.get(source, -1), index[job]): path
-            for (source, job), path in paths_found.items()
+            for (source, job), path in paths_by_job.items()
             if job in index and (source < 0 or source in index)
         }
         return cls(
@@ -380,7 +377,9 @@ class SequencingProblem:
             tuple(tuple(skill.name for skill in structure.jobs[job].chain) for job in chosen),
             costs[0, chosen],
             costs[np.ix_([1 + job for job in chosen], chosen)],
-            frozenset((index[one], index[job]) for job in chosen for one in members(before[job])),
+            frozenset(
+                (index[member], index[job]) for job in chosen for member in members(before[job])
+            ),
             paths,
             model.task.step_limit,
         )
@@ -389,7 +388,7 @@ class SequencingProblem:
 def _precedence(
     model: SkillModel, structure: ComponentJobs, sets: DoneSets, connections: JobConnections
 ) -> dict[int, int]:
-    """Return, by each job that every plan does, the set of those that must come before it."""
+    """Return the predecessors of each job that every plan does."""
     queries: dict[int, JobQuery] = {}
 
     def run(steps: Mapping[int, CheckSteps[bool]]) -> None:
@@ -404,11 +403,11 @@ def _precedence(
         new = {job: JobQuery(sets, job, connections.begun_in(job)) for job in sorted(todo)}
         queries |= new
         run({job: query.feasible_sets() for job, query in new.items()})
-        # What the query of one job found about another need not be queried again.
+        # Results for one job about another are not queried again.
         _exchange(queries)
         run({job: query.relations() for job, query in new.items()})
         _exchange(queries)
-        # What is not in the goal, but needed for it, is done in every plan, too.
+        # Every plan also does jobs that are not in the goal but needed for it.
         needed = {other for query in queries.values() for other in members(query.before)}
         todo = needed - set(queries)
     before = {job: query.before for job, query in queries.items()}
@@ -421,7 +420,7 @@ def _precedence(
 
 
 def _exchange(queries: Mapping[int, JobQuery]) -> None:
-    """Have each of two jobs that every plan does know which of them comes first."""
+    """Complete the relation: every predecessor has the job as a successor, and vice versa."""
     for job, query in queries.items():
         for other in members(query.before):
             if other in queries:
@@ -432,10 +431,10 @@ def _exchange(queries: Mapping[int, JobQuery]) -> None:
 
 
 def _check_left_out(structure: ComponentJobs, done: set[int], costs: NDArray[np.float64]) -> None:
-    """Demand that a job which nothing needs never makes a plan cheaper.
+    """Check that a job that is not needed never makes a plan cheaper.
 
-    Then every plan can leave it out at no more cost: nothing needs it, and from any job before it
-    a path that costs no more leads to any job after it.
+    Then every plan can leave it out: no job needs it, and any path through it can be replaced by
+    one that costs no more.
     """
     for job in sorted(set(range(len(structure.jobs))) - done):
         around = costs[:, [job]] + costs[[1 + job], :]

@@ -1,7 +1,7 @@
-"""The lazy skill-transition model: what every solver consumes.
+"""The lazy skill-transition model that all solvers use.
 
-*Applicable* is symbolic and free; *feasible* queries back ends, and only once a solver needs it.
-So does a *cost* where it is the time that a back end tells.
+*Applicable* is symbolic and free. *Feasible* queries back ends, and only when a solver needs it; so
+does a *cost* that is an execution time.
 """
 
 from __future__ import annotations
@@ -21,26 +21,22 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 if TYPE_CHECKING:
     from skillplan.checks.foresight import Likely
 
-# Transitions are kept for solvers that come back to a state; beyond this, memory counts more.
+# Greatest number of states whose transitions are kept in memory.
 _KEPT_STATES = 200_000
 
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """One arrow of the model.
+    """A transition of the model.
 
     Parameters
     ----------
-    state
-        Where it starts.
-    skill
-        What is done.
     outcomes
-        Pairs of probability and next state; one pair where the skill is deterministic.
+        Pairs of probability and next state; one pair if the skill is deterministic.
     cost
-        In the task's metric, >= 0.
+        Cost in the task's metric, >= 0.
     duration_s
-        Time it takes [s].
+        Duration [s].
 
     Raises
     ------
@@ -56,7 +52,7 @@ class Transition:
 
     def __post_init__(self) -> None:
         outcomes = self.outcomes
-        # Most have one only, and searches make millions of transitions.
+        # Most have a single outcome, and searches make millions of transitions.
         total = outcomes[0][0] if len(outcomes) == 1 else sum(share for share, _ in outcomes)
         if abs(total - 1) > 1e-9:
             raise ValueError("Transition probabilities must sum to 1.")
@@ -71,18 +67,18 @@ class Transition:
 
 @dataclass(slots=True)
 class ModelStats:
-    """What was queried of a model.
+    """Counts of queries to a model.
 
     Parameters
     ----------
     states
-        Expanded.
+        Number of expanded states.
     checks, cache_hits, unknown
-        Checks made, verdicts reused, and verdicts that were unknown.
+        Numbers of checks, reused verdicts, and unknown verdicts.
     trajectories
-        Times of skills that back ends told.
+        Number of execution times that back ends computed.
     left_open
-        Of the first verdict that was unknown the skill, the stage and the reason; or empty.
+        Skill, stage and reason of the first unknown verdict; or empty.
     """
 
     states: int = 0
@@ -94,20 +90,20 @@ class ModelStats:
 
 
 class SkillModel:
-    """Task plus feasibility, queried lazily.
+    """A task and its feasibility, queried lazily.
 
     Parameters
     ----------
     feasibility
-        The chain of checks; its task is the model's.
+        The checks, with the task.
     overdue
-        Returns True once a solver should have stopped long ago; then the model raises
-        `SearchStopped` in it.
+        Returns True if the solver should have stopped long ago; then the model raises
+        `SearchStopped`.
 
     Attributes
     ----------
     asks_costs
-        Whether a back end is asked for costs: then `least_cost` bounds them without asking.
+        Whether costs are execution times of back ends; `least_cost` bounds them without a query.
     """
 
     def __init__(self, feasibility: Feasibility, overdue: Callable[[], bool] | None = None) -> None:
@@ -128,17 +124,17 @@ class SkillModel:
 
     @property
     def initial(self) -> State:
-        """The state in which the task starts."""
+        """The initial state of the task."""
         return self.task.initial
 
     @property
     def step_limit(self) -> int:
-        """The most skills that a plan may have."""
+        """Greatest number of skills in a plan."""
         return self.task.step_limit
 
     @property
     def stats(self) -> ModelStats:
-        """What has been queried so far."""
+        """Counts of the queries so far."""
         return ModelStats(
             states=self._expanded,
             checks=self.feasibility.checks,
@@ -149,11 +145,11 @@ class SkillModel:
         )
 
     def is_goal(self, state: State) -> bool:
-        """Whether the task is done in `state`."""
+        """Whether `state` satisfies the goal."""
         return self.task.goal.holds(state)
 
     def applicable(self, state: State) -> list[Skill]:
-        """Return the skills whose preconditions hold in `state`, in the order of the task."""
+        """Return the skills that are applicable in `state`, in the order of the task."""
         bits = state.bits
         return [
             skill
@@ -162,23 +158,20 @@ class SkillModel:
         ]
 
     def verdict(self, state: State, skill: Skill, likely: Likely | None = None) -> Verdict:
-        """Return the verdict on `skill` in `state`, querying back ends for what is not known.
+        """Return the verdict on `skill` in `state`; back ends check if it is unknown so far.
 
         Parameters
         ----------
-        state, skill
-            What is queried.
         likely
-            Begins to yield what is likely to be queried next, states and skills, the most likely
-            first: where several processes check, idle ones check that ahead. Neither verdicts nor
-            counts depend on it.
+            Starts to yield the queries that may follow, the most likely first. Idle workers check
+            them ahead; verdicts and counts do not depend on it.
 
         Raises
         ------
         BackEndError
             If a back end fails.
         SearchStopped
-            If the solver should have stopped long ago.
+            If the solver is overdue.
         """
         self._cut_off()
         verdict = self.feasibility.verdict(skill, state, self._cut_off, likely)
@@ -186,15 +179,15 @@ class SkillModel:
         return verdict
 
     def expected(self, state: State, skill: Skill) -> bool | None:
-        """Return whether a skill is feasible as far as that was checked, ahead or not; else None.
+        """Return whether a skill is feasible according to the checks so far, or None.
 
-        Always None where all checks are made in one process.
+        Always None without workers.
         """
         foresight = self.feasibility.foresight
         return None if foresight is None else foresight.expected(skill, state)
 
     def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
-        """Return the verdicts on several skills in states, in order; raises as `verdict`."""
+        """Return the verdicts on pairs of skill and state, in order; raises as `verdict`."""
         self._cut_off()
         verdicts = self.feasibility.verdicts(queries, self._cut_off)
         for (skill, _), verdict in zip(queries, verdicts, strict=True):
@@ -202,10 +195,10 @@ class SkillModel:
         return verdicts
 
     def transition(self, state: State, skill: Skill) -> Transition:
-        """Return the predicted transition, whether feasible or not.
+        """Return the predicted transition, feasible or not.
 
-        No back end is queried for a verdict, but for the way of a skill that has several; one that
-        can may say how long it takes.
+        Back ends are queried only for execution times, and for the variant of a skill that has
+        several.
         """
         duration_s = self.duration_s(state, skill)
         return Transition(
@@ -219,26 +212,24 @@ class SkillModel:
         )
 
     def cost(self, state: State, skill: Skill) -> float:
-        """Return what `skill` costs from `state`: a back end may be asked where that is its time.
+        """Return the cost of `skill` in `state`; back ends may be queried.
 
         Raises
         ------
         ValueError
-            If the state leaves it open.
+            If the state does not determine the cost.
         BackEndError
             If a back end fails.
         """
         return self.duration_s(state, skill) if self.asks_costs else skill.cost.at(state)
 
     def least_cost(self, skill: Skill, true_bits: int, false_bits: int) -> float:
-        """Return a lower bound on the cost of a skill, without asking a back end for a time.
+        """Return a lower bound on the cost of a skill, without computing an execution time.
 
         Parameters
         ----------
-        skill
-            A skill of the task.
         true_bits, false_bits
-            Bits of the facts that are known to hold, and not to hold, where it starts.
+            Bits of the facts that are known to hold, and not to hold.
         """
         if self.asks_costs:
             least_s = self._times.least_s(skill, true_bits, false_bits)
@@ -247,10 +238,10 @@ class SkillModel:
         return skill.cost.least(true_bits, false_bits)
 
     def duration_s(self, state: State, skill: Skill) -> float:
-        """Return the time that `skill` takes from `state` [s]: a back end's, or else the task's.
+        """Return the duration of `skill` in `state` [s], from a back end or else from the task.
 
-        Of a skill with several ways that of the one that is taken, for which verdicts are queried.
-        The task's figure counts as no less than the bound of a back end that could not time it.
+        For a skill with several motions, verdicts are queried to find the one that is taken. The
+        task's figure is raised to the lower bound of a back end that cannot time the skill.
 
         Raises
         ------
@@ -268,32 +259,32 @@ class SkillModel:
         return max(figure_s, least_s) if math.isfinite(least_s) else figure_s
 
     def transitions(self, state: State) -> tuple[Transition, ...]:
-        """Return the transitions of all skills that are applicable and feasible in `state`.
+        """Return the transitions of all feasible skills in `state`.
 
-        A skill whose verdict is unknown is left out, and counted in `stats.unknown`.
+        Skills with an unknown verdict are left out and counted in `stats.unknown`.
 
         Raises
         ------
         BackEndError
             If a back end fails.
         SearchStopped
-            If the solver should have stopped long ago.
+            If the solver is overdue.
         """
         self._cut_off()
-        found = self._transitions.get(state)
-        if found is None:
+        transitions = self._transitions.get(state)
+        if transitions is None:
             skills = self.applicable(state)
             verdicts = self.verdicts([(skill, state) for skill in skills])
-            found = tuple(
+            transitions = tuple(
                 self.transition(state, skill)
                 for skill, verdict in zip(skills, verdicts, strict=True)
                 if verdict.is_feasible
             )
             if len(self._transitions) >= _KEPT_STATES:
                 self._transitions.clear()
-            self._transitions[state] = found
+            self._transitions[state] = transitions
             self._expanded += 1
-        return found
+        return transitions
 
     def _count(self, skill: Skill, verdict: Verdict) -> None:
         if verdict.status is VerdictStatus.UNKNOWN:

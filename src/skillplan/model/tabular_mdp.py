@@ -1,6 +1,6 @@
-"""A model as arrays, for solvers that sweep over all states.
+"""A model as arrays, for solvers that sweep over all states; and its least expected cost.
 
-Rows are the feasible (state, skill) pairs, grouped by state; outcomes are grouped by row. Both
+Rows are feasible (state, skill) pairs, grouped by state; outcomes are grouped by row. Both
 groupings are offsets, as in compressed sparse rows.
 """
 
@@ -23,33 +23,31 @@ DEFAULT_LIMIT = 200_000
 
 @dataclass(frozen=True)
 class TabularMDP:
-    """All reachable states of a model and what may be done in them.
+    """All reachable states of a model, and their actions.
 
     Parameters
     ----------
     states
-        The n states that can be reached from the initial one, which is state 0, or from one of
-        the task's other starts. Nothing follows a goal state.
+        The n reachable states; state 0 is the initial one. Goal states have no successors.
     goal
-        Whether the task is done, shape (n,).
+        Whether each state is a goal, shape (n,).
     rows
         Rows of state i are ``rows[i]`` to ``rows[i + 1]``, shape (n + 1,).
     actions
         Action number of every row, shape (m,).
     costs, durations_s
-        Cost, and time [s], of every row, shape (m,).
+        Cost and duration [s] of every row, shape (m,).
     outcomes
         Outcomes of row j are ``outcomes[j]`` to ``outcomes[j + 1]``, shape (m + 1,).
     successors, probabilities
         State index and probability of every outcome, shape (k,).
     rewards
-        The reward of every outcome, shape (k,): by the task's reward scheme, or
-        minus the cost where it has none.
+        Reward of every outcome, shape (k,); minus the cost if the task has no reward scheme.
 
     Raises
     ------
     ValueError
-        If the offsets do not fit the arrays or a row's probabilities do not sum to 1.
+        If the offsets do not match the arrays, or the probabilities of a row do not sum to 1.
     """
 
     states: tuple[State, ...]
@@ -84,23 +82,23 @@ class TabularMDP:
         limit: int = DEFAULT_LIMIT,
         stop: Callable[[], bool] | None = None,
     ) -> TabularMDP:
-        """Return the arrays of everything that can be reached by feasible skills.
+        """Return the arrays of all states that feasible skills reach.
 
         Parameters
         ----------
         model
-            Queried about every skill that is applicable in a reachable state.
+            The model, queried about every applicable skill in every reachable state.
         limit
-            The most states to hold, >= 1.
+            Greatest number of states, >= 1.
         stop
-            Called before every state; once true, the model is given up. None for never.
+            Returns True to stop; called before every state. None for never.
 
         Raises
         ------
         ModelTooLarge
-            If more states than `limit` can be reached.
+            If more than `limit` states are reachable.
         SearchStopped
-            If `stop` said so.
+            If `stop` returned True.
         """
         states = list(dict.fromkeys((model.initial, *model.task.starts)))
         index = {state: i for i, state in enumerate(states)}
@@ -156,16 +154,16 @@ class TabularMDP:
         )
 
 
-# Values that a sweep lowers by less, as a fraction of the largest, have come to rest. A policy
-# that is better by more than a billionth would have to take thousands of skills.
+# Largest change of converged values in a sweep, as a fraction of the largest value. A policy better
+# by more than a billionth would take thousands of skills.
 _AT_REST = 1e-13
-# What needs more of them mixes so slowly that coming to rest would say little.
+# Greatest number of sweeps; a chain that needs more mixes so slowly that convergence means little.
 _MOST_SWEEPS = 5_000
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """The rows of a model that may be taken: which states they lead to, and how likely.
+    """The allowed rows of a model, with next states and probabilities.
 
     Parameters
     ----------
@@ -174,7 +172,7 @@ class _Rows:
     begins
         Offset of the first row of each state that has one, shape (states with rows,).
     costs
-        Shape (m,).
+        Cost of each row, shape (m,).
     outcome_rows, successors, probabilities
         Row, next state and probability of each of k outcomes that leave the row's state,
         shape (k,).
@@ -192,7 +190,7 @@ class _Rows:
 
     @classmethod
     def of(cls, mdp: TabularMDP, kept: NDArray[np.bool_]) -> _Rows:
-        """Return some of a model's rows, without those that never leave their state."""
+        """Return some rows of a model, without those that never leave their state."""
         owners = np.repeat(np.arange(len(mdp.states)), np.diff(mdp.rows))
         outcome_rows = np.repeat(np.arange(len(mdp.actions)), np.diff(mdp.outcomes))
         outside = mdp.successors != owners[outcome_rows]
@@ -213,7 +211,7 @@ class _Rows:
         )
 
     def values(self, following: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what every row costs until its state is left, and from there on."""
+        """Return the cost of every row until its state is left, and all costs after that."""
         expected = np.bincount(
             self.outcome_rows,
             self.probabilities * following[self.successors],
@@ -228,27 +226,27 @@ def least_expected_cost(
 ) -> float | None:
     """Return the least expected cost of a policy that reaches the goal with certainty.
 
-    The step limit does not count: under chance no number of skills suffices for certain.
+    The step limit is ignored: under chance no number of skills is certainly enough.
 
     Parameters
     ----------
     model
-        Queried about every skill that is applicable in a reachable state.
+        The model, queried about every applicable skill in every reachable state.
     limit
-        The most states to look at, >= 1.
+        Greatest number of states, >= 1.
     over
-        Polled with every sweep; the values are given up once it is true.
+        Returns True to stop; called before every sweep.
 
     Returns
     -------
     float or None
-        In the task's metric, to a billionth; infinite where no policy is certain to arrive. None
-        where the values did not come to rest.
+        Cost in the task's metric, to a billionth; inf if no policy is certain to reach the goal;
+        None if the values did not converge.
 
     Raises
     ------
     ModelTooLarge
-        If more states than `limit` can be reached.
+        If more than `limit` states are reachable.
     """
     mdp = TabularMDP.from_model(model, limit)
     chosen, safe = _certain(mdp)
@@ -265,7 +263,7 @@ def least_expected_cost(
 
 
 def _come_to_rest(rows: _Rows, values: NDArray[np.float64], over: Callable[[], bool]) -> bool:
-    """Sweep over the values of all states that have rows until they change no more."""
+    """Sweep over the values of all states that have rows until they converge."""
     states = rows.owners[rows.begins]
     convergence = Convergence(_AT_REST)
     for _ in range(_MOST_SWEEPS):
@@ -280,16 +278,16 @@ def _come_to_rest(rows: _Rows, values: NDArray[np.float64], over: Callable[[], b
 
 
 def _certain(mdp: TabularMDP) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return a policy that is certain to arrive, and the rows that never endanger that.
+    """Return a policy that certainly reaches the goal, and the rows that never endanger that.
 
-    States from which nothing leads to the goal are given up, with all rows that may lead to
-    them, until no more are.
+    States that cannot reach the goal are removed with all rows that may lead to them, until none
+    are left.
 
     Returns
     -------
     tuple
-        Row of every state, -1 at goals and in states given up, shape (n,); and which rows lead
-        to no state given up, shape (m,).
+        Row of every state, -1 at goals and removed states, shape (n,); and whether each row leads
+        to no removed state, shape (m,).
     """
     owners = np.repeat(np.arange(len(mdp.states)), np.diff(mdp.rows)).tolist()
     outcome_rows = np.repeat(np.arange(len(mdp.actions)), np.diff(mdp.outcomes)).tolist()
@@ -301,14 +299,14 @@ def _certain(mdp: TabularMDP) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     lost = [False] * len(mdp.states)
     while True:
         chosen = [-1] * len(mdp.states)
-        found = list(goals)
-        for state in found:
+        policy = list(goals)
+        for state in policy:
             for row in into[state]:
                 owner = owners[row]
                 if safe[row] and chosen[owner] < 0 and not mdp.goal[owner]:
                     chosen[owner] = row
-                    found.append(owner)
-        arriving = set(found)
+                    policy.append(owner)
+        arriving = set(policy)
         newly = [s for s in range(len(lost)) if not lost[s] and s not in arriving]
         if not newly:
             return np.array(chosen, dtype=np.int64), np.array(safe, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Pure data: states, conditions, skills, scenes, tasks, and the loading of task files."""
+"""Tasks as pure data: states, conditions, skills, costs, rewards, scenes and verdicts."""
 
 import lazy_loader as _lazy
 

@@ -1,6 +1,6 @@
-"""What physics engines and collision detectors have in common.
+"""Base of physics engines and collision detectors.
 
-The two kinds are siblings that must not know each other, so that what they share stands here.
+The two kinds do not import each other, so their common part is here.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from skillplan.task.verdict import Verdict
 
 
 class Options(BaseModel):
-    """Options of a plugin: unknown ones are refused, values are not coerced from other types."""
+    """Options of a plugin; unknown names and values of other types are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 @dataclass(frozen=True, slots=True)
 class RemovedDwell:
-    """An option that was a dwell time before the task had all of them.
+    """A former option for a dwell time, which the task file holds now.
 
     Parameters
     ----------
     event
-        Act of the hand in that time.
+        Action of the hand during the dwell.
     default_s
-        Its default [s].
+        Default [s].
     key
-        The key of a task file that replaces it.
+        Key in the task file that replaces it.
     owners
-        Objects that have the key, in words.
+        Description of the objects that have the key.
     """
 
     event: Event
@@ -48,31 +48,31 @@ class RemovedDwell:
 
 
 class BackEnd(ABC):
-    """Decides about whether a skill can be executed in a state.
+    """Checks whether skills can be executed.
 
     Parameters
     ----------
     task
         The task whose skills are checked.
     options
-        An instance of `Options`; None for the defaults.
+        Options; None for the defaults.
 
     Attributes
     ----------
     name
         Kebab-case, as in the entry point.
     version
-        Changes whenever an answer may; part of the key of verdicts kept on disk.
+        Changes whenever verdicts may change; part of the key of kept verdicts.
     expected_s
-        Order of magnitude of the time one check takes [s]: cheaper back ends are queried first.
+        Order of magnitude of the duration of a check [s]; cheaper back ends check first.
     expensive
-        Whether its verdicts are worth keeping on disk.
+        Whether verdicts are kept on disk.
     removed_options
-        Options of earlier versions, by name. A task file or command that gives one is refused
-        with the key that replaces it; stored results that name one are still verified.
+        Former options, by name. A task file or command that sets one is refused; stored results
+        that name one can still be verified.
     screens
-        Whether it is queried only to rule out what expensive ones need not execute; set where it
-        is put before them. How long skills take is then left to them.
+        Whether it only rules out skills before an expensive back end executes them. Such a back end
+        times no skills.
     """
 
     name: ClassVar[str]
@@ -88,26 +88,26 @@ class BackEnd(ABC):
         self.screens = False
 
     def refuses(self) -> str | None:
-        """Return in words why this back end cannot serve its task; None if it can."""
+        """Return the reason why this back end cannot serve its task, or None."""
         return None
 
     def faults(self) -> Mapping[str, str]:
-        """Return what is wrong with single bodies or skills, in words, by a fact about them.
+        """Return faults of single bodies or skills, as messages by a fact about them.
 
-        The task's domain finds the line of the file that the fact comes from: a part too wide
-        for the hand is reported under ``placed(part)``. Unlike `refuses`, it may name several.
+        The domain finds the line of the task file for the fact: a part too wide for the hand is
+        reported under ``placed(part)``.
         """
         return {}
 
     def warnings(self) -> Mapping[str, str]:
-        """Return warnings on single bodies or skills, by a fact about them, as in `faults`.
+        """Return warnings about single bodies or skills, by a fact about them.
 
         Only ``check`` prints them: the file is valid, and a plan may exist.
         """
         return {}
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return sentences that name what this back end leaves unchecked of its task.
+        """Return sentences about aspects that are not checked.
 
         For example "torque limit of joint_3: not in the robot description". Results print them.
         Called after `beside`.
@@ -115,60 +115,55 @@ class BackEnd(ABC):
         return ()
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Learn which back ends are queried besides; called once, before the first check."""
+        """Receive the other back ends of the chain; called once, before the first check."""
         return
 
     @property
     def basis(self) -> Mapping[str, Any]:
-        """What its answers depend on besides task and options, as JSON values.
+        """JSON values that verdicts depend on in addition to task and options.
 
         A detector that reads an engine's simulation depends on the engine's options.
         """
         return {}
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
-        """Return how long `skill` takes from `state` [s], or None where the task's figure counts.
+        """Return the execution time of `skill` from `state` [s], or None for the task's figure.
 
-        May depend on where robots stand and which tools they hold, on nothing else.
+        May depend only on the places of robots and the tools they hold.
         """
         return None
 
     def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
-        """Return a lower bound on `duration_s`, without working out any trajectory [s].
+        """Return a lower bound on `duration_s`, without computing a trajectory [s].
 
-        Where cycle time is what is minimised, searches ask for times only where this bound does
-        not do. A time below it is refused as a contradiction.
+        Searches for the shortest cycle time compute a time only if this bound does not exclude the
+        skill. A time below the bound is an error.
 
         Parameters
         ----------
-        skill
-            A skill of the task.
         true_bits, false_bits
-            Bits of the facts that are known to hold, and not to hold, where it starts.
+            Bits of the facts that are known to hold, and not to hold.
 
         Returns
         -------
         float
-            At most what `duration_s` says in any such state, >= 0; inf where it says None in all
-            of them.
+            Lower bound over all such states, >= 0; inf if `duration_s` returns None in all of them.
         """
         return 0.0
 
     @abstractmethod
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Decide about one execution.
+        """Return the verdict on an execution.
 
         Parameters
         ----------
         skill
-            A skill of the task, applicable in `state`; one that has several ways by one of them,
-            under a name of its own.
-        state
-            Where it starts.
+            A skill of the task, applicable in `state`; for a skill with several motions, one
+            variant under a name of its own.
 
         Returns
         -------
         Verdict
-            With the facts it rests on, where the back end can say. The same for the same
-            arguments, whatever was queried before.
+            Verdict with the facts it rests on, if the back end knows them. It must be equal for
+            equal arguments, in any order of queries.
         """

@@ -1,8 +1,7 @@
-"""What a skill costs, where that depends on the state.
+"""Costs of skills, which may depend on the state.
 
-A cost knows two things: its value in a state (:meth:`Cost.at`) and the least it can be in any
-state of which only some facts are known (:meth:`Cost.least`), from which solvers build
-admissible bounds.
+A cost has a value in each state (:meth:`Cost.at`), and a lower bound over all states in which some
+facts are known (:meth:`Cost.least`), from which solvers build admissible bounds.
 """
 
 from __future__ import annotations
@@ -30,13 +29,7 @@ class Cost(Protocol):
 
 
 class DerivedCost:
-    """A cost that is worked out of another one, and depends on no other facts.
-
-    Attributes
-    ----------
-    cost
-        The other one.
-    """
+    """A cost that is calculated from another one and depends on no further facts."""
 
     __slots__ = ()
     cost: Cost
@@ -44,7 +37,7 @@ class DerivedCost:
 
 @dataclass(frozen=True, slots=True)
 class ConstantCost:
-    """The same value in every state.
+    """A cost that is equal in all states.
 
     Raises
     ------
@@ -59,22 +52,22 @@ class ConstantCost:
             raise ValueError(f"Cost must be finite and >= 0, not {self.value}.")
 
     def at(self, state: State) -> float:
-        """Return the value, whatever the state."""
+        """Return the value."""
         return self.value
 
     def least(self, true_bits: int, false_bits: int) -> float:
-        """Return the value: nothing is lower."""
+        """Return the value."""
         return self.value
 
 
 @dataclass(frozen=True)
 class CaseCost:
-    """A value by which one of some facts holds, such as the time of a swing by position.
+    """A cost that depends on which of some facts holds, such as the time of a swing by position.
 
     Parameters
     ----------
     values
-        Value, >= 0, by the bit of the fact; of these facts at most one holds at a time.
+        Values, >= 0, by the bit of the fact; at most one of these facts holds at a time.
 
     Raises
     ------
@@ -93,7 +86,7 @@ class CaseCost:
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"Cost must be finite and >= 0, not {value}.")
         object.__setattr__(self, "_mask", sum(self.values))
-        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        # Keyed by the number of the bit: powers of two hash badly, see `State.__hash__`.
         numbers = {bit.bit_length(): (bit, value) for bit, value in self.values.items()}
         object.__setattr__(self, "_numbers", numbers)
 
@@ -103,7 +96,7 @@ class CaseCost:
         Raises
         ------
         ValueError
-            If none of the facts holds there, or several do.
+            If not exactly one of the facts holds.
         """
         held = state.bits & self._mask
         bit, value = self._numbers.get(held.bit_length(), (0, 0.0))
@@ -112,7 +105,7 @@ class CaseCost:
         return value
 
     def least(self, true_bits: int, false_bits: int) -> float:
-        """Return the least value that the known facts leave open."""
+        """Return the least value that the known facts allow."""
         known = true_bits & self._mask
         if known:
             return self.values.get(known, math.inf)
@@ -124,30 +117,29 @@ class CaseCost:
 
 @dataclass(frozen=True)
 class DistanceCost:
-    """The planar length of a motion from where the arm stands, scaled, with dwells or without.
+    """The planar length of a motion from the place of the arm, scaled, with or without dwells.
 
-    The paper's cost of an action (Moller et al., section 4.2): the 2D Cartesian distance
-    from its start pose, which is the goal pose of the action before, to its goal pose.
+    The paper's cost of an action (Moller et al., section 4.2): the 2D Cartesian distance from its
+    start pose, which is the goal pose of the previous action, to its goal pose.
 
     Parameters
     ----------
     places
-        Position [m] by the bit of the fact that says the arm stands there; shared by all
-        skills of a robot.
+        Positions of the arm [m] by the bit of the fact; shared by all skills of a robot.
     motion
-        The motion whose visits are run through in order.
+        Motion; its visits are made in order.
     per_m
-        Cost of one metre, >= 0: 1 for a distance, the inverse of a speed for a time.
+        Cost per metre, >= 0: 1 for a distance, the inverse of a speed for a time.
     dwells
-        True to add the dwells at the visits, for a time.
+        Whether to add the dwells of the visits.
     behind_m
-        What was travelled to a place and not counted yet [m], >= 0, by its bit: whatever is done
-        next counts it, like the path that the arm took only because a grasp failed.
+        Distances to places that are not counted yet [m], >= 0, by bit. The next skill counts them,
+        such as the path of a grasp that failed.
 
     Raises
     ------
     ValueError
-        If `per_m` or a length is negative or not finite, or there is no place.
+        If `per_m` or a distance is negative or not finite, or there is no place.
     """
 
     places: Mapping[int, Point] = field(hash=False)
@@ -187,12 +179,12 @@ class DistanceCost:
         object.__setattr__(self, "_routes", tuple(routes))
 
     def at(self, state: State) -> float:
-        """Return the value from where the arm stands in `state`.
+        """Return the value from the place of the arm in `state`.
 
         Raises
         ------
         ValueError
-            If the state does not say where the arm stands, or no route fits.
+            If the state gives no place of the arm, or no route fits.
         """
         bits = state.bits
         start = self._starts.get(bits & self._places_mask)
@@ -205,7 +197,7 @@ class DistanceCost:
         raise ValueError(f"No route of {self.motion.robot!r} fits the state {state}.")
 
     def least(self, true_bits: int, false_bits: int) -> float:
-        """Return the least value over the places and routes that the known facts leave open."""
+        """Return the least value over all places and routes that the known facts allow."""
         return min(
             (
                 dwell_s
@@ -229,31 +221,31 @@ class DistanceCost:
 
 
 def planar_distance(start: Point, goal: Point) -> float:
-    """Return the distance of two points in the horizontal plane [m]."""
+    """Return the horizontal distance between two points [m]."""
     return math.hypot(goal[0] - start[0], goal[1] - start[1])
 
 
 NEVER = -1
-"""Stands in a table for a place from which the skill is never done."""
+"""Marks a place in a table from which the skill is impossible."""
 
 
 @dataclass(frozen=True)
 class TableCost:
-    """A whole number by which of some places one stands at, such as a row of a cost matrix.
+    """An integer cost that depends on the place, such as a row of a cost matrix.
 
-    Skills share the facts of the places, so that a table is no more than a row of numbers.
+    Skills share the facts of the places, so a table stores a single row of numbers.
 
     Parameters
     ----------
     places
-        The facts of the places; their bits lie side by side, and one holds at a time.
+        Facts of the places; their bits are adjacent, and one of them holds at a time.
     values
-        Value, >= 0, or `NEVER`, of each of them, in the order of their bits.
+        Value of each place in the order of the bits, >= 0 or `NEVER`.
 
     Raises
     ------
     ValueError
-        If the bits do not lie side by side, there are not as many values, or one is below -1.
+        If the bits are not adjacent, the number of values differs, or a value is below -1.
     """
 
     places: State
@@ -276,12 +268,12 @@ class TableCost:
         object.__setattr__(self, "_below", below)
 
     def at(self, state: State) -> float:
-        """Return the value of the place that holds in `state`; inf where the skill is never done.
+        """Return the value for the place in `state`; inf if the skill is impossible there.
 
         Raises
         ------
         ValueError
-            If none of the places holds there, or several do.
+            If not exactly one of the places holds.
         """
         held = state.bits & self._mask
         if not held or held & (held - 1):
@@ -290,7 +282,7 @@ class TableCost:
         return math.inf if value < 0 else float(value)
 
     def least(self, true_bits: int, false_bits: int) -> float:
-        """Return the least value over the places that the known facts leave open."""
+        """Return the least value over all places that the known facts allow."""
         known = true_bits & self._mask
         if known & (known - 1):
             return math.inf
@@ -314,5 +306,5 @@ class TableCost:
 
     @cached_property
     def _least(self) -> float:
-        """The least value of all."""
+        """The least value of the table."""
         return float(min((value for value in self.values if value >= 0), default=math.inf))

@@ -1,4 +1,4 @@
-"""What a skill makes a robot do, in via points; how it is executed is an engine's matter."""
+"""Motions of skills as via points with grasps; engines decide how to execute them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from skillplan.task.pose import DOWN, Point, Pose, dot, is_unit, same_direction
 from skillplan.task.state import State
 
 AXES: dict[str, Point] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-"""The axes of a frame, by name."""
+"""Unit vectors of the axes, by name."""
 
 
 class GraspKind(StrEnum):
-    """How a hand holds a part: between two jaws, or by suction."""
+    """Kind of a grasp: between two jaws, or by suction."""
 
     JAWS = "jaws"
     SUCTION = "suction"
@@ -22,31 +22,28 @@ class GraspKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """Where and how a hand holds a body.
+    """Position and orientation of a hand that holds a body.
 
     Parameters
     ----------
-    kind
-        Jaws or suction.
     tip
-        Where the end of the hand is, in the body's frame [m]: midway between the fingertips, or
-        the rim of the suction cup.
+        Tip of the hand in the body's frame [m]: midway between the fingertips, or the centre of the
+        suction cup's rim.
     closing
-        Direction in the body's frame along which jaws close, of length 1; of a suction cup how
-        the hand is turned about its axis.
+        Unit vector in the body's frame along which jaws close; for a suction cup, it gives the
+        rotation about the cup's axis.
     width_m
         Extent of the body between the jaws [m], > 0; 0 for suction.
     approach
-        Direction in the body's frame in which the hand points, of length 1, at right angles to
-        `closing`.
+        Unit vector in the body's frame in which the hand points, perpendicular to `closing`.
     name
-        What tells it from the other grasps of the body; "" for the only one.
+        Name among the grasps of the body; "" for the only one.
 
     Raises
     ------
     ValueError
-        If a direction is not of length 1, the two are not at right angles, or the width does not
-        fit the kind.
+        If a direction is no unit vector, the two are not perpendicular, or the width does not fit
+        the kind.
     """
 
     kind: GraspKind
@@ -67,7 +64,7 @@ class Grasp:
 
     @property
     def closing_axis(self) -> str | None:
-        """The axis of the body's frame along which jaws close; None for none of them."""
+        """Name of the body axis along which jaws close, or None."""
         backwards = (-self.closing[0], -self.closing[1], -self.closing[2])
         for name, axis in AXES.items():
             if same_direction(axis, self.closing) or same_direction(axis, backwards):
@@ -84,7 +81,7 @@ __all__ = ["Event", "Motion", "Point", "Route", "Visit"]
 
 
 class Event(StrEnum):
-    """What the hand does at a via point."""
+    """Action of the hand at a via point."""
 
     GRASP = "grasp"
     RELEASE = "release"
@@ -96,31 +93,31 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A transfer motion above a target at safe height, then approach, act and retreat.
+    """A transfer above a target at safe height, then approach, act and retract.
 
     Parameters
     ----------
     pose
-        Of the target in the world: of the body that is grasped or released, of the mouth of a hole
-        or of a tool holder. A screw's head is on the side of its z axis.
+        Pose of the target in the world: a body that is grasped or released, or the mouth of a hole
+        or tool holder. The head of a screw is on its z side.
     event
-        What the hand does there.
+        Action of the hand.
     subject
-        The body or tool it does it to.
+        Body or tool that the action applies to.
     grasp
-        How the body is held; None where the body says it.
+        Grasp of the body; None for its preferred one.
     along
-        Unit vector in the world along which the subject moves on the last stretch to where it is
-        left, or a screw into its hole; straight down by default.
+        Unit vector in the world along which the subject moves on the last stretch to its goal, or a
+        screw into its hole; down by default.
     insert_m
-        Length of that stretch [m], > 0; None for a default.
+        Length of this stretch [m], > 0; None for a default.
     dwell_s
-        Time that the hand stays at the target to act [s], >= 0.
+        Time at the target [s], >= 0.
 
     Raises
     ------
     ValueError
-        If `along` is not of length 1, the length is not positive, or the dwell is negative.
+        If `along` is no unit vector, the length is not positive, or the dwell is negative.
     """
 
     pose: Pose
@@ -141,18 +138,18 @@ class Visit:
 
     @property
     def position(self) -> Point:
-        """Where the origin of the target is in the world [m]."""
+        """Position of the target's origin in the world [m]."""
         return self.pose.position
 
     @property
     def yaw_rad(self) -> float:
-        """How the target is turned about the vertical [rad]."""
+        """Rotation of the target about the vertical [rad]."""
         return self.pose.yaw_rad
 
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """The visits of a skill in the states in which the facts `when` hold."""
+    """The visits of a skill while the facts `when` hold."""
 
     when: State
     visits: tuple[Visit, ...]
@@ -160,17 +157,15 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The via points of a skill.
+    """The via points of a skill, by state.
 
     Parameters
     ----------
-    robot
-        The robot that moves.
     routes
-        At least one; the first whose facts hold counts. Several only where the path depends
-        on the state, as when the tool to be put back first may be one of several.
+        Routes; the first whose facts hold counts. Several if the path depends on the state, such as
+        on the tool that must be put back first.
     carries
-        The body in the hand at the start, or None.
+        Body in the hand at the start, or None.
 
     Raises
     ------
@@ -187,7 +182,7 @@ class Motion:
             raise ValueError(f"Motion of {self.robot!r} needs at least one visit.")
 
     def visits(self, state: State) -> tuple[Visit, ...]:
-        """Return the visits made from `state`.
+        """Return the visits in `state`.
 
         Raises
         ------

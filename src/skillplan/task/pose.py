@@ -1,4 +1,4 @@
-"""Where something is in space and how it is turned, and how such poses are put together.
+"""Poses in space, and vectors.
 
 Quaternions are ``(x, y, z, w)``.
 """
@@ -13,9 +13,9 @@ Quaternion = tuple[float, float, float, float]
 Rotation = tuple[Point, Point, Point]
 
 DOWN: Point = (0.0, 0.0, -1.0)
-"""Straight down in the world."""
+"""Unit vector that points down in the world."""
 
-# Two directions whose cosine is this near to 1 are one.
+# Tolerance of the cosine of two equal directions.
 _SAME = 1e-9
 
 
@@ -26,7 +26,7 @@ class Pose:
     Raises
     ------
     ValueError
-        If a number is not finite or the quaternion is not of unit length.
+        If a number is not finite, or the quaternion has no unit length.
     """
 
     position: Point
@@ -41,17 +41,17 @@ class Pose:
 
     @classmethod
     def upright(cls, position: Point, yaw_rad: float = 0.0) -> Pose:
-        """Return the pose of a body turned by `yaw_rad` about the vertical."""
+        """Return a pose rotated by `yaw_rad` about the vertical."""
         return cls(position, (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)))
 
     @classmethod
     def turned(cls, position: Point, rpy_rad: Point) -> Pose:
-        """Return the pose of a body turned about the fixed axes x, y and z, in this order.
+        """Return a pose rotated about the fixed axes x, y and z, in this order.
 
         Parameters
         ----------
         position
-            Of its origin [m].
+            Position of the origin [m].
         rpy_rad
             Roll, pitch and yaw [rad], as in a URDF.
         """
@@ -75,7 +75,7 @@ class Pose:
 
     @classmethod
     def of_axes(cls, position: Point, y: Point, z: Point) -> Pose:
-        """Return the pose whose y and z axes are two unit vectors at right angles."""
+        """Return the pose with given y and z axes: perpendicular unit vectors."""
         x = cross(y, z)
         return cls(
             position, _quaternion(((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])))
@@ -89,13 +89,13 @@ class Pose:
 
     @property
     def is_upright(self) -> bool:
-        """Whether its z axis is the world's: it is turned about the vertical at most."""
+        """Whether the z axis is vertical."""
         x, y, _, _ = self.orientation
         return 2 * (x * x + y * y) <= _SAME
 
     @property
     def rotation(self) -> Rotation:
-        """The rows of its rotation matrix."""
+        """Rows of the rotation matrix."""
         x, y, z, w = self.orientation
         return (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -104,27 +104,27 @@ class Pose:
         )
 
     def rotate(self, vector: Point) -> Point:
-        """Return a vector of its frame in the frame that it is given in."""
+        """Return a vector of this frame in the parent frame."""
         a, b, c = self.rotation
         return (dot(a, vector), dot(b, vector), dot(c, vector))
 
     def apply(self, point: Point) -> Point:
-        """Return a point of its frame [m] in the frame that it is given in."""
+        """Return a point of this frame in the parent frame [m]."""
         return plus(self.position, self.rotate(point))
 
     def then(self, other: Pose) -> Pose:
-        """Return a pose that is given in this one's frame in the frame of this one."""
+        """Return a pose of this frame in the parent frame."""
         return Pose(self.apply(other.position), _unit(_times(self.orientation, other.orientation)))
 
     def inverse(self) -> Pose:
-        """Return where the frame that it is given in is, seen from it."""
+        """Return the pose of the parent frame in this frame."""
         x, y, z, w = self.orientation
         back = Pose((0.0, 0.0, 0.0), (-x, -y, -z, w))
         px, py, pz = back.rotate(self.position)
         return Pose((-px, -py, -pz), back.orientation)
 
     def moved(self, by: Point) -> Pose:
-        """Return the pose displaced by a vector [m]."""
+        """Return the pose moved by a vector [m]."""
         return Pose(plus(self.position, by), self.orientation)
 
 
@@ -139,17 +139,17 @@ def cross(a: Point, b: Point) -> Point:
 
 
 def plus(a: Point, b: Point, times: float = 1.0) -> Point:
-    """Return a vector, and another times a number added."""
+    """Return `a + times * b`."""
     return (a[0] + times * b[0], a[1] + times * b[1], a[2] + times * b[2])
 
 
 def unit(vector: Point) -> Point:
-    """Return a vector of length 1 in the direction of another.
+    """Return the unit vector in the direction of a vector.
 
     Raises
     ------
     ValueError
-        If that has no direction.
+        If the vector is zero or not finite.
     """
     length = math.hypot(*vector)
     if not 0 < length < math.inf:
@@ -163,7 +163,7 @@ def is_unit(vector: Point) -> bool:
 
 
 def same_direction(a: Point, b: Point) -> bool:
-    """Whether two unit vectors have one direction."""
+    """Whether two unit vectors are equal."""
     return dot(a, b) >= 1 - _SAME
 
 

@@ -1,4 +1,4 @@
-"""Rewards of a task, in exactly one term a step."""
+"""Rewards of a task: exactly one term per step."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ class Reward(Protocol):
         Parameters
         ----------
         state
-            Where the step started.
+            State before the step.
         skill
-            Its skill's name.
+            Name of the skill.
         cost
-            Its cost in the task's metric.
+            Cost in the task's metric.
         goal
-            Whether it reached the goal.
+            Whether the step reached the goal.
         out_of_time
-            Whether it was the last one that the step limit allows.
+            Whether it was the last step that the step limit allows.
         """
 
 
 @dataclass(frozen=True)
 class DistanceReward:
-    """The nearer to the goal, the less a step costs: Veeramani and Muthuswamy, Eqs 6 and 7.
+    """Steps cost less near the goal: Veeramani and Muthuswamy, Eqs 6 and 7.
 
     Parameters
     ----------
     distances
-        Distance to the goal, >= 0, by the bit of the fact that says where the robot stands.
+        Distances to the goal, >= 0, by the bit of the fact for the robot's place.
     complete
-        Added to the step that reaches the goal; the paper's is 1.
+        Bonus of the step that reaches the goal; 1 in the paper.
     infeasible
         Reward of a skill that cannot be executed.
 
@@ -68,7 +68,7 @@ class DistanceReward:
         if not all(math.isfinite(d) and d >= 0 for d in self.distances.values()):
             raise ValueError("Distances must be finite and >= 0.")
         object.__setattr__(self, "_mask", sum(self.distances))
-        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        # Keyed by the number of the bit: powers of two hash badly, see `State.__hash__`.
         numbers = {bit.bit_length(): distance for bit, distance in self.distances.items()}
         object.__setattr__(self, "_numbers", numbers)
 
@@ -89,18 +89,18 @@ class DistanceReward:
 
 @dataclass(frozen=True, slots=True)
 class Penalty:
-    """A fixed reward for taking one of some skills where a condition holds.
+    """A fixed reward for some skills under a condition.
 
     Parameters
     ----------
     name
-        What it punishes, such as ``repeated_tool_change``.
+        Name, such as ``repeated_tool_change``.
     reward
         Given instead of the cost term.
     skills
         Names of the skills.
     when
-        Condition on the state in which the skill is started.
+        Condition on the state before the step.
     """
 
     name: str
@@ -111,20 +111,21 @@ class Penalty:
 
 @dataclass(frozen=True, slots=True)
 class RewardScheme:
-    """Table II of Moller et al., with the figures of the task file.
+    """Table II of Moller et al., with the figures of a task file.
 
     Parameters
     ----------
     infeasible
-        A skill that is not applicable or not feasible (the paper's collision); ends the episode.
+        Reward of a skill that is not applicable or not feasible (the paper's collision); it ends
+        the episode.
     complete
-        The step that reaches the goal.
+        Reward of the step that reaches the goal.
     per_cost
-        Factor on the cost of any other successful step.
+        Factor on the cost of other successful steps.
     out_of_time
-        The step that exhausts the step limit without reaching the goal.
+        Reward of the step that exhausts the step limit without reaching the goal.
     penalties
-        Given instead of the cost term where they apply.
+        Rewards instead of the cost term.
 
     Raises
     ------

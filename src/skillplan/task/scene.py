@@ -1,8 +1,7 @@
-"""Constant geometry: bodies, robots and stations, in SI units and the world frame.
+"""Geometry of a task: bodies, robots and stations, in SI units and the world frame.
 
-Geometry is a function of the state: :meth:`Scene.at` gives every body's pose in a state, so
-that no simulator history is needed to know where things are.
-A body's origin is the centre of its bottom face.
+Geometry is a function of the state: :meth:`Scene.at` returns the pose of every body in a state. No
+simulation history is needed. The origin of a body is the centre of its bottom face.
 """
 
 from __future__ import annotations
@@ -42,18 +41,16 @@ WORLD = "world"
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a body is while a fact holds.
+    """The pose of a body while a fact holds.
 
     Parameters
     ----------
-    fact
-        Name of the fact.
     pose
-        In the world, or from the tip of the robot named by `frame`.
+        Pose in the world, or in the tip frame of the robot named by `frame`.
     frame
         ``"world"`` or a robot's name.
     solid
-        False while nothing can touch it, as for a part inside a feeder.
+        False while the body cannot be touched, such as a part inside a feeder.
     """
 
     fact: str
@@ -71,21 +68,21 @@ class Body:
     name
         Unique in the scene.
     shapes
-        At least one, in the body's frame; all convex.
+        Convex shapes in the body's frame, at least one.
     placements
-        Where it is, by fact.
+        Poses of the body by fact.
     mass_kg
-        Mass [kg], > 0, spread evenly.
+        Mass [kg], > 0, evenly distributed.
     grasps
-        How it may be held, the preferred first; none for what no hand holds.
+        Possible grasps, the preferred first.
     surfaces
-        Its exact shapes, where one of them is not convex and `shapes` has pieces of it that are;
-        else empty.
+        The exact shapes, if one of them is not convex and `shapes` holds its convex pieces; else
+        empty.
 
     Raises
     ------
     ValueError
-        If it has no shape, one of `shapes` is not convex, or its mass is not positive.
+        If there is no shape, one of `shapes` is not convex, or the mass is not positive.
     """
 
     name: str
@@ -105,32 +102,32 @@ class Body:
 
     @property
     def grasp(self) -> Grasp | None:
-        """How it is held unless something else is said; None for what no hand holds."""
+        """The preferred grasp, or None."""
         return self.grasps[0] if self.grasps else None
 
     @property
     def exact_shapes(self) -> tuple[Shape, ...]:
-        """Its shapes as they are, also those that are not convex."""
+        """The exact shapes, convex or not."""
         return self.surfaces or self.shapes
 
     @property
     def boxes(self) -> tuple[Box, ...]:
-        """The smallest upright boxes about its shapes."""
+        """The bounding boxes of the shapes."""
         return tuple(shape.box for shape in self.shapes)
 
     @property
     def height_m(self) -> float:
-        """Height of its top above its origin [m]."""
+        """Height of the top above the origin [m]."""
         return max(box.centre[2] + box.size[2] / 2 for box in self.boxes)
 
     def reach_m(self, pose: Pose, direction: Point) -> float:
-        """Return how far it reaches along a direction from the world's origin [m], at a pose."""
+        """Return the extent along a direction from the world's origin [m], at a pose."""
         own = pose.inverse().rotate(direction)
         away_m = max(shape.reach_m(own) for shape in self.shapes)
         return dot(pose.position, direction) + away_m
 
     def placement(self, state: State) -> Placement | None:
-        """Return where it is in `state`, or None where no fact says so."""
+        """Return the placement in `state`, or None if no fact gives one."""
         for placement in self.placements:
             if placement.fact in state:
                 return placement
@@ -138,7 +135,7 @@ class Body:
 
 
 class ToolKind(StrEnum):
-    """What a tool does: grip between jaws, lift by suction, drive screws."""
+    """Kind of a tool: jaws, suction cup or screwdriver."""
 
     GRIPPER = "gripper"
     SUCTION = "suction"
@@ -147,29 +144,27 @@ class ToolKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """What may be attached to a robot.
+    """A tool that a robot can attach.
 
     Parameters
     ----------
     name
         Unique among the tools.
     fact
-        The fact that says it is attached.
+        Fact that holds while the tool is attached.
     holder
-        Position of its holder [m].
+        Position of the holder [m].
     envelope
-        A box about the part of the tool above its tip [m], or None where it is not modelled.
-    kind
-        What it does.
+        Bounding box of the tool above its tip [m]; None if it is not modelled.
     opening_m
-        Of a gripper, the greatest distance between its jaws [m]; None where it is not modelled.
+        Greatest distance between the jaws of a gripper [m]; None if it is not modelled.
     force_n
-        With how much a gripper closes, or what a suction cup holds at most [N]; None for what
-        engines choose.
+        Closing force of a gripper, or holding force of a suction cup [N]; None for the engine's
+        default.
     hand
-        Of a gripper, what it looks like; None for the hand of the arm.
+        Shape of a gripper; None for the hand of the arm.
     mass_kg
-        Mass on the flange while it is attached [kg], >= 0; None for that of the arm's hand.
+        Mass on the flange [kg], >= 0; None for that of the arm's hand.
     """
 
     name: str
@@ -192,21 +187,21 @@ class Robot:
     name
         Unique in the scene.
     base
-        Position of its base [m].
+        Position of the base [m].
     reach_m
-        Greatest distance from base to tool tip, > 0.
+        Greatest distance from base to tool tip [m], > 0.
     safe_height_m
-        Height above the table of the lowest point of what it carries while it travels, > 0.
+        Height of the lowest point of tool and load above the table during travel [m], > 0.
     places
-        Where its tip stands, by fact.
+        Positions of the tip by fact [m].
     tools
-        What may be attached to it.
+        Tools that can be attached.
     model
-        The arm: joints, limits, masses, shapes and home posture.
+        Description of the arm: joints, limits, masses, shapes and home posture.
     base_orientation
-        How its base is turned in the world.
+        Orientation of the base in the world.
     hand
-        What is on its flange. All tools end where its jaws do.
+        Hand on the flange. The tips of all tools are where its jaws end.
     payload_kg
         Greatest mass at the flange, tool included [kg], > 0; None for that of the model.
 
@@ -235,21 +230,21 @@ class Robot:
 
     @property
     def mount(self) -> Pose:
-        """Where its base is in the world, and how it is turned."""
+        """Pose of the base in the world."""
         return Pose(self.base, self.base_orientation)
 
     @property
     def home_rad(self) -> tuple[float, ...]:
-        """The posture with room for every joint [rad]."""
+        """Home posture, in which every joint can move both ways [rad]."""
         return self.model.home_rad
 
     @property
     def tip(self) -> Transform:
-        """Where the tip of its hand or tool is on the flange: y closes jaws, z points out."""
+        """Pose of the tip on the flange: jaws close along y, z points away from the hand."""
         return self.hand.tip_on_flange
 
     def hand_of(self, tool: Tool | None) -> Hand:
-        """Return what a gripper looks like; the arm's own hand for None and for other tools."""
+        """Return the shape of a gripper; the arm's own hand for None and for other tools."""
         return self.hand if tool is None or tool.hand is None else tool.hand
 
     @property
@@ -258,18 +253,18 @@ class Robot:
         return self.model.payload_kg if self.payload_kg is None else self.payload_kg
 
     def tool_kg(self, tool: Tool | None) -> float:
-        """Return the mass of a tool on the flange [kg]; that of the hand if none is given."""
+        """Return the mass of a tool on the flange [kg]; for None, that of the hand."""
         return self.hand.mass_kg if tool is None or tool.mass_kg is None else tool.mass_kg
 
     def place(self, state: State) -> tuple[str, Point]:
-        """Return the fact that says where it stands in `state`, and the position [m].
+        """Return the fact for the place of the arm in `state`, and the position [m].
 
-        The position is that of the lowest point of tool and load, at safe height.
+        The position is the lowest point of tool and load, at safe height.
 
         Raises
         ------
         ValueError
-            If the state does not say.
+            If the state gives no place.
         """
         for fact, position in self.places.items():
             if fact in state:
@@ -286,12 +281,12 @@ class Robot:
 
 @dataclass(frozen=True)
 class Scene:
-    """All geometry of a task.
+    """The geometry of a task.
 
     Raises
     ------
     ValueError
-        If two bodies, or two robots, have one name.
+        If two bodies or two robots share a name.
     """
 
     bodies: tuple[Body, ...]
@@ -318,7 +313,7 @@ class Scene:
         return next(robot for robot in self.robots if robot.name == name)
 
     def at(self, state: State) -> dict[str, Pose]:
-        """Return the pose of every body whose place the state determines."""
+        """Return the pose of every body that the state determines."""
         poses = {}
         for body in self.bodies:
             placement = body.placement(state)

@@ -1,6 +1,6 @@
-"""What bodies are made of: boxes, upright cylinders and meshes, in the body's frame.
+"""Shapes of bodies: boxes, upright cylinders and meshes, in the body's frame.
 
-The body's frame begins at the centre of its bottom, z up.
+The origin of this frame is the centre of the body's bottom, z points up.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from skillplan.task.pose import Point, dot
 
-# A point on the rim of a shape counts to it; rounding may put it so far out [m].
+# Rounding error of points on the rim of a shape [m].
 _RIM_M = 1e-9
 
 
@@ -24,7 +24,7 @@ class Box:
     size
         Extents along x, y and z [m], each > 0.
     centre
-        Position of its centre in the body's frame [m].
+        Centre in the body's frame [m].
 
     Raises
     ------
@@ -41,16 +41,16 @@ class Box:
 
     @property
     def box(self) -> Box:
-        """The box itself, as the smallest upright box about it."""
+        """The bounding box."""
         return self
 
     @property
     def core(self) -> Box:
-        """The box itself, as an upright box inside it."""
+        """An inscribed upright box."""
         return self
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
-        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        """Return the height of the top above a point of the plan [m]; None outside."""
         inside = (
             abs(x_m - self.centre[0]) <= self.size[0] / 2 + _RIM_M
             and abs(y_m - self.centre[1]) <= self.size[1] / 2 + _RIM_M
@@ -58,7 +58,7 @@ class Box:
         return self.centre[2] + self.size[2] / 2 if inside else None
 
     def reach_m(self, direction: Point) -> float:
-        """Return how far it reaches along a direction from the body's origin [m]."""
+        """Return the extent along a direction from the body's origin [m]."""
         half = sum(abs(d) * extent / 2 for d, extent in zip(direction, self.size, strict=True))
         return dot(direction, self.centre) + half
 
@@ -70,9 +70,9 @@ class Cylinder:
     Parameters
     ----------
     diameter_m, height_m
-        Each > 0 [m].
+        Diameter and height [m], > 0.
     centre
-        Position of its centre in the body's frame [m].
+        Centre in the body's frame [m].
 
     Raises
     ------
@@ -92,23 +92,23 @@ class Cylinder:
 
     @property
     def box(self) -> Box:
-        """The smallest upright box about it."""
+        """The bounding box."""
         return Box((self.diameter_m, self.diameter_m, self.height_m), self.centre)
 
     @property
     def core(self) -> Box:
-        """The largest upright box of a square base inside it."""
+        """The largest inscribed upright box with a square base."""
         side_m = self.diameter_m / math.sqrt(2)
         return Box((side_m, side_m, self.height_m), self.centre)
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
-        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        """Return the height of the top above a point of the plan [m]; None outside."""
         distance_m = math.hypot(x_m - self.centre[0], y_m - self.centre[1])
         inside = distance_m <= self.diameter_m / 2 + _RIM_M
         return self.centre[2] + self.height_m / 2 if inside else None
 
     def reach_m(self, direction: Point) -> float:
-        """Return how far it reaches along a direction from the body's origin [m]."""
+        """Return the extent along a direction from the body's origin [m]."""
         x, y, z = direction
         away_m = self.diameter_m / 2 * math.hypot(x, y) + self.height_m / 2 * abs(z)
         return dot(direction, self.centre) + away_m
@@ -125,13 +125,13 @@ class Mesh:
     faces
         Triangles of its surface, by three indices of corners each, anticlockwise from outside.
     convex
-        Whether it is, so that its corners say all of it.
+        Whether the mesh is convex, so that its corners define it.
 
     Raises
     ------
     ValueError
-        If there are too few corners, a number is not finite, an extent is zero, or a face names
-        a corner that does not exist.
+        If there are too few corners, a number is not finite, an extent is zero, or a face refers to
+        a missing corner.
     """
 
     corners: tuple[Point, ...]
@@ -150,13 +150,13 @@ class Mesh:
 
     @property
     def box(self) -> Box:
-        """The smallest upright box about it."""
+        """The bounding box."""
         (x0, y0, z0), (x1, y1, z1) = self._bounds()
         return Box((x1 - x0, y1 - y0, z1 - z0), ((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2))
 
     @property
     def core(self) -> Box:
-        """An upright box inside it, about the mean of its corners, of the proportions of `box`."""
+        """An inscribed upright box about the mean of the corners, with the proportions of `box`."""
         count = len(self.corners)
         x, y, z = (math.fsum(values) / count for values in zip(*self.corners, strict=True))
         size = self.box.size
@@ -165,18 +165,18 @@ class Mesh:
             spread = sum(abs(n) * extent / 2 for n, extent in zip(normal, size, strict=True))
             room = offset - (normal[0] * x + normal[1] * y + normal[2] * z)
             share = min(share, room / spread)
-        # Of a mesh that is not closed or convex, there may be none; then next to nothing is.
+        # A mesh that is not closed or convex may have none; then the box is tiny.
         share = max(share, 1e-9)
         return Box((size[0] * share, size[1] * share, size[2] * share), (x, y, z))
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
-        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        """Return the height of the top above a point of the plan [m]; None outside."""
         tops_m = []
         for face in self.faces:
             (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (self.corners[index] for index in face)
             area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
             if area <= 0:
-                # Seen from above, a face of the underside or a wall.
+                # A face of the underside, or a wall.
                 continue
             b = ((x_m - ax) * (cy - ay) - (cx - ax) * (y_m - ay)) / area
             c = ((bx - ax) * (y_m - ay) - (x_m - ax) * (by - ay)) / area
@@ -185,11 +185,11 @@ class Mesh:
         return max(tops_m, default=None)
 
     def reach_m(self, direction: Point) -> float:
-        """Return how far it reaches along a direction from the body's origin [m]."""
+        """Return the extent along a direction from the body's origin [m]."""
         return max(dot(direction, corner) for corner in self.corners)
 
     def _planes(self) -> Iterator[tuple[Point, float]]:
-        """Yield of each face the outward normal and the distance from the origin along it."""
+        """Yield the outward normal of each face, and its distance from the origin."""
         for face in self.faces:
             a, b, c = (self.corners[index] for index in face)
             u = [p - q for p, q in zip(b, a, strict=True)]

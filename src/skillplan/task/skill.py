@@ -1,8 +1,8 @@
 """Robot skills, after the standard robot skill model.
 
 Bogh et al., "Does your robot have skills?" (2012), and Moller et al., section 3.3: a skill has
-parameters, a precondition, an execution, a prediction of what it will bring about, and a
-postcondition by which its success is judged.
+parameters, a precondition, an execution, a prediction, and a postcondition that decides its
+success.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One thing that may come of a skill.
+    """A possible outcome of a skill.
 
     Parameters
     ----------
@@ -55,23 +55,23 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a skill does where one particular fact holds: a conditional effect, as in PDDL.
+    """The effect of a skill if a certain fact holds: a conditional effect, as in PDDL.
 
     Parameters
     ----------
     fact
-        The one fact that selects the case, such as where a walking base stands.
+        The fact that selects the case, such as the place of a walking base.
     outcomes
-        What may come of the skill there; probabilities sum to 1, the nominal outcome first.
+        Possible outcomes; probabilities sum to 1, the nominal outcome first.
     forbids
-        Facts that must not hold besides.
+        Further facts that must not hold.
     occupies
-        What nobody else may use while the skill runs, such as the pins that a swing sweeps.
+        Resources that other agents must not use meanwhile, such as the pins under a swing.
 
     Raises
     ------
     ValueError
-        If it is not selected by exactly one fact, or the probabilities do not sum to 1.
+        If `fact` is not exactly one fact, or the probabilities do not sum to 1.
     """
 
     fact: State
@@ -87,14 +87,12 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One of several motions by which a skill may be executed.
+    """One of several alternative motions of a skill.
 
     Parameters
     ----------
     label
-        What tells it from the others, in words: ``along -x, by the side``.
-    motion
-        The motion.
+        Describes the motion, such as ``along -x, by the side``; unique in its skill.
     """
 
     label: str
@@ -103,42 +101,42 @@ class Way:
 
 @dataclass(frozen=True)
 class Skill:
-    """A grounded robot skill: one arrow label of the transition model.
+    """A grounded robot skill: an action of the transition model.
 
     Parameters
     ----------
     name
         ``kind(argument)``, such as ``pick(pcb)``; unique in its task.
     kind
-        The skill of the portfolio it is an instance of, such as ``pick``.
+        Name of the skill in the portfolio, such as ``pick``.
     agents
-        The robots it occupies, at least one.
+        Robots that the skill occupies, at least one.
     precondition
-        Where it is *applicable*: symbolic, free to query.
+        Condition under which the skill is *applicable*; symbolic, needs no back end.
     outcomes
-        The *prediction*; probabilities sum to 1, the nominal outcome first. Empty where
-        `cases` are given.
+        The *prediction*: probabilities sum to 1, the nominal outcome first. Empty if `cases` are
+        given.
     cost
-        Value in the task's metric, >= 0, possibly depending on the state.
+        Cost in the task's metric, >= 0; may depend on the state.
     duration_s
-        Time it takes [s].
+        Duration [s]; may depend on the state.
     motion
         The *execution*; None for a skill without motion.
     parameters
-        What it was grounded with, such as ``{"part": "pcb", "tool": "gripper"}``.
+        Arguments of the grounding, such as ``{"part": "pcb", "tool": "gripper"}``.
     cases
-        For a skill whose prediction depends on the state: at most one of their facts holds at a
-        time, and the skill is applicable only where one does.
+        Predictions that depend on the state: at most one of their facts holds at a time, and the
+        skill is applicable only if one does.
     ways
-        Where there are several motions to choose from, all of them, the preferred first; its
-        motion is then that of the first. Back ends are queried about one of them at a time.
+        Alternative motions, the preferred first; `motion` is that of the first. Back ends check
+        them one by one.
 
     Raises
     ------
     ValueError
-        If the name is empty, no agent is given, there are neither or both of outcomes and cases,
-        two cases have one fact, the probabilities do not sum to 1, two ways have one label, or the
-        motion is not that of the first way.
+        If the name is empty; there is no agent; there are both outcomes and cases, or neither;
+        probabilities do not sum to 1; two cases share a fact; two ways share a label; or `motion`
+        is not that of the first way.
     """
 
     name: str
@@ -175,7 +173,7 @@ class Skill:
             raise ValueError(f"Skill {self.name!r} has another motion than its first way.")
         if len({way.label for way in self.ways}) != len(self.ways):
             raise ValueError(f"Skill {self.name!r} has two ways of one label.")
-        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        # Keyed by the number of the bit: powers of two hash badly, see `State.__hash__`.
         by_number = {bits.bit_length(): case for bits, case in cases.items()}
         object.__setattr__(self, "_cases", by_number)
         object.__setattr__(self, "_conditions", {})
@@ -183,24 +181,24 @@ class Skill:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def __reduce__(self) -> tuple[type[Skill], tuple[Any, ...]]:
-        # A mapping proxy cannot be pickled; its content can.
+        # A mapping proxy cannot be pickled, but its content can.
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
         return Skill, tuple({**values, "parameters": dict(self.parameters)}.values())
 
     def by(self, way: Way) -> Skill:
-        """Return the skill as it is executed in one of its ways, under a name of its own."""
+        """Return the skill with one of its motions, under a name of its own."""
         return replace(self, name=f"{self.name} {way.label}", motion=way.motion, ways=())
 
     def case(self, state: State) -> Case | None:
-        """Return the case that `state` selects; None for a skill without, or where none fits."""
+        """Return the case that `state` selects, or None."""
         return self._case(state.bits) if self.cases else None
 
     def applicable(self, state: State) -> bool:
-        """Whether the precondition holds in `state`, and one of the cases where there are any."""
+        """Whether the precondition and, if there are cases, one of them hold in `state`."""
         return self.precondition.holds(state) and self.has_case(state.bits)
 
     def has_case(self, bits: int) -> bool:
-        """Whether the state with these bits selects a case; true of a skill without cases."""
+        """Whether a state selects a case; always true for a skill without cases."""
         if not self.cases:
             return True
         case = self._case(bits)
@@ -212,7 +210,7 @@ class Skill:
         return case if case is not None and case.fact.bits == selected else None
 
     def condition(self, state: State) -> Condition:
-        """Return what its being applicable in `state` rests on."""
+        """Return the condition for the skill to be applicable in `state`, its case included."""
         case = self.case(state)
         if case is None:
             return self.precondition
@@ -224,10 +222,10 @@ class Skill:
         return condition
 
     def why_not(self, state: State) -> Condition:
-        """Return what would have to hold otherwise in `state` for it to be applicable.
+        """Return the facts that prevent the skill from being applicable in `state`.
 
-        Required are missing facts, forbidden those that hold but must not; both are empty where it
-        is applicable. Where no case fits, the facts that would select one are all missing.
+        Required facts are missing, forbidden facts hold. If no case is selected, the facts of all
+        cases are missing.
         """
         condition = self.condition(state)
         missing = condition.requires - state
@@ -236,12 +234,12 @@ class Skill:
         return Condition(missing, condition.forbids & state)
 
     def outcomes_in(self, state: State) -> tuple[Outcome, ...]:
-        """Return what may come of it in `state`, the nominal outcome first.
+        """Return the possible outcomes in `state`, the nominal outcome first.
 
         Raises
         ------
         ValueError
-            If it has cases and none of them fits.
+            If no case is selected.
         """
         if not self.cases:
             return self.outcomes
@@ -256,12 +254,12 @@ class Skill:
 
     @property
     def effects(self) -> tuple[Outcome, ...]:
-        """All that may come of it, in whatever state."""
+        """All possible outcomes, in any state."""
         return self.outcomes or tuple(o for case in self.cases for o in case.outcomes)
 
     @property
     def prediction(self) -> Outcome:
-        """The nominal outcome; of a skill with cases what they have in common."""
+        """The nominal outcome; for a skill with cases, the common part of theirs."""
         if not self.cases:
             return self.outcomes[0]
         nominal = [case.outcomes[0] for case in self.cases]
@@ -272,12 +270,12 @@ class Skill:
 
     @property
     def postcondition(self) -> Condition:
-        """What must hold after a successful execution, wherever it was started."""
+        """The condition that holds after every successful execution."""
         return Condition(self.prediction.add, self.prediction.delete)
 
     @property
     def deterministic(self) -> bool:
-        """Whether only one thing can come of it in any state."""
+        """Whether every state has a single outcome."""
         cases = (case.outcomes for case in self.cases)
         return all(len(outcomes) == 1 for outcomes in (cases if self.cases else (self.outcomes,)))
 

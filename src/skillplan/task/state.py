@@ -1,7 +1,7 @@
 """Facts and the states made of them.
 
-A task names its facts once, in a :class:`Facts` vocabulary; a :class:`State` is the set of
-those that hold, packed into the bits of one integer.
+A task names its facts once, in a :class:`Facts` vocabulary. A :class:`State` is the set of facts
+that hold, stored as the bits of one integer.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from skillplan.errors import OptionError, name_hint
 
 @dataclass(frozen=True)
 class Facts:
-    """The vocabulary of a task: every fact's name and its bit.
+    """The vocabulary of a task: a name and a bit for every fact.
 
     Parameters
     ----------
     names
         Distinct names; the i-th fact is bit ``1 << i``.
     exclusive
-        Groups of facts of which at most one holds at a time, such as the places where
-        the arm may stand. Solvers draw bounds from them.
+        Groups of facts that exclude each other, such as the places of an arm. Solvers derive bounds
+        from them.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Facts:
         Raises
         ------
         OptionError
-            If there is no such fact; the message names the nearest.
+            If the fact is unknown; the message suggests the nearest name.
         """
         try:
             return self._bits[name]
@@ -72,7 +72,7 @@ class Facts:
         return State(bits, self)
 
     def state(self, bits: int) -> State:
-        """Return the state with these bits."""
+        """Return the state with the given bits."""
         return State(bits, self)
 
     @property
@@ -87,28 +87,28 @@ class Facts:
 
     def names_of(self, bits: int) -> list[str]:
         """Return the names of the facts in `bits`, in the order of the vocabulary."""
-        found = []
+        names = []
         while bits:
             low = bits & -bits
-            found.append(self.names[low.bit_length() - 1])
+            names.append(self.names[low.bit_length() - 1])
             bits ^= low
-        return found
+        return names
 
 
-# The second largest below 2 ** 61; the largest is the one that Python itself takes.
+# The second largest prime below 2 ** 61; Python itself uses the largest.
 _PRIME = 2_305_843_009_213_693_921
 
 
 class State:
     """The symbolic situation: the set of the facts that hold.
 
-    Hashable and immutable. The same type serves wherever a set of facts is meant: what a
-    condition requires, what an outcome adds, what a verdict rests on.
+    Hashable and immutable. It also represents any other set of facts, such as the effects of an
+    outcome.
 
     Parameters
     ----------
     bits
-        Bit i is set where fact i of `facts` holds.
+        Bit i is set if fact i of `facts` holds.
     facts
         The vocabulary.
 
@@ -132,7 +132,7 @@ class State:
     def __init__(self, bits: int, facts: Facts) -> None:
         if bits < 0 or bits >> len(facts.names):
             raise ValueError(f"State bits {bits:#x} lie outside the {len(facts)} facts.")
-        # As `object.__setattr__` does, in half the time: searches make millions of states.
+        # Twice as fast as `object.__setattr__`; searches make millions of states.
         _set_bits(self, bits)
         _set_facts(self, facts)
 
@@ -146,7 +146,7 @@ class State:
         return State, (self.bits, self.facts)
 
     def __hash__(self) -> int:
-        # Python hashes whole numbers modulo 2 ** 61 - 1, of which powers of two have 61 hashes.
+        # Python hashes integers modulo 2 ** 61 - 1, which maps all powers of two to 61 hashes.
         return self.bits % _PRIME
 
     def __eq__(self, other: object) -> bool:
@@ -181,7 +181,7 @@ class State:
         return State(self.bits & ~other.bits, self.facts)
 
     def complement(self) -> State:
-        """Return the set of the facts that do not hold."""
+        """Return the set of facts that do not hold."""
         return State(self.facts.all_bits & ~self.bits, self.facts)
 
 
@@ -191,14 +191,7 @@ _set_facts = vars(State)["facts"].__set__
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Holds where all required facts and no forbidden fact do.
-
-    Parameters
-    ----------
-    requires
-        Facts that must hold.
-    forbids
-        Facts that must not.
+    """A condition on states: required facts hold, and forbidden facts do not.
 
     Raises
     ------
@@ -220,7 +213,7 @@ class Condition:
         return bits & self.requires.bits == self.requires.bits and not bits & self.forbids.bits
 
     def why_not(self, state: State) -> list[str]:
-        """Return what is amiss: missing facts by name, forbidden ones as ``not NAME``."""
+        """Return the violated terms: missing facts by name, forbidden ones as ``not NAME``."""
         missing = self.requires - state
         forbidden = self.forbids & state
         return [*missing, *(f"not {name}" for name in forbidden)]

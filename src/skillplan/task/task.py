@@ -18,17 +18,16 @@ from skillplan.task.state import Condition, Facts, State
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """What is minimised: a name and a unit, such as ``distance`` in ``m``.
+    """The quantity to minimise, such as ``distance`` in ``m``.
 
     Parameters
     ----------
     name, unit
-        For people; no unit, an empty text, for plain numbers.
+        Name and unit for output; the unit is empty for plain numbers.
     decimals
-        How many a cost is printed with, >= 0; 0 for what is counted.
+        Number of decimals in output, >= 0.
     is_duration
-        Whether the cost of a skill is how long it takes [s]: then a back end that tells time goes
-        before the task's own figures.
+        Whether costs are durations [s]; then times from back ends override the task's figures.
 
     Raises
     ------
@@ -47,11 +46,11 @@ class Metric:
 
     @property
     def heading(self) -> str:
-        """The name, with the unit where there is one that is another word."""
+        """The name, and the unit if it is another word."""
         return f"{self.name} [{self.unit}]" if self.unit not in ("", self.name) else self.name
 
     def text(self, value: float) -> str:
-        """Return a value for people, with the unit where there is one."""
+        """Return a value as text, with its unit."""
         return f"{value:.{self.decimals}f} {self.unit}".rstrip()
 
 
@@ -63,7 +62,7 @@ class Literal:
     positive: bool = True
 
     def value(self, state: State) -> int:
-        """Return 1 where the literal holds in `state`, else 0."""
+        """Return 1 if the literal holds in `state`, else 0."""
         return int((self.fact in state) == self.positive)
 
     def __str__(self) -> str:
@@ -72,7 +71,7 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a robot stands: the place's name and its position [m]."""
+    """A place of a robot: its name and position [m]."""
 
     name: str
     position: Point
@@ -80,7 +79,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Precedence:
-    """A line of a hand-made precedence chart: one operation before another."""
+    """A line of a hand-made precedence chart: one operation comes before another."""
 
     before: str
     after: str
@@ -88,7 +87,7 @@ class Precedence:
 
 @dataclass(frozen=True, slots=True)
 class BackEndChoice:
-    """A back end that the task file chooses, and its options."""
+    """A back end chosen by the task file, and its options."""
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
@@ -101,50 +100,42 @@ class Task:
     Parameters
     ----------
     name, kind
-        The task's own name and its domain's.
+        Name of the task, and name of its domain.
     facts
-        The vocabulary of its states.
+        Vocabulary of the states.
     skills
-        What may be done; the i-th is action i.
-    initial
-        Where it starts.
-    goal
-        Where it ends.
+        The skills; the i-th is action i.
     metric
-        What the skills' costs are.
+        The quantity that costs measure.
     step_limit
-        The most skills a plan may have, >= 1.
+        Greatest number of skills in a plan, >= 1.
     scene
-        Geometry; empty for a task without.
+        Geometry; may be empty.
     reward
-        For learners; None where the task file gives none.
+        Reward scheme for learners; None if the task file gives none.
     observation
-        The bits a learner sees, in order; all facts where empty.
+        Observation bits of learners, in order; empty for all facts.
     operations
-        Component of the product to the fact that its operation brings about, such as
-        ``pcb`` to ``placed(pcb)``: what precedence relations are about.
+        Fact that the operation of each component brings about, such as ``pcb``: ``placed(pcb)``.
+        Precedence relations refer to components.
     chart
         The hand-made precedence relation over operations.
     physics, collision
-        The back ends that the task file chooses.
+        Back ends chosen by the task file.
     sha256
-        Hash of the content of the task file, in hexadecimal.
+        Hexadecimal hash of the content of the task file.
     starts
-        Other states in which it may have to be done: learners explore from them, too, and a
-        stored policy answers from them.
+        Further initial states: learners explore from them, too, and stored policies cover them.
     stage
-        In a chain of tasks the level of the hierarchy it belongs to, such as ``base``.
+        Level of the hierarchy in a chain of tasks, such as ``base``.
     preset
-        The plan, as names of skills, that the domain has by a rule of its own; None where the
-        task is for solvers to solve.
+        Plan that the domain prescribes, as names of skills; None if a solver must find one.
     places
-        The place that a fact says a robot stands at, for skills that walk.
+        Places of walking robots, by fact.
     dwells_from
-        Key paths of the task file that the dwell times of its visits are from; those of single
-        bodies and tools first. Empty for a task without dwell times.
+        Key paths of the dwell times in the task file, those of single bodies and tools first.
     infeasible
-        Why no plan exists, if that is proved while the task is made; empty otherwise. Such a task
-        is not searched.
+        Reason why no plan exists, if grounding proves it; else empty. Such a task is not searched.
 
     Raises
     ------
@@ -209,13 +200,13 @@ class Task:
         )
 
     def replace(self, **changes: Any) -> Task:
-        """Return a variant with some fields changed."""
+        """Return a copy with some fields changed."""
         changes = {"sha256": "", **changes}
         return dataclasses.replace(self, **changes)
 
     @property
     def deterministic(self) -> bool:
-        """Whether every skill has one outcome only."""
+        """Whether every skill has a single outcome."""
         return all(skill.deterministic for skill in self.skills)
 
     def action(self, skill: Skill | str) -> int:
@@ -245,7 +236,7 @@ class Task:
             text = reference.strip()
             if not text.isascii() or not text.isdigit():
                 return self.skills[self.action(text)]
-            # More digits than any action number has are not worth converting.
+            # Longer numbers than any action number are not worth converting.
             reference = int(text) if len(text) <= 9 else 10**9
         if not 0 <= reference < len(self.skills):
             raise OptionError(
@@ -284,18 +275,21 @@ class Task:
         return tuple(skills)
 
     def places_in(self, state: State) -> list[Place]:
-        """Return the places at which robots stand in a state."""
+        """Return the places of robots in a state."""
         return [self.places[fact] for fact in state if fact in self.places]
 
     def cost_text(self, cost: float | None) -> str:
-        """Return a cost for people, with its unit."""
+        """Return a cost as text, with its unit."""
         if cost is None or not math.isfinite(cost):
             return "-"
         return self.metric.text(cost)
 
 
 def unreachable_facts(task: Task) -> dict[str, str]:
-    """Return the goal facts out of reach, each with the first reason found."""
+    """Return the goal facts that no sequence of skills can reach, each with a reason.
+
+    This is the usual delete relaxation: facts, once true, stay true.
+    """
     reached = _reached(task)
     lost = {}
     for fact in task.goal.requires:
@@ -316,10 +310,10 @@ def unreachable_facts(task: Task) -> dict[str, str]:
 
 
 def _reached(task: Task) -> int:
-    """Return the facts that may come to hold; time grows linearly with skills and cases."""
+    """Return the facts that may become true; linear time in skills and cases."""
     reached = task.initial.bits
     effects = [effect for skill in task.skills for effect in _effects(skill)]
-    # By a fact that they lack, the effects that are looked at again once it may hold.
+    # Effects by a fact that they need and that is not reached yet.
     waiting: dict[int, list[tuple[int, int]]] = {}
     while effects:
         needed, added = effects.pop()
@@ -337,7 +331,7 @@ def _reached(task: Task) -> int:
 
 
 def _effects(skill: Skill) -> Iterator[tuple[int, int]]:
-    """Yield what a skill, or each of its cases, needs and may bring about."""
+    """Yield the needed and the added facts of a skill, or of each of its cases."""
     needed = skill.precondition.requires.bits
     if not skill.cases:
         yield needed, _added(skill.outcomes)

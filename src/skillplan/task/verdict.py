@@ -1,8 +1,6 @@
-"""What a back end says of a skill in a state, and the facts it rests on.
+"""Verdicts of back ends on skills in states, and the facts they rest on.
 
-A verdict may be reused in every state in which those facts are the same, whatever else has
-changed. It is pure data on the lowest floor, because back ends make verdicts and the model
-keeps them.
+A verdict may be reused in every state in which these facts are the same.
 """
 
 from __future__ import annotations
@@ -25,26 +23,24 @@ class VerdictStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Feasible, infeasible or unknown; why; and on which facts that rests.
+    """A verdict: feasible, infeasible or unknown, with a reason and the facts it rests on.
 
     Parameters
     ----------
-    status
-        The answer.
     reason
-        One sentence; empty for a feasible skill.
+        One sentence; empty if feasible.
     stage
-        The check that decided, such as ``precondition`` or ``aabb``.
+        Name of the check that decided, such as ``precondition`` or ``aabb``.
     present, absent
-        Facts whose truth, and whose falsehood, the answer rests on. None where the back
-        end cannot say: then it rests on all facts and is reused in the same state only.
+        Facts that must hold, and must not hold, for the verdict to apply. None if the back end does
+        not know; then the verdict rests on all facts and applies in the same state only.
     evidence
-        What was measured: bodies, forces [N], poses; JSON values only.
+        Measurements such as bodies, forces [N] and poses; JSON values only.
 
     Raises
     ------
     ValueError
-        If a fact is both present and absent, or an answer other than feasible gives no reason.
+        If a fact is both present and absent, or an infeasible or unknown verdict has no reason.
     """
 
     status: VerdictStatus
@@ -71,7 +67,7 @@ class Verdict:
         absent: State | None = None,
         evidence: Mapping[str, Any] | None = None,
     ) -> Verdict:
-        """Return a verdict that the skill can be executed."""
+        """Return the verdict that the skill can be executed."""
         return cls(VerdictStatus.FEASIBLE, present=present, absent=absent, evidence=evidence or {})
 
     @classmethod
@@ -82,7 +78,7 @@ class Verdict:
         absent: State | None = None,
         evidence: Mapping[str, Any] | None = None,
     ) -> Verdict:
-        """Return a verdict that the skill cannot be executed."""
+        """Return the verdict that the skill cannot be executed."""
         return cls(
             VerdictStatus.INFEASIBLE,
             reason,
@@ -93,7 +89,7 @@ class Verdict:
 
     @classmethod
     def unknown(cls, reason: str, evidence: Mapping[str, Any] | None = None) -> Verdict:
-        """Return a verdict that the back end could not decide."""
+        """Return the verdict that the back end could not decide."""
         return cls(VerdictStatus.UNKNOWN, reason, evidence=evidence or {})
 
     @property
@@ -107,13 +103,13 @@ class Verdict:
         return self.status is VerdictStatus.INFEASIBLE
 
     def grounded(self, state: State, stage: str) -> Verdict:
-        """Return this verdict named after its stage, resting on all facts where it named none."""
+        """Return this verdict with a stage, resting on all facts of `state` if it names none."""
         if self.present is not None:
             return replace(self, stage=stage)
         return replace(self, stage=stage, present=state, absent=state.complement())
 
     def applies_in(self, state: State) -> bool:
-        """Whether every fact the verdict rests on is the same in `state`."""
+        """Whether all facts that the verdict rests on are the same in `state`."""
         if self.present is None or self.absent is None:
             return False
         bits = state.bits
@@ -121,5 +117,5 @@ class Verdict:
 
     @property
     def facts(self) -> list[str]:
-        """The facts it rests on: present ones by name, absent ones as ``not NAME``."""
+        """The facts that it rests on; absent ones as ``not NAME``."""
         return [*(self.present or ()), *(f"not {name}" for name in self.absent or ())]

@@ -233,7 +233,7 @@ class SimulationSuite(EngineSuite):
         task = self.task()
         _, back_ends = self.beside(task)
         state = self.after(task, "pick(box)", "place(box)", "pick(lid)", "place(lid)", "pick(fuse)")
-        verdicts = [one.check(task.skill("place(fuse)"), state) for one in back_ends]
+        verdicts = [back_end.check(task.skill("place(fuse)"), state) for back_end in back_ends]
         assert any(verdict.is_infeasible for verdict in verdicts)
         named = {name for one in verdicts for name in one.evidence.get("bodies", ())}
         assert not named or "lid" in named

@@ -62,14 +62,14 @@ def _count(job: int) -> int:
 
 
 def _wait(job: float) -> str:
-    asked = threading.Event()
-    when_asked_to_stop(asked.set)
+    event = threading.Event()
+    when_asked_to_stop(event.set)
     tell("listening")
     end_s = time.monotonic() + job
-    while not asked.is_set() and time.monotonic() < end_s:
+    while not event.is_set() and time.monotonic() < end_s:
         time.sleep(0.01)
     when_asked_to_stop(None)
-    return "asked to stop" if asked.is_set() else "heard nothing"
+    return "asked to stop" if event.is_set() else "heard nothing"
 
 
 def _busy(job: float) -> None:
@@ -215,7 +215,7 @@ class ExecutorSuite:
         places = [_heard(executor, worker) for worker in workers]
         executor.close()
         assert [worker.alive for worker in workers] == [False, False]
-        assert all(isinstance(one, News) and _gone(one.content) for one in places)
+        assert all(isinstance(place, News) and _gone(place.content) for place in places)
         with closing(executor):
             assert _done(executor, _started(executor, "echo"), "more")[0] == "more"
 
@@ -278,9 +278,9 @@ def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
     end_s = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end_s:
         for ready in executor.first_ready([worker], 1.0):
-            said = ready.answer()
-            if said is not None:
-                return said
+            answer = ready.answer()
+            if answer is not None:
+                return answer
     raise AssertionError(f"nothing was heard for {_PATIENCE_S:g} s")
 
 

@@ -106,10 +106,10 @@ class DomainSuite:
 
     def test_grounding_is_deterministic(self) -> None:
         """The same content gives the same tasks."""
-        for one, other in zip(self.tasks(), self.tasks(), strict=True):
-            assert one.facts.names == other.facts.names
-            assert [s.name for s in one.skills] == [s.name for s in other.skills]
-            assert one.initial == other.initial
+        for task, other in zip(self.tasks(), self.tasks(), strict=True):
+            assert task.facts.names == other.facts.names
+            assert [s.name for s in task.skills] == [s.name for s in other.skills]
+            assert task.initial == other.initial
 
     def test_exclusive_facts_stay_exclusive(self) -> None:
         """In every reachable state at most one fact of each exclusive group holds."""

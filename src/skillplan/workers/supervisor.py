@@ -276,7 +276,7 @@ class _Watch:
             self._again_s,
             self._next_s,
             self._deadline_s,
-            *(one.deadline_s for one in self._activities),
+            *(activity.deadline_s for activity in self._activities),
         ]
         if self._memory_limit_bytes is not None:
             due.append(time.monotonic() + _MEMORY_EVERY_S)
@@ -363,7 +363,7 @@ class _Watch:
         self._next_s = None
         self._deadline_s = None
         self._memory_limit_bytes = None
-        self._activities = [one._replace(deadline_s=None) for one in self._activities]
+        self._activities = [activity._replace(deadline_s=None) for activity in self._activities]
 
     def _read(self) -> bool:
         """Take in some reports; return whether there may be more."""

@@ -100,10 +100,10 @@ class OptunaTrials(SharedTrials):
     def about(self) -> Mapping[str, Any]:
         """What the question was about when the study was begun."""
         with self._told():
-            found = self._study.user_attrs[_ABOUT]
-            if not isinstance(found, dict):
+            user_attr = self._study.user_attrs[_ABOUT]
+            if not isinstance(user_attr, dict):
                 raise ValueError("it does not say which study it is of")
-            return found
+            return user_attr
 
     def ask(self) -> Trial:
         """Return a setting to try; no other process is given the same number."""
@@ -111,7 +111,7 @@ class OptunaTrials(SharedTrials):
             trial = self._study.ask()
             # Processes that share a study draw differently, as numbers of trials differ.
             self._study.sampler = self._chooser((self._question.seed << 20) + trial.number)
-            values = {one.option: _suggested(trial, one) for one in self._question.dimensions}
+            values = {dimension.option: _suggested(trial, dimension) for dimension in self._question.dimensions}
             trial.set_user_attr(_VALUES, values)
             return Trial(trial.number, values)
 
@@ -150,11 +150,11 @@ class OptunaTrials(SharedTrials):
         """Return the trials whose runs have been done; others were given up or are under way."""
         states = (TrialState.COMPLETE, TrialState.FAIL)
         trials = self._study.get_trials(deepcopy=False, states=states)
-        return [one for one in trials if _LINES in one.user_attrs]
+        return [trial for trial in trials if _LINES in trial.user_attrs]
 
     def _coded(self, values: Mapping[str, Value]) -> dict[str, Any]:
         """Return values as Optuna knows them: those of a choice by their place in the list."""
-        known = {one.option: one for one in self._question.dimensions}
+        known = {dimension.option: dimension for dimension in self._question.dimensions}
         found: dict[str, Any] = {}
         for name, value in values.items():
             one = known[name]

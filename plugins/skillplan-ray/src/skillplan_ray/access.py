@@ -134,10 +134,10 @@ def _write_token(path: Path) -> None:
 
 
 def _check_token(path: Path) -> None:
-    found = path.lstat()
-    if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid():
+    lstat = path.lstat()
+    if not stat.S_ISREG(lstat.st_mode) or lstat.st_uid != os.geteuid():
         raise SkillplanError(f"{path}: is no file of yours. Remove it; a new token is written.")
-    mode = stat.S_IMODE(found.st_mode)
+    mode = stat.S_IMODE(lstat.st_mode)
     if mode & _OTHERS:
         raise SkillplanError(
             f"{path}: has mode {mode:04o}, so that other users of this machine can read it, and "

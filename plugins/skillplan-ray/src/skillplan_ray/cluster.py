@@ -99,8 +99,8 @@ class Cluster:
         kept = cpus if self._taken_cpus + cpus <= total else 0.0
         self._taken_cpus += kept
         threads = {name: os.environ[name] for name in THREADS if name in os.environ}
-        made = self._class.options(num_cpus=kept, scheduling_strategy="SPREAD", max_restarts=0)
-        return made.remote(pickle.dumps(prepare), content, threads), kept
+        options = self._class.options(num_cpus=kept, scheduling_strategy="SPREAD", max_restarts=0)
+        return options.remote(pickle.dumps(prepare), content, threads), kept
 
     def give_back(self, cpus: float) -> None:
         """Note that an actor with so many CPUs of its own has been ended."""

@@ -24,11 +24,11 @@ def fingerprint() -> dict[str, str]:
     """Return what is compared between machines, by name."""
     found = {"processor": _processor(), "Python": platform.python_version()}
     # The first of a name is the one that is imported.
-    for one in distributions():
-        name = (one.metadata["Name"] or "").lower()
+    for distribution in distributions():
+        name = (distribution.metadata["Name"] or "").lower()
         if name in found or not (name in LIBRARIES or name.startswith("skillplan")):
             continue
-        found[name] = one.version
+        found[name] = distribution.version
         if name.startswith("skillplan"):
             found[f"source of {name}"] = _source(name.replace("-", "_"))
     return found
