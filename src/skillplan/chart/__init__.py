@@ -1,4 +1,4 @@
-"""Precedence derived from checks in hypothetical states; it never searches for a plan."""
+"""Precedence derived from checks in hypothetical states, without a search for a plan."""
 
 import lazy_loader as _lazy
 

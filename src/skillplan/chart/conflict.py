@@ -1,4 +1,4 @@
-"""Why no order exists: the shortest cycle of a relation in words, and what would free most."""
+"""Messages about conflicts: the shortest cycle, and the change that would free most components."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from skillplan.chart.precedence_query import Relation
 from skillplan.task.scene import Body, Box, Pose
 from skillplan.task.task import Task
 
-# From where to where something reaches along x, y and z [m].
+# Lower and upper end along x, y and z [m].
 _Extent = list[tuple[float, float]]
 
-# Coordinates of a file are rounded: so far apart two faces still touch [m].
+# Greatest gap between faces that touch [m]; coordinates in files are rounded.
 _TOUCH_M = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """What a relation follows from, and what could be changed.
+    """The cause of a relation, which the user could change.
 
     Parameters
     ----------
     what
-        ``start`` or ``goal`` of the component, or ``line`` of the chart.
+        ``start`` or ``goal`` of a component, or ``line`` of the chart.
     name
-        The component, or what the line says.
+        Name of the component, or the line.
     """
 
     what: str
@@ -42,7 +42,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class _Clause:
-    """A reason in words: ``cpu``, ``lies``, ``on``, ``mainboard``, ``at the start``."""
+    """A clause: ``cpu``, ``lies``, ``on``, ``mainboard``, ``at the start``."""
 
     subject: str
     verb: str = ""
@@ -54,7 +54,7 @@ class _Clause:
         return _words(self.subject, self.verb, self.joint, self.object, self.tail)
 
     def after(self, before: _Clause) -> str:
-        """Return it as the continuation of another clause."""
+        """Return the clause as a continuation of another one."""
         if self.subject != before.subject or not self.verb:
             return str(self)
         verb = "" if self.verb == before.verb else self.verb
@@ -67,24 +67,23 @@ def _words(*parts: str) -> str:
 
 
 def conflict_lines(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]:
-    """Return why a relation leaves no order, in three lines at most; none where it leaves one.
+    """Return the reason why a relation allows no order, in at most three lines, or none.
 
-    The first line names the shortest cycle and why it holds. The second says which single start
-    or goal, were it another, would free most components. The third names the cycle that would
-    be left then.
+    The first line gives the shortest cycle and its causes. The second names the single start or
+    goal whose change would free most components. The third gives the cycle that would remain.
 
     Parameters
     ----------
     task
-        Whose components are ordered.
+        Task with the components.
     relations
-        What comes before what, each with its evidence.
+        Relations between components, each with its evidence.
     """
-    found = _cycle(relations)
-    if not found:
+    shortest = _cycle(relations)
+    if not shortest:
         return ()
     reasons = _Reasons(task)
-    lines = [_cycle_line(found, relations, reasons)]
+    lines = [_cycle_line(shortest, relations, reasons)]
     components = list(task.operations)
     free = orderable(components, _pairs(relations))
     best: tuple[int, list[Relation], Cause] | None = None
@@ -114,18 +113,18 @@ def _cycle(relations: Iterable[Relation]) -> tuple[str, ...]:
     return cycle(_pairs(relations))
 
 
-def _cycle_line(found: Sequence[str], relations: Sequence[Relation], reasons: _Reasons) -> str:
+def _cycle_line(cycle: Sequence[str], relations: Sequence[Relation], reasons: _Reasons) -> str:
     by_pair = {(relation.before, relation.after): relation for relation in relations}
-    clauses = [reasons.clause(by_pair[pair]) for pair in pairwise(found)]
-    # What is said of one component stands together, its start first.
+    clauses = [reasons.clause(by_pair[pair]) for pair in pairwise(cycle)]
+    # Clauses about one component stay together, its start first.
     clauses.sort(key=lambda clause: not clause.tail.endswith("start"))
-    said = [str(clauses[0]), *(clause.after(before) for before, clause in pairwise(clauses))]
-    words = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
-    return f"{' before '.join(found)}: {words}"
+    texts = [str(clauses[0]), *(clause.after(before) for before, clause in pairwise(clauses))]
+    words = texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+    return f"{' before '.join(cycle)}: {words}"
 
 
 def _candidates(relations: Sequence[Relation], reasons: _Reasons) -> list[Cause]:
-    """Return what could be changed: starts before goals, and obstacles before others."""
+    """Return the causes: starts before goals, obstacles first."""
     rank: dict[Cause, tuple[bool, int]] = {}
     for relation in relations:
         for position, cause in enumerate(reasons.causes(relation)):
@@ -135,14 +134,14 @@ def _candidates(relations: Sequence[Relation], reasons: _Reasons) -> list[Cause]
 
 
 class _Reasons:
-    """Reads from the evidence of relations what they follow from."""
+    """Finds the causes of relations in their evidence."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self._bodies = {body.name: body for body in task.scene.bodies}
 
     def causes(self, relation: Relation) -> tuple[Cause, ...]:
-        """Return what a relation follows from: obstacles first."""
+        """Return the causes of a relation, obstacles first."""
         if self._is_line(relation):
             return (Cause("line", f"{relation.before} before {relation.after}"),)
         component, other = self._sides(relation)
@@ -155,7 +154,7 @@ class _Reasons:
         return Cause("goal", other), own
 
     def clause(self, relation: Relation) -> _Clause:
-        """Return why a relation holds."""
+        """Return the clause that explains a relation."""
         if self._is_line(relation):
             return _Clause("the chart", "puts", relation.before, f"before {relation.after}")
         component, other = self._sides(relation)
@@ -175,7 +174,7 @@ class _Reasons:
         return _Clause(other, "is in the way", "of", skill, "at its goal")
 
     def _is_line(self, relation: Relation) -> bool:
-        """Whether a hand-made chart says so, which names both sides in its evidence."""
+        """Whether the relation comes from a hand-made chart."""
         return {"before", "after"} <= set(relation.evidence)
 
     def _sides(self, relation: Relation) -> tuple[str, str]:
@@ -185,7 +184,7 @@ class _Reasons:
         return relation.after, relation.before
 
     def _phase(self, relation: Relation, component: str) -> str:
-        """Return whether the skill takes the component from its start or brings it to its goal."""
+        """Return whether the skill moves the component from its start or to its goal."""
         name = relation.evidence.get("skill")
         skill = next((one for one in self.task.skills if one.name == name), None)
         goal = self.task.operations.get(component)
@@ -193,7 +192,7 @@ class _Reasons:
         return "goal" if brings else "start"
 
     def _starts(self, relation: Relation, other: str) -> bool:
-        """Whether the evidence is about the start of a component."""
+        """Whether the evidence concerns the start of a component."""
         facts = {str(fact).removeprefix("not ") for fact in relation.evidence.get("facts", ())}
         return any(fact in facts and fact.endswith(f"({other})") for fact in self.task.initial)
 
@@ -215,7 +214,7 @@ class _Reasons:
 
 
 def _extent(box: Box, pose: Pose) -> _Extent:
-    """Return from where to where a body's box reaches along each axis [m], turned as it stands."""
+    """Return the extents of a body's box along each axis [m], rotated as it stands."""
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     (x, y, z), (width, depth, height) = box.centre, box.size
     centre = (cos * x - sin * y, sin * x + cos * y, z)
@@ -225,7 +224,7 @@ def _extent(box: Box, pose: Pose) -> _Extent:
 
 
 def _stands_on(foot: _Extent, top: _Extent) -> bool:
-    """Whether a box stands on another, at least in part."""
+    """Whether a box stands at least partly on another."""
     touches = abs(foot[2][0] - top[2][1]) <= _TOUCH_M
     return touches and all(
         max(foot[axis][0], top[axis][0]) < min(foot[axis][1], top[axis][1]) for axis in (0, 1)

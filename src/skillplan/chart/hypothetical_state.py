@@ -1,4 +1,4 @@
-"""States that need not be reachable, in which back ends check skills."""
+"""Hypothetical states, which need not be reachable, for checks of skills."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from skillplan.task.verdict import Verdict
 
 
 class HypotheticalStates:
-    """States that need not be reachable: chosen components done, the others untouched.
+    """Hypothetical states: some components are done, the others are untouched.
 
     Attributes
     ----------
     stands
-        The facts that say where an arm stands.
+        Facts for the places of arms.
     """
 
     def __init__(self, task: Task) -> None:
@@ -33,14 +33,14 @@ class HypotheticalStates:
         self._finished = self._finished_facts()
 
     def chain(self, component: str) -> list[Skill]:
-        """Return the skills that bring one component, and no other, to its goal, in order."""
+        """Return the skills that bring only one component to its goal, in order."""
         fact = self.task.operations[component]
         skills: list[Skill] = []
         self._bring(self.task.initial, fact, skills)
         return [skill for skill in skills if component in skill.parameters.values()]
 
     def before(self, skill: Skill, done: Iterable[str]) -> State:
-        """Return a state in which `skill` is applicable and the components in `done` are done."""
+        """Return a state in which `skill` is applicable and exactly some components are done."""
         bits = self.task.initial.bits
         for component in done:
             own, after = self._finished[component]
@@ -48,20 +48,20 @@ class HypotheticalStates:
         state = self.task.facts.state(bits)
         for name in skill.precondition.requires:
             state = self._bring(state, name, [])
-        # What the skill forbids, such as a part lying on it, is taken away.
+        # Facts that the skill forbids, such as a part on it, are removed.
         return state - skill.precondition.forbids
 
     def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
-        """Return the facts that are certain where a skill is applicable in a good order."""
+        """Return the facts that hold before a skill in every order that respects it."""
         certain = {*skill.precondition.requires, *skill.precondition.forbids}
         return certain.union(*(self._own.get(component, ()) for component in {*before, *after}))
 
     def owner(self, fact: str) -> str | None:
-        """Return the component that a fact is about, or None."""
+        """Return the component of a fact, or None."""
         return self._owner.get(fact)
 
     def dependence(self, fact: str) -> str:
-        """Return the kind of thing that a fact states, for "depends on ..."."""
+        """Return the kind of a fact, for "depends on ..."."""
         if fact in self.stands:
             return "where the arm comes from"
         if fact in self._owner:
@@ -74,21 +74,21 @@ class HypotheticalStates:
         return next((name for name in skill.parameters.values() if name in operations), None)
 
     def components(self, verdict: Verdict) -> set[str]:
-        """Return the components that the facts of a verdict are about."""
+        """Return the components that a verdict rests on."""
         facts = [*(verdict.present or ()), *(verdict.absent or ())]
         return {self._owner[fact] for fact in facts if fact in self._owner}
 
     def reason(self, verdict: Verdict, component: str | None, in_place: Set[str]) -> str:
-        """Return a verdict's stage and reason, with the other components in place if they matter.
+        """Return stage and reason of a verdict, and the other components in place if they matter.
 
         Parameters
         ----------
         verdict
-            Of a skill of `component`.
+            Verdict on a skill of `component`.
         component
-            The component that the skill moves or fastens; None for none.
+            Component that the skill moves or fastens, or None.
         in_place
-            The components that are in place in the state of the verdict.
+            Components in place in the state of the verdict.
         """
         text = f"{verdict.stage}: {verdict.reason}"
         if not (self.components(verdict) - {component}) or not in_place - {component}:
@@ -99,16 +99,16 @@ class HypotheticalStates:
         return f"{text} (with {' and '.join(sorted(in_place - {component}))} in place)"
 
     def _own_facts(self) -> dict[str, str]:
-        """Return the component of every fact named after one; not where the arm stands."""
-        found = {}
+        """Return the component of every fact named after one, without places of arms."""
+        owners = {}
         for fact in self.task.facts.names:
             component = fact.rpartition("(")[2].rstrip(")")
             if component in self.task.operations and fact not in self.stands:
-                found[fact] = component
-        return found
+                owners[fact] = component
+        return owners
 
     def _finished_facts(self) -> dict[str, tuple[int, int]]:
-        """Return, by component, the bits of its own facts and those of them that hold when done."""
+        """Return the bits of each component's own facts, and of those that hold when it is done."""
         own = dict.fromkeys(self.task.operations, 0)
         for fact, component in self._owner.items():
             own[component] |= self.task.facts.bit(fact)
@@ -120,13 +120,14 @@ class HypotheticalStates:
         }
 
     def _bring(self, state: State, fact: str, skills: list[Skill], depth: int = 0) -> State:
-        """Apply predicted outcomes until `fact` holds, noting the skills used."""
+        """Apply predicted outcomes until `fact` holds, and collect the skills."""
         if fact in state or depth > 8:
             return state
         makers = self._makers.get(fact)
         if not makers:
             return state
-        # Of several, as for an empty tool holder, the one that lacks the least here.
+        # If several skills add it, such as for an empty tool holder, the one with the fewest
+        # missing facts.
         maker = makers[0]
         if len(makers) > 1:
             maker = min(makers, key=lambda s: len(s.precondition.requires - state))
@@ -137,6 +138,6 @@ class HypotheticalStates:
 
 
 def state_with_all_else(task: Task, skill: Skill) -> State:
-    """Return a state before a skill in which every component but its own is at its goal."""
+    """Return a state before a skill in which all other components are at their goals."""
     hypothetical = HypotheticalStates(task)
     return hypothetical.before(skill, task.operations.keys() - {hypothetical.component(skill)})

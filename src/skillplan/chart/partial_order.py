@@ -1,4 +1,4 @@
-"""Relations of what comes before what: their closure, reduction and cycles."""
+"""Precedence relations: their closure, reduction and cycles."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 def closure(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
     """Return the transitive closure of a relation."""
     after: dict[str, set[str]] = {}
-    for one, other in pairs:
-        after.setdefault(one, set()).add(other)
+    for first, second in pairs:
+        after.setdefault(first, set()).add(second)
     closed = set()
     for start in after:
         todo, seen = list(after[start]), set()
@@ -23,58 +23,58 @@ def closure(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
 
 
 class ClosedRelation:
-    """What comes before what in whatever number of steps, component by component.
+    """A transitive relation, by component.
 
     Parameters
     ----------
     pairs
-        Closed by transitivity.
+        Pairs, closed by transitivity.
     """
 
     def __init__(self, pairs: Iterable[tuple[str, str]]) -> None:
         before: dict[str, set[str]] = {}
         after: dict[str, set[str]] = {}
-        for one, other in pairs:
-            before.setdefault(other, set()).add(one)
-            after.setdefault(one, set()).add(other)
+        for first, second in pairs:
+            before.setdefault(second, set()).add(first)
+            after.setdefault(first, set()).add(second)
         self._before = {component: frozenset(others) for component, others in before.items()}
         self._after = {component: frozenset(others) for component, others in after.items()}
 
     def before(self, component: str) -> frozenset[str]:
-        """Return what comes before a component."""
+        """Return the predecessors of a component."""
         return self._before.get(component, frozenset())
 
     def after(self, component: str) -> frozenset[str]:
-        """Return what comes after a component."""
+        """Return the successors of a component."""
         return self._after.get(component, frozenset())
 
 
 def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Return the pairs that do not follow from others; those on a cycle all stay."""
+    """Return the pairs that others do not imply; pairs on a cycle are kept."""
     pairs = list(pairs)
     closed = closure(pairs)
     after: dict[str, set[str]] = {}
-    for one, other in closed:
-        after.setdefault(one, set()).add(other)
+    for first, second in closed:
+        after.setdefault(first, set()).add(second)
 
-    def follows(one: str, other: str) -> bool:
-        # Through a component strictly between the two, on no cycle with either.
-        return (other, one) not in closed and any(
-            (via, other) in closed and (via, one) not in closed and (other, via) not in closed
-            for via in after[one]
+    def follows(first: str, second: str) -> bool:
+        # A component between the two, on no cycle with either, implies the pair.
+        return (second, first) not in closed and any(
+            (via, second) in closed and (via, first) not in closed and (second, via) not in closed
+            for via in after[first]
         )
 
-    return {(one, other) for one, other in pairs if not follows(one, other)}
+    return {(first, second) for first, second in pairs if not follows(first, second)}
 
 
 def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
-    """Return the shortest cycle: each comes before the next, ending with the first; or none.
+    """Return the shortest cycle, its first component repeated at the end, or none.
 
-    Of several of one length, it is the one of the component named first.
+    Of several with equal length, the cycle of the component that comes first.
     """
     after: dict[str, list[str]] = {}
-    for one, other in pairs:
-        after.setdefault(one, []).append(other)
+    for first, second in pairs:
+        after.setdefault(first, []).append(second)
     shortest: tuple[str, ...] = ()
     for start in after:
         cycle_through = _cycle_through(start, after)
@@ -84,25 +84,25 @@ def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
 
 
 def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """Return a shortest cycle through a component by breadth-first search, or none."""
+    """Return a shortest cycle through a component, by breadth-first search, or none."""
     came: dict[str, str] = {}
     queue = [start]
-    for one in queue:
-        for other in after.get(one, ()):
-            if other == start:
-                found = [start, one] if one != start else [start]
-                while one != start:
-                    one = came[one]
-                    found.append(one)
-                return tuple(reversed(found)) if len(found) > 1 else (start, start)
-            if other not in came:
-                came[other] = one
-                queue.append(other)
+    for component in queue:
+        for successor in after.get(component, ()):
+            if successor == start:
+                path = [start, component] if component != start else [start]
+                while component != start:
+                    component = came[component]
+                    path.append(component)
+                return tuple(reversed(path)) if len(path) > 1 else (start, start)
+            if successor not in came:
+                came[successor] = component
+                queue.append(successor)
     return ()
 
 
 def shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tuple[str, ...]:
-    """Return the components on a shortest path from one to another, both included; or none."""
+    """Return the components on a shortest path between two, both included, or none."""
     after: dict[str, list[str]] = {}
     for before, later in pairs:
         after.setdefault(before, []).append(later)
@@ -124,30 +124,30 @@ def shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tup
 def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
     """Return the components that are neither on a cycle nor after one."""
     closed = closure(pairs)
-    stuck = {one for one, other in closed if one == other}
+    stuck = {first for first, second in closed if first == second}
     return {
         component
         for component in components
-        if component not in stuck and not any((one, component) in closed for one in stuck)
+        if component not in stuck and not any((first, component) in closed for first in stuck)
     }
 
 
 def acyclic(
     pairs: Iterable[tuple[str, str]], order: Sequence[str]
 ) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
-    """Return a relation without the pairs that close its cycles, and these.
+    """Return a relation without the pairs that close its cycles, and these pairs.
 
     Parameters
     ----------
     pairs
-        Of what comes before what.
+        The relation.
     order
-        All components; walks along pairs begin in this order.
+        All components; the depth-first walks start in this order.
     """
     places = {component: place for place, component in enumerate(order)}
     after: dict[str, list[str]] = {component: [] for component in order}
-    for one, other in sorted(pairs, key=lambda pair: (places[pair[0]], places[pair[1]])):
-        after[one].append(other)
+    for first, second in sorted(pairs, key=lambda pair: (places[pair[0]], places[pair[1]])):
+        after[first].append(second)
     closing: set[tuple[str, str]] = set()
     done: set[str] = set()
     for start in order:
@@ -164,4 +164,4 @@ def acyclic(
             elif there not in done:
                 path.append(there)
                 left[there] = list(after[there])
-    return {(one, other) for one in order for other in after[one]} - closing, closing
+    return {(first, second) for first in order for second in after[first]} - closing, closing

@@ -1,8 +1,7 @@
-"""A precedence relation derived by querying back ends, instead of drawn by hand.
+"""A precedence relation derived from back ends.
 
-For every component of the product the operations that bring it to its goal are considered in
-states in which other components are done or not. ``a before b`` where b's operation fails for
-want of a, or a's operation fails because b is an obstacle.
+The operations of every component are checked in states in which other components are done or not.
+``a before b`` if b's operation fails without a, or a's operation fails because b is an obstacle.
 """
 
 from __future__ import annotations
@@ -26,27 +25,25 @@ from skillplan.checks.feasibility import Feasibility
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
-# So many states are considered for one skill before its alternatives are left unsaid.
+# Greatest number of states checked for the alternatives of a skill.
 _MOST_STATES = 256
-# More conditions than this nobody reads.
+# Greatest number of conditions in a message.
 _MOST_CONDITIONS = 64
 
 Condition = frozenset[tuple[str, bool]]
-"""Components, each with whether it is done."""
+"""Components, and whether each is done."""
 
 
 @dataclass(frozen=True, slots=True)
 class Alternatives:
-    """Pairs of which at least one group has to hold.
+    """Groups of pairs, at least one of which must hold.
 
     Parameters
     ----------
-    component
-        The component that is ordered.
     skill
-        Its skill that needs it.
+        Skill that needs them.
     any_of
-        At least two groups of pairs: the first before the second.
+        At least two groups of pairs, each the first before the second.
     """
 
     component: str
@@ -55,7 +52,8 @@ class Alternatives:
 
     def __str__(self) -> str:
         groups = (
-            " and ".join(f"{one} before {other}" for one, other in pairs) for pairs in self.any_of
+            " and ".join(f"{first} before {second}" for first, second in pairs)
+            for pairs in self.any_of
         )
         return ", or ".join(groups)
 
@@ -63,23 +61,26 @@ class Alternatives:
 def alternatives(
     query: PrecedenceQuery, derived: ClosedRelation
 ) -> CheckSteps[Alternatives | None]:
-    """Return between what an order may choose for a skill, or None where it has no choice.
+    """Return the alternatives for a skill, or None if an order has no choice.
 
     Parameters
     ----------
     query
-        About the skill.
+        Query about the skill.
     derived
-        What holds in every order, closed by transitivity.
+        Relation that holds in every order, closed by transitivity.
     """
     search = _Search(query, derived)
     try:
         yield from search.explore(frozenset(), frozenset())
     except Undecided:
         return None
-    found = simplest(search.conditions)
-    common = frozenset.intersection(*found) if found else frozenset()
-    choices = sorted((sorted(one - common) for one in found), key=lambda one: (len(one), one))
+    conditions = simplest(search.conditions)
+    common = frozenset.intersection(*conditions) if conditions else frozenset()
+    choices = sorted(
+        (sorted(condition - common) for condition in conditions),
+        key=lambda choice: (len(choice), choice),
+    )
     if len(choices) < 2 or not all(choices) or len(choices) > _MOST_CONDITIONS:
         return None
     component = query.component
@@ -91,7 +92,7 @@ def alternatives(
 
 
 class _Search:
-    """Covers the sets of components that an order may have done when a skill is begun."""
+    """Covers the sets of components that may be done before a skill."""
 
     def __init__(self, query: PrecedenceQuery, derived: ClosedRelation) -> None:
         self.query = query
@@ -102,10 +103,10 @@ class _Search:
         self._left = _MOST_STATES
 
     def explore(self, done: frozenset[str], undone: frozenset[str]) -> CheckSteps[None]:
-        """Note when the skill is feasible with some done and others not.
+        """Collect the conditions for the skill, if some components are done and others are not.
 
-        The verdict where no more is done than must be holds for all sets that agree on what it
-        names; the others differ in a first of those.
+        The verdict with only the required components done holds for all sets that agree on the
+        components it names. The other sets differ in one of these.
         """
         here = self._closed(done)
         if here & (undone | self._never):
@@ -116,7 +117,7 @@ class _Search:
         verdict = yield from self.query.check(here)
         named = self.query.hypothetical.components(verdict) - self._never
         if verdict.is_feasible:
-            self.conditions.append(frozenset((one, one in here) for one in named))
+            self.conditions.append(frozenset((component, component in here) for component in named))
         passed = undone
         for other in self.query.order:
             if other in named and other not in here and other not in undone:
@@ -124,23 +125,25 @@ class _Search:
                 passed |= {other}
 
     def _closed(self, done: frozenset[str]) -> frozenset[str]:
-        """Return what is done where some are: all that must come before them or the component."""
-        return frozenset(self._before | done).union(*(self.derived.before(one) for one in done))
+        """Return the components that are done if some are: with all their predecessors."""
+        return frozenset(self._before | done).union(
+            *(self.derived.before(component) for component in done)
+        )
 
 
 def simplest(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
-    """Return the weakest conditions of which one holds wherever one of some holds.
+    """Return the weakest conditions, one of which holds if and only if one of some conditions does.
 
-    By consensus and absorption (Quine 1955): of two that contradict each other in one component
-    the rest of both together is one, too.
+    By consensus and absorption (Quine 1955): two conditions that contradict each other in one
+    component imply the union of their remainders.
     """
     weakest = _weakest(conditions)
     while True:
         more = {
-            made
-            for one, other in combinations(weakest, 2)
-            if (made := _consensus(dict(one), dict(other))) is not None
-            if not any(weaker <= made for weaker in weakest)
+            consensus
+            for first, second in combinations(weakest, 2)
+            if (consensus := _consensus(dict(first), dict(second))) is not None
+            if not any(weaker <= consensus for weaker in weakest)
         }
         if not more or len(weakest) > _MOST_STATES:
             return tuple(weakest)
@@ -149,14 +152,14 @@ def simplest(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
 
 def _weakest(conditions: Iterable[Condition]) -> list[Condition]:
     unique = list(dict.fromkeys(conditions))
-    return [one for one in unique if not any(other < one for other in unique)]
+    return [condition for condition in unique if not any(other < condition for other in unique)]
 
 
-def _consensus(one: Mapping[str, bool], other: Mapping[str, bool]) -> Condition | None:
-    opposed = [name for name in one if other.get(name, one[name]) != one[name]]
+def _consensus(first: Mapping[str, bool], second: Mapping[str, bool]) -> Condition | None:
+    opposed = [name for name in first if second.get(name, first[name]) != first[name]]
     if len(opposed) != 1:
         return None
-    both = {**one, **other}
+    both = {**first, **second}
     del both[opposed[0]]
     return frozenset(both.items())
 
@@ -167,31 +170,29 @@ _MOST_NAMED = 3
 
 @dataclass(frozen=True)
 class DerivedChart:
-    """What was derived, beside what was drawn by hand.
+    """A derived relation, and the hand-made one.
 
     Parameters
     ----------
     relations
-        Derived, in the order of the task's components.
+        Derived relations, in the order of the task's components.
     hand_made
-        The task file's chart; None where it has none.
+        Chart of the task file, or None.
     missing
-        Hand-made pairs that do not follow from the derived ones.
+        Hand-made pairs that the derived ones do not imply.
     extra
-        Derived pairs that do not follow from the hand-made ones.
+        Derived pairs that the hand-made ones do not imply.
     impossible
         Skills that are feasible in no hypothetical state, with the reason.
     conditional
-        Skills that depend on more than the relation says, such as on one of two supports or on
-        where the arm comes from, and the facts that matter: what is no precedence relation.
+        Skills that depend on more than a relation can express, such as on one of two supports, and
+        the facts that matter.
     undecided
-        Skills about which a back end does not know, or whose dependence on the other components
-        is too intricate to be worked out.
+        Skills that a back end cannot decide about, or whose dependences are too complex.
     alternatives
-        Of conditional skills between what orders have to choose, as far as it is a matter of
-        order.
+        Alternatives of conditional skills, if they concern the order.
     demands
-        Every relation of every skill, also those that the skill of another component has already.
+        Relations of all skills, those included that another skill implies.
     """
 
     relations: tuple[Relation, ...]
@@ -206,24 +207,24 @@ class DerivedChart:
 
     @property
     def cycle(self) -> tuple[str, ...]:
-        """The shortest cycle of components before each other; none where there is an order."""
+        """The shortest cycle of components, or none."""
         return shortest_cycle((r.before, r.after) for r in self.relations)
 
     @property
     def contradiction(self) -> tuple[str, ...]:
-        """A cycle of derived and hand-made pairs together; none where they agree on an order."""
+        """A cycle of derived and hand-made pairs together, or none."""
         derived = [(r.before, r.after) for r in self.relations]
         return shortest_cycle([*derived, *(self.hand_made or ())])
 
     def beyond_order(self, task: Task) -> tuple[str, ...]:
-        """Return one sentence for each kind of dependence that no order of components expresses.
+        """Return a sentence for each kind of dependence that no order of components expresses.
 
-        Skills whose dependence is a choice between orders are left out: `alternatives` has them.
+        Skills with `alternatives` are left out.
 
         Parameters
         ----------
         task
-            The task that the chart was derived for.
+            Task of the chart.
         """
         skills: dict[str, list[str]] = {}
         facts: dict[str, dict[str, None]] = {}
@@ -244,10 +245,10 @@ class DerivedChart:
 
     @property
     def contradictions(self) -> tuple[str, ...]:
-        """Hand-made pairs that contradict the derived relation, each with its reason, in words.
+        """Messages about hand-made pairs that contradict the derived relation, with reasons.
 
-        If no single pair does, but several together, the shortest cycle of both relations. Empty
-        if the derived relation alone leaves no order.
+        If only several pairs together do, the shortest cycle of both relations. Empty if the
+        derived relation alone allows no order.
         """
         if self.cycle:
             return ()
@@ -263,7 +264,7 @@ class DerivedChart:
         return tuple(lines)
 
     def _path_words(self, path: Sequence[str]) -> str:
-        """Return a path with the reason for each of its derived pairs, in words."""
+        """Return a message about a path, with the reason for each derived pair."""
         relations = {(r.before, r.after): r for r in self.relations}
         reasons = [
             f"{relations[pair].evidence['skill']}: {relations[pair].reason}"
@@ -273,12 +274,12 @@ class DerivedChart:
         return f"{' before '.join(path)} ({'; '.join(reasons)})"
 
     def obstacle(self, task: Task) -> str | None:
-        """Return why no order can exist, in at most three lines, or None where one may.
+        """Return the reason why no order can exist, in at most three lines, or None.
 
         Parameters
         ----------
         task
-            The task that the chart was derived for.
+            Task of the chart.
         """
         lines = conflict_lines(task, self.relations)
         never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
@@ -292,9 +293,9 @@ def _listed(names: Collection[str]) -> str:
 
 
 def derive_chart(feasibility: Feasibility) -> DerivedChart:
-    """Query back ends for the precedence relation of their task."""
+    """Return the precedence chart of a task, from its back ends."""
     task = feasibility.task
-    found: dict[tuple[str, str], Relation] = {}
+    relation_of: dict[tuple[str, str], Relation] = {}
     impossible: dict[str, str] = {}
     undecided: list[str] = []
     hypothetical = HypotheticalStates(task)
@@ -309,8 +310,8 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         elif why:
             impossible[query.skill.name] = why
         for relation in query.found:
-            found.setdefault((relation.before, relation.after), relation)
-    derived = closure(found)
+            relation_of.setdefault((relation.before, relation.after), relation)
+    derived = closure(relation_of)
     order = ClosedRelation(derived)
     stuck = [query for query in queries if query.skill.name in impossible]
     reasons = run_queries(feasibility, [_last_reason(query, order) for query in stuck])
@@ -331,7 +332,7 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     unsure = [query for query in left if query.skill.name in conditional]
     choices = run_queries(feasibility, [alternatives(query, order) for query in unsure])
     rank = {component: i for i, component in enumerate(task.operations)}
-    relations = tuple(sorted(found.values(), key=lambda r: (rank[r.before], rank[r.after])))
+    relations = tuple(sorted(relation_of.values(), key=lambda r: (rank[r.before], rank[r.after])))
     hand_made = tuple((line.before, line.after) for line in task.chart)
     by_hand = closure(hand_made)
     return DerivedChart(
@@ -348,11 +349,11 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
 
 
 def _last_reason(query: PrecedenceQuery, order: ClosedRelation) -> CheckSteps[str]:
-    """Return the reason with everything else in place that need not come after the component.
+    """Return the reason why a skill fails if all components are in place that may precede it.
 
-    A skill that is never feasible fails in every state, mostly because something else is missing.
-    The reason that the user has to repair remains when nothing is missing. A reason that no other
-    component brings about, such as a place out of reach, comes first.
+    A skill that is never feasible fails in every state, mostly because another component is
+    missing. The relevant reason remains when none is missing. A reason that no other component can
+    change, such as a place out of reach, comes first.
     """
     alone = yield from query.check(frozenset())
     if not alone.is_feasible and _is_of_itself(alone, query.order):
@@ -365,9 +366,9 @@ def _last_reason(query: PrecedenceQuery, order: ClosedRelation) -> CheckSteps[st
 
 
 def _is_of_itself(verdict: Verdict, components: Collection[str]) -> bool:
-    """Whether a skill fails by the arm or its own part: by no other component, present or missing.
+    """Whether a skill fails independently of all other components.
 
-    Only evidence of geometry or dynamics says so.
+    Only evidence from geometry or dynamics shows this.
     """
     evidence = verdict.evidence
     measured = {"bodies", "missed_by_m", "distance_m"} & evidence.keys()
@@ -376,7 +377,7 @@ def _is_of_itself(verdict: Verdict, components: Collection[str]) -> bool:
 
 
 def _derive(query: PrecedenceQuery) -> CheckSteps[str]:
-    """Find the relations that follow from a skill; return why it is never feasible, or nothing."""
+    """Add the relations of a skill, and return the reason if it is never feasible."""
     needed = yield from query.feasible_set()
     if needed is None:
         verdict = yield from query.check(frozenset())

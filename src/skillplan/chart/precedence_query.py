@@ -1,4 +1,4 @@
-"""What back ends say of one skill in states that need not be reachable."""
+"""Queries about a skill in hypothetical states."""
 
 from __future__ import annotations
 
@@ -13,29 +13,27 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many states are considered for one skill before it is given up as undecided.
+# Greatest number of states checked for a skill before it is undecided.
 _MOST_QUERIES = 5_000
 
 _T = TypeVar("_T")
 
-# Yields what is queried and is sent the verdict.
+# A generator that yields queries and receives their verdicts.
 CheckSteps = Generator[tuple[Skill, State], Verdict, _T]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """One component before another, and the evidence for it.
+    """A precedence between two components, and its evidence.
 
     Parameters
     ----------
-    before, after
-        The two components.
     reason
-        Why, in words.
+        Reason as text.
     evidence
-        The skill that fails otherwise, the stage at which it does, and the facts.
+        Skill that fails otherwise, stage at which it fails, and facts.
     component
-        Which of the two the skill is of.
+        Component of the skill.
     """
 
     before: str
@@ -46,47 +44,47 @@ class Relation:
 
 
 class Checker(Protocol):
-    """Decides about skills in states, several at once."""
+    """Returns the verdicts on several skills in states."""
 
     def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
         """Return the verdicts, in order."""
 
 
 class Undecided(Exception):
-    """Raised where a back end does not know, or a query does not come to an end."""
+    """Raised if a back end cannot decide, or a query takes too many checks."""
 
 
 def run_queries(checker: Checker, queries: Sequence[CheckSteps[_T]]) -> list[_T | None]:
-    """Return what several queries come to, all carried on at once; None of one undecided.
+    """Return the results of several queries, run side by side; None for an undecided one.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     """
-    found: list[_T | None] = [None] * len(queries)
-    said: dict[int, Verdict | None] = dict.fromkeys(range(len(queries)))
-    while said:
+    results: list[_T | None] = [None] * len(queries)
+    answers: dict[int, Verdict | None] = dict.fromkeys(range(len(queries)))
+    while answers:
         requests = {}
-        for index, verdict in said.items():
+        for index, verdict in answers.items():
             query = queries[index]
             try:
                 requests[index] = next(query) if verdict is None else query.send(verdict)
             except StopIteration as end:
-                found[index] = end.value
+                results[index] = end.value
             except Undecided:
                 continue
-        said = dict(zip(requests, checker.verdicts(list(requests.values())), strict=True))
-    return found
+        answers = dict(zip(requests, checker.verdicts(list(requests.values())), strict=True))
+    return results
 
 
 class PrecedenceQuery:
-    """What is checked of one skill of one component.
+    """A query about one skill of one component.
 
     Attributes
     ----------
     found
-        What must precede and follow the component, as far as it has been worked out.
+        The relations of the component so far.
     """
 
     def __init__(self, hypothetical: HypotheticalStates, component: str, skill: Skill) -> None:
@@ -100,7 +98,7 @@ class PrecedenceQuery:
         self._feasible = Verdict.feasible()
 
     def check(self, done: frozenset[str]) -> CheckSteps[Verdict]:
-        """Return the verdict on the skill where exactly these components are done."""
+        """Return the verdict on the skill if exactly some components are done."""
         self.count += 1
         if self.count > _MOST_QUERIES:
             raise Undecided
@@ -112,15 +110,15 @@ class PrecedenceQuery:
     def feasible_set(
         self, done: frozenset[str] = frozenset(), undone: frozenset[str] = frozenset()
     ) -> CheckSteps[frozenset[str] | None]:
-        """Return components with which done the skill is feasible, or None.
+        """Return a set of done components with which the skill is feasible, or None.
 
-        An infeasible verdict rules out every state that agrees on its facts, so that in any
-        feasible one a component it blames differs: depth-first search over which.
+        An infeasible verdict rules out all states that agree on its facts. Feasible states differ
+        in a component that it names: depth-first search over them.
 
         Parameters
         ----------
         done, undone
-            Components that must, and must not, be done.
+            Components that are fixed as done, and as not done.
         """
         verdict = yield from self.check(done)
         if verdict.is_feasible:
@@ -128,30 +126,30 @@ class PrecedenceQuery:
             return done
         blamed = self.hypothetical.components(verdict) - {self.component} - done - undone
         for other in sorted(blamed, key=self._rank.__getitem__):
-            found = yield from self.feasible_set(done | {other}, undone)
-            if found is not None:
-                return found
+            feasible = yield from self.feasible_set(done | {other}, undone)
+            if feasible is not None:
+                return feasible
             undone |= {other}
         return None
 
     def relations(self, needed: frozenset[str]) -> CheckSteps[None]:
-        """Find what must precede and follow the component, given the feasible set just found."""
+        """Add the components that must precede and follow, given a feasible set."""
         for fact in self.skill.precondition.forbids:
             other = self.hypothetical.owner(fact)
             if other not in (None, self.component):
-                # Another component's untouched start, such as a part lying on this one.
+                # The start of another component, such as a part that lies on this one.
                 self._need(str(other), f"not {fact}")
         for fact in self.skill.precondition.requires:
             other = self.hypothetical.owner(fact)
             goal = None if other is None else self.hypothetical.task.operations[other]
             if other not in (None, self.component) and fact == goal:
-                # Another component, finished: every state that is considered has it done.
+                # Another finished component: it is done in all states that are checked.
                 self._need(str(other), fact)
         verdicts: dict[str, Verdict] = {}
         feasible = self._feasible
         for other in self.order:
             done = needed ^ {other}
-            # What the feasible verdict does not rest on cannot change it.
+            # Components that the feasible verdict does not name cannot change it.
             if other == self.component or feasible.applies_in(
                 self.hypothetical.before(self.skill, done)
             ):
@@ -166,7 +164,7 @@ class PrecedenceQuery:
                 self.found.append(self._relation(*pair, verdict))
 
     def _need(self, other: str, literal: str) -> None:
-        """Note what the precondition needs of another component."""
+        """Add the relation that a precondition imposes on another component."""
         name = self.skill.name
         evidence = {"skill": name, "stage": PRECONDITION, "facts": [literal]}
         reason = f"{name} needs {literal}"
@@ -175,14 +173,14 @@ class PrecedenceQuery:
     def _fixed(
         self, needed: frozenset[str], verdicts: Mapping[str, Verdict]
     ) -> CheckSteps[frozenset[str]]:
-        """Return the components that must be as they are in a feasible set for there to be any.
+        """Return the components of a feasible set that no feasible set can change.
 
         Parameters
         ----------
         needed
-            The feasible set.
+            A feasible set.
         verdicts
-            Infeasible ones where just one component is otherwise, by that component.
+            Infeasible verdicts after a change of one component, by component.
         """
         blamed = {
             other: self.hypothetical.components(verdict) - {self.component, other}
@@ -190,7 +188,7 @@ class PrecedenceQuery:
         }
         fixed: frozenset[str] = frozenset()
         while blamed:
-            # Where the rest of what is blamed must be as it is, nothing is left to differ.
+            # If all other named components are fixed, none is left to differ.
             sure = [other for other, rest in blamed.items() if rest <= fixed]
             if not sure:
                 other = next(iter(blamed))
@@ -205,11 +203,11 @@ class PrecedenceQuery:
         return fixed
 
     def beyond(self, derived: ClosedRelation) -> CheckSteps[tuple[str, ...]]:
-        """Return the facts that matter to the skill beyond a relation, closed under transitivity.
+        """Return the facts that a skill depends on beyond a relation, which must be transitive.
 
-        Where exactly what must precede the component is done, the skill has to be feasible, and
-        to stay so whatever else is done in an order that respects the relation. What a verdict
-        rests on need not change it: every component that it names is tried both done and not done.
+        With exactly the predecessors done, the skill must be feasible, and remain so in every order
+        that respects the relation. A verdict need not change with a component that it names, so
+        each is checked both done and not done.
         """
         before, after = derived.before(self.component), derived.after(self.component)
         verdict = yield from self.check(before)
@@ -232,7 +230,7 @@ class PrecedenceQuery:
         derived: ClosedRelation,
         matter: dict[str, None],
     ) -> CheckSteps[None]:
-        """Try the opposite of each component that a feasible verdict names; note what matters."""
+        """Change each component that a feasible verdict names, and collect the relevant facts."""
         open_facts = self._open_facts(verdict, settled)
         for fact in open_facts:
             if self.hypothetical.owner(fact.removeprefix("not ")) is None:
@@ -259,7 +257,7 @@ class PrecedenceQuery:
                 )
 
     def _open_facts(self, verdict: Verdict, settled: set[str]) -> list[str]:
-        """Return what a verdict rests on and an order leaves open."""
+        """Return the facts of a verdict that an order leaves open."""
         present = [fact for fact in verdict.present or () if fact not in settled]
         absent = [
             fact
@@ -269,7 +267,7 @@ class PrecedenceQuery:
         return [*present, *(f"not {fact}" for fact in absent)]
 
     def _excluded(self, fact: str) -> bool:
-        """Whether the precondition leaves no room for a fact."""
+        """Whether the precondition determines a fact."""
         required = self.skill.precondition.requires
         return any(
             fact in group and any(other in required for other in group if other != fact)

@@ -1,6 +1,6 @@
-"""Reading and writing files safely: limits, regular files only, atomic replacement.
+"""Safe reading and writing of files: limits, regular files only, atomic replacement.
 
-It never knows what a file means; `schema_errors` only words what a schema finds wrong in one.
+The content of files is not its concern; `schema_errors` only describes faults that a schema finds.
 """
 
 import lazy_loader as _lazy

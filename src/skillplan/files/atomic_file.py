@@ -1,7 +1,7 @@
-"""Files that are there whole or not at all, whatever ends the program in between.
+"""Atomic writing: a file is complete or absent, even after a crash; and files that grow by records.
 
-The content goes to a new file beside the target, is forced to disk, and takes the target's place in
-one step; then the folder is forced to disk, too.
+The content is written to a temporary file in the same folder, forced to disk, and renamed to the
+target; then the folder is forced to disk.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import IO
 from skillplan.files.folder import sync_folder
 from skillplan.files.regular_file import RefusedFile, open_regular, plain_path_within
 
-# A name has 255 bytes at most, of which the temporary file needs some.
+# Names have at most 255 bytes, and the temporary file needs some of them.
 _KEPT_NAME_BYTES = 160
 _UNFINISHED = re.compile(r"\..+\.[0-9a-f]+\.tmp", re.DOTALL)
 
@@ -24,48 +24,48 @@ _UNFINISHED = re.compile(r"\..+\.[0-9a-f]+\.tmp", re.DOTALL)
 def write_whole(
     path: Path, content: str | bytes, *, within: str | os.PathLike[str] | None = None
 ) -> None:
-    """Write a file in one piece, replacing what was there.
+    """Write a file atomically, replacing an earlier one.
 
     Parameters
     ----------
     path
         The file.
     content
-        Text is written as UTF-8.
+        Content; text is written as UTF-8.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     OSError
-        If it cannot be written; nothing is left behind, and what was there stays.
+        If it cannot be written; then nothing changes.
     """
     with replacing(path, within=within) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 def write_new(path: Path, content: str | bytes) -> None:
-    """Write a file in one piece where there is none yet; of two programs that try, one does.
+    """Write a file atomically if it does not exist; of two concurrent programs, one succeeds.
 
     Parameters
     ----------
     path
         The file.
     content
-        Text is written as UTF-8.
+        Content; text is written as UTF-8.
 
     Raises
     ------
     FileExistsError
-        If there is something of that name, be it a link that leads nowhere.
+        If the name exists, even as a broken link.
     OSError
-        If it cannot be written. In either case nothing is left behind, and what was there stays.
+        If it cannot be written. In both cases nothing changes.
     """
     temporary = _temporary_name(path)
     _write_piece(temporary, content)
     try:
         try:
-            # Unlike a renamed file, another name takes nobody's place.
+            # Unlike a rename, a new hard link never replaces a file.
             os.link(temporary, path)
         except FileExistsError:
             raise
@@ -78,20 +78,19 @@ def write_new(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> Iterator[IO[bytes]]:
-    """Yield a file that takes the place of another once all has been written to it.
+    """Yield a file that replaces another one when the block ends.
 
     Parameters
     ----------
     path
-        The file to be replaced; need not be there.
+        File to replace; it need not exist.
     within
-        A folder that it must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     OSError
-        If it cannot be written; where anything is raised nothing is left behind, and what was
-        there stays.
+        If it cannot be written; after any exception, nothing changes.
     """
     if within is not None:
         path = plain_path_within(path.parent, within) / path.name
@@ -106,12 +105,12 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
 
 @contextmanager
 def written_beside(path: Path) -> Iterator[Path]:
-    """Yield the path of a new file, for another program to write, that then replaces `path`.
+    """Yield the path of a new file for another program, which then replaces `path`.
 
     Raises
     ------
     OSError
-        If it cannot; where anything is raised nothing is left behind, and what was there stays.
+        If it cannot be written; after any exception, nothing changes.
     """
     temporary = _temporary_name(path)
     temporary.open("xb").close()
@@ -127,30 +126,31 @@ def written_beside(path: Path) -> Iterator[Path]:
 def write_as_one(
     folder: Path, contents: Mapping[str, str | bytes], *, within: str | os.PathLike[str]
 ) -> None:
-    """Write several files of a folder, the last of which says that all are there.
+    """Write several files of a folder; the last one marks them as complete.
 
-    Everything is on disk before anything takes its place, and an earlier last file is gone before
-    another takes its own. So a program that ends in between leaves no last file, but a piece of it,
-    by which `is_unfinished` knows.
+    All files are on disk before the first is renamed, and an earlier last file is removed first. A
+    program that ends in between leaves no last file but a temporary one, which `is_unfinished`
+    detects.
 
     Parameters
     ----------
     folder
-        Of the files.
+        Folder of the files.
     contents
-        By name; text is written as UTF-8.
+        Contents by name; text is written as UTF-8.
     within
-        A folder that it must lie in, with no link on the way to it.
+        Folder that must contain it, with no link on the way.
 
     Raises
     ------
     OSError
-        If one cannot be written; its `filename` is the file. Where there is no room, what was there
-        before stays; else none of them is left.
+        If a file cannot be written; `filename` names it. If the disk is full, the earlier files
+        stay; else none is left.
     """
     folder = plain_path_within(folder, within)
     *names, last = contents
-    # That of the last file comes first and goes last: while it is there, the others may be ours.
+    # The temporary file of the last one comes first and goes last: while it exists, the others may
+    # be new.
     pieces = {name: _temporary_name(folder / name) for name in (last, *names)}
     placed: list[Path] = []
     try:
@@ -174,7 +174,7 @@ def write_as_one(
 
 @contextmanager
 def _piece(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a new file that is on disk once all has been written to it, and else gone."""
+    """Yield a new file that is on disk when the block ends; it is removed after an exception."""
     file = path.open("xb")
     try:
         with file:
@@ -193,7 +193,7 @@ def _write_piece(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def _blaming(path: Path) -> Iterator[None]:
-    """Say of a failure which file could not be written, rather than a piece of it."""
+    """Name the target in an error, instead of the temporary file."""
     try:
         yield
     except OSError as error:
@@ -201,14 +201,14 @@ def _blaming(path: Path) -> Iterator[None]:
 
 
 def remove_unfinished(folder: Path, *, within: str | os.PathLike[str]) -> None:
-    """Remove what programs left in a folder that were killed while they wrote.
+    """Remove the temporary files of killed programs from a folder.
 
     Parameters
     ----------
     folder
-        The folder; where it is missing there is nothing to do.
+        Folder; nothing happens if it is missing.
     within
-        A folder that it must lie in, with no link on the way to it.
+        Folder that must contain it, with no link on the way.
 
     Raises
     ------
@@ -223,14 +223,14 @@ def remove_unfinished(folder: Path, *, within: str | os.PathLike[str]) -> None:
 
 
 def is_unfinished(name: str, of: str | None = None) -> bool:
-    """Whether a file of this name is what a program left that was killed while it wrote.
+    """Whether a file name is that of a temporary file of a killed program.
 
     Parameters
     ----------
     name
-        Of the file.
+        Name of the file.
     of
-        The name of the file that was to be replaced; None for any.
+        Name of its target; None for any.
     """
     known = _UNFINISHED if of is None else re.compile(rf"\.{re.escape(of)}\.[0-9a-f]+\.tmp")
     return known.fullmatch(name) is not None
@@ -238,12 +238,12 @@ def is_unfinished(name: str, of: str | None = None) -> bool:
 
 def _temporary_name(path: Path) -> Path:
     kept = os.fsdecode(os.fsencode(path.name)[:_KEPT_NAME_BYTES])
-    # By chance, so that nobody can have put anything there.
+    # Random, so that no other program can have created it.
     return path.with_name(f".{kept}.{os.urandom(8).hex()}.tmp")
 
 
 def _put_in_free_place(temporary: Path, path: Path) -> None:
-    """Take a place that is free where the file system has no hard links."""
+    """Create a file on file systems without hard links."""
     path.open("xb").close()
     try:
         os.replace(temporary, path)
@@ -258,22 +258,22 @@ def _put_in_place(temporary: Path, path: Path) -> None:
 
 
 class GrowingFile:
-    """A file that is appended to, made where there is none.
+    """A file that grows by whole records; created if it does not exist.
 
-    Nothing is buffered: what could not be written is never tried again when it is closed.
+    Nothing is buffered, so closing it never repeats a failed write.
 
     Parameters
     ----------
     path
         The file.
     within
-        The folder that it must lie in, with no link on the way to it.
+        Folder that must contain the file, with no link on the way.
 
     Raises
     ------
     OSError
         If it cannot be opened, is no regular file, there is a link on the way, or it has another
-        name by which it would change, too.
+        hard link.
     """
 
     def __init__(self, path: Path, within: Path) -> None:
@@ -285,7 +285,7 @@ class GrowingFile:
 
     @property
     def length(self) -> int:
-        """How long it is [B]."""
+        """Length [bytes]."""
         return os.fstat(self._file.fileno()).st_size
 
     def append(self, content: bytes) -> None:
@@ -294,26 +294,26 @@ class GrowingFile:
         Raises
         ------
         OSError
-            If it cannot be written; a piece of it may have been.
+            If it cannot be written; a part of it may have been.
         """
         rest = memoryview(content)
         while rest:
             rest = rest[self._file.write(rest) :]
 
     def cut(self, length: int) -> None:
-        """Shorten it to a length [B]."""
+        """Truncate the file to a length [bytes]."""
         self._file.truncate(length)
 
     def sync(self) -> None:
-        """Force all of it to disk.
+        """Force the file to disk.
 
         Raises
         ------
         OSError
-            If that fails.
+            If the disk fails.
         """
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()

@@ -1,4 +1,4 @@
-"""Folders: made without following a link in another, and forced to disk."""
+"""Folders: creation without following links, locks, forced writes, and the cache folder."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from filelock import lock_descriptor, unlock_descriptor
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import plain_path_within
 
-# File systems that cannot force a folder to disk say so by these.
+# Error codes of file systems that cannot force a folder to disk.
 _NOT_FOR_FOLDERS = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 
 def make_folder(path: Path, *, within: Path) -> None:
-    """Make a folder, and those above it, where there is none.
+    """Create a folder and its parents.
 
     Parameters
     ----------
     path
         The folder.
     within
-        One that it must lie in, with no link on the way to it.
+        Folder that must contain it, with no link on the way.
 
     Raises
     ------
     OSError
-        If it cannot be made, or there is a link on the way.
+        If it cannot be created, or there is a link on the way.
     """
     plain_path_within(path, within).mkdir(parents=True, exist_ok=True)
 
 
 def sync_folder(folder: Path) -> None:
-    """Force to disk which files a folder has.
+    """Force the entries of a folder to disk.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def sync_folder(folder: Path) -> None:
     try:
         descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
     except OSError:
-        # Not every system opens folders, nor may every folder be read that may be written to.
+        # Not every system can open folders, and a writable folder may be unreadable.
         return
     try:
         os.fsync(descriptor)
@@ -63,25 +63,24 @@ _POLL_S = 0.05
 
 
 class FolderLock:
-    """Keeps other programs from writing into a folder.
+    """A lock that keeps other programs from writing to a folder.
 
-    The lock is on the folder itself, so that no file is made in it, and ends with the process,
-    however that ends. Neither every system nor every file system has such locks; without them
-    nobody is kept out.
+    The lock is on the folder itself, needs no file, and ends with the process. Some systems and
+    file systems have no such locks; there, it has no effect.
 
     Parameters
     ----------
     folder
-        The folder, which must be there.
+        An existing folder.
     writer
-        What writes into such a folder, for the message: ``training``.
+        Kind of the writer, for messages: ``training``.
     patience_s
-        How long to wait for another program to let go [s].
+        Time to wait for another program [s].
 
     Raises
     ------
     OptionError
-        If another program holds it.
+        If another program holds the lock.
     """
 
     def __init__(self, folder: Path, writer: str, patience_s: float = 0.0) -> None:
@@ -105,22 +104,22 @@ class FolderLock:
         return True
 
     def release(self) -> None:
-        """Let others write."""
+        """Release the lock."""
         if self._descriptor is not None:
             if self._held:
-                # A process that was forked meanwhile has the descriptor, too.
+                # A forked process shares the descriptor.
                 unlock_descriptor(self._descriptor)
             os.close(self._descriptor)
             self._descriptor, self._held = None, False
 
 
 class HeldFolder:
-    """Base of the folders that results are written into; a context manager.
+    """Base of output folders; a context manager that holds the lock.
 
     Parameters
     ----------
     out
-        The folder, as the user named it.
+        The folder as given by the user.
 
     Attributes
     ----------
@@ -140,14 +139,14 @@ class HeldFolder:
         self.close()
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the lock."""
         if self._lock is not None:
             self._lock.release()
             self._lock = None
 
     @contextmanager
     def _opening(self, what: str) -> Iterator[None]:
-        """Make and lock the folder; where anything is raised within, it is let go.
+        """Create and lock the folder; an exception inside releases it.
 
         Raises
         ------
@@ -167,7 +166,7 @@ class HeldFolder:
 
 
 def cache_folder() -> Path:
-    """Return the folder: ``SKILLPLAN_CACHE_DIR``, or the user's cache."""
+    """Return the folder for caches: ``SKILLPLAN_CACHE_DIR``, or the user's cache."""
     chosen = os.environ.get("SKILLPLAN_CACHE_DIR")
     if chosen:
         return Path(chosen)

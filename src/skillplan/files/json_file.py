@@ -1,4 +1,4 @@
-"""Documents of JSON that the program keeps for itself: checked when they are read again."""
+"""JSON as plain data under limits, and documents that are checked when they are read."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ MAX_DEPTH = 64
 _MOST_DIGITS = 300
 
 _STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
-# All brackets as one kind; everything else is dropped.
+# All brackets become square; other characters are dropped.
 _BRACKETS = bytes.maketrans(b"{}", b"[]")
 _OTHERS = bytes(set(range(256)) - set(b"[]{}"))
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Return the value that a JSON text describes.
+    """Return the value of a JSON text.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def parse_json(content: bytes | str) -> Any:
     Raises
     ------
     ValueError
-        If it is not JSON, is nested deeper than `MAX_DEPTH`, has a key twice in one object or a
+        If it is no JSON, nested deeper than `MAX_DEPTH`, repeats a key in an object, or has a
         number that is not finite.
     """
     raw = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
@@ -46,12 +46,12 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def _is_too_deep(raw: bytes) -> bool:
-    """Whether brackets are nested beyond the limit; looked at before anything recurses."""
+    """Whether brackets are nested beyond the limit; checked before the parser recurses."""
     if raw.count(b"[") + raw.count(b"{") <= MAX_DEPTH:
         return False
     brackets = _STRING.sub(b"", raw).translate(_BRACKETS, _OTHERS)
-    # Each round takes away the innermost level. What does not pair is no JSON, which the parser
-    # says better, unless it opens so often that the parser would recurse.
+    # Each round removes the innermost pairs. If brackets do not match, the parser reports it
+    # better, unless it would recurse too deep.
     for _ in range(MAX_DEPTH):
         before, brackets = brackets, brackets.replace(b"[]", b"")
         if len(before) == len(brackets):
@@ -98,7 +98,7 @@ _Content = TypeVar("_Content", bound=BaseModel)
 
 
 def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
-    """Return a document that begins with the name of its schema.
+    """Return the text of a document, which starts with the name of its schema.
 
     Raises
     ------
@@ -112,23 +112,23 @@ def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
 def read_document(
     path: Path, schema: str, remedy: str, *, within: Path | None = None
 ) -> dict[str, Any]:
-    """Return a document that `json_text` wrote, without the name of its schema.
+    """Return the content of a document that `json_text` wrote, without its schema name.
 
     Parameters
     ----------
     path
         The file.
     schema
-        Its name with a version, such as ``skillplan.run/1``.
+        Name of the schema with its version, such as ``skillplan.run/1``.
     remedy
-        What to do where the file is not as it was written; no full stop.
+        Advice for damaged files; no full stop.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     OptionError
-        If it cannot be read, is no such document, or one of another version.
+        If it cannot be read, is no such document, or has another version.
     """
     try:
         document = parse_json(read_bytes(path, _MOST_BYTES, within=within))
@@ -153,38 +153,38 @@ def read_document(
 def read_checked(
     path: Path, schema: str, model: type[_Content], remedy: str, *, within: Path | None = None
 ) -> _Content:
-    """Return a document as a model has it.
+    """Return a document as a validated model.
 
     Parameters
     ----------
     path, schema, remedy, within
         As for `read_document`.
     model
-        What the content must fit.
+        Model of the content.
 
     Raises
     ------
     OptionError
-        As for `read_document`, or if the content does not fit.
+        As for `read_document`, or if the content does not match.
     """
     document = read_document(path, schema, remedy, within=within)
     return fitted(document, path, model, remedy)
 
 
 def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str) -> _Content:
-    """Return a document that has been read as a model has it.
+    """Return the content of a document as a validated model.
 
     Parameters
     ----------
     document
-        As `read_document` gave it.
+        Content from `read_document`.
     path, model, remedy
         As for `read_checked`.
 
     Raises
     ------
     OptionError
-        If the content does not fit.
+        If the content does not match.
     """
     try:
         return model.model_validate_json(json.dumps(document))
@@ -194,7 +194,7 @@ def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remed
 
 
 def json_fault(value: Mapping[str, Any]) -> str | None:
-    """Return why a mapping is not JSON, not-a-number and infinity included, or None if it is."""
+    """Return the reason why a mapping is not JSON, or None; NaN and infinity are not."""
     try:
         json.dumps(dict(value), allow_nan=False)
     except (TypeError, ValueError) as error:

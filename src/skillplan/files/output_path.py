@@ -1,4 +1,4 @@
-"""Where an output goes, checked before anything expensive is done."""
+"""Checks of output paths, before any expensive work."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from skillplan.errors import OptionError
 
 
 def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> Path:
-    """Return where an output goes, having seen that it can go there.
+    """Return the path of an output, after checks that it can be written.
 
     Parameters
     ----------
     option
-        The option that names the file, such as ``--out``.
+        Option that gives the file, such as ``--out``.
     out
-        The file as the user named it.
+        The file as given by the user.
     suffixes
-        Of the formats there are, in lower case.
+        Suffixes of the available formats, in lower case.
     what
-        What is written, in the plural.
+        Kind of the content, in the plural.
 
     Raises
     ------
     OptionError
-        If the suffix is unknown, or the folder is missing or closed to writing.
+        If the suffix is unknown, or the folder is missing or not writable.
     """
     path = Path(out)
     suffix = path.suffix
     if suffix.lower() not in suffixes:
-        said = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
-        raise OptionError(f"{option} {out}: {said}; end it in {' or '.join(suffixes)}.")
+        fault = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
+        raise OptionError(f"{option} {out}: {fault}; end it in {' or '.join(suffixes)}.")
     return output_file(option, out)
 
 
 def output_file(option: str, out: str) -> Path:
-    """Return the file that an output goes to, whatever its suffix, after the same checks.
+    """Return the path of an output with any suffix, after the same checks.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def output_file(option: str, out: str) -> Path:
     Raises
     ------
     OptionError
-        If the name is of a folder, or the folder is missing or closed to writing.
+        If it is a folder, or its folder is missing or not writable.
     """
     path = Path(out)
     try:
-        # A name that no file can have, such as one with a NUL, is for `is_dir` just none.
+        # `is_dir` returns False for an impossible name, such as one with a NUL.
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()
         if path.is_dir():
@@ -68,20 +68,19 @@ def output_file(option: str, out: str) -> Path:
 
 
 def output_folder(option: str, out: str) -> Path:
-    """Return a folder that several files go into, having seen that they can; makes nothing.
+    """Return the folder for several files, after checks that it can be created.
 
     Parameters
     ----------
     option
-        The option that names it, such as ``--out``.
+        Option that gives the folder, such as ``--out``.
     out
-        The folder as the user named it.
+        The folder as given by the user.
 
     Raises
     ------
     OptionError
-        If there is something of the name but an empty folder, or the folder above is missing or
-        closed to writing.
+        If the path exists and is no empty folder, or its parent is missing or not writable.
     """
     path = Path(out)
     try:
@@ -103,12 +102,12 @@ def output_folder(option: str, out: str) -> Path:
 
 @contextmanager
 def refusing(option: str, path: Path) -> Iterator[None]:
-    """Turn a failure to write into one clear message.
+    """Turn a failure to write into a clear message.
 
     Raises
     ------
     OptionError
-        If anything within raises an OSError.
+        If the block raises an OSError.
     """
     try:
         yield

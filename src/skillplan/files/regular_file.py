@@ -1,7 +1,7 @@
-"""Opening and reading files: regular ones only, and never more of one than a limit allows.
+"""Safe reading: regular files only, up to a limit, and without following links in a folder.
 
-A folder, a pipe, a socket and a device are refused before anything waits for them. Where a file
-must lie in a folder that somebody else may have made, no link of that folder is followed.
+Folders, pipes, sockets and devices are refused before a read could block. If a file must lie in a
+folder that may come from others, no link in that folder is followed.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from typing import Literal
 Refusal = Literal["folder", "irregular", "large", "memory", "outside", "link", "shared"]
 
 _CHUNK_BYTES = 1024 * 1024
-# Nothing is waited for, nothing becomes this process's terminal, and no other program inherits it.
+# Opening never blocks, takes no terminal, and child processes inherit nothing.
 _CAREFUL = os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC if os.name == "posix" else 0
 _BINARY = getattr(os, "O_BINARY", 0)
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
-# A folder on the path need not be readable, only passable.
+# Folders on the path need not be readable.
 _PASS = getattr(os, "O_PATH", os.O_RDONLY) | getattr(os, "O_DIRECTORY", 0) | _NO_LINK
 
 _WORDS: dict[Refusal, tuple[int, str]] = {
@@ -36,16 +36,16 @@ _WORDS: dict[Refusal, tuple[int, str]] = {
 
 
 class RefusedFile(OSError):
-    """A file that is there, but is not opened or read; `strerror` says why in words.
+    """A file that exists but is refused; `strerror` gives the reason.
 
     Parameters
     ----------
     why
-        The kind of refusal.
+        Kind of the refusal.
     path
         The file.
     most_bytes
-        The limit, where it is exceeded.
+        The limit, if it is exceeded.
     """
 
     def __init__(self, why: Refusal, path: str | os.PathLike[str], most_bytes: int = 0) -> None:
@@ -67,29 +67,29 @@ def read_bytes(
     path
         The file.
     most_bytes
-        Greatest size [B], >= 0. No more than one byte beyond it is ever read.
+        Greatest size [bytes], >= 0. At most one further byte is read.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     RefusedFile
         If it is no regular file, is too large, or there is a link below `within`.
     OSError
-        If it cannot be read; `strerror` says why.
+        If it cannot be read.
     """
     with os.fdopen(open_regular(path, os.O_RDONLY, within=within), "rb", buffering=0) as file:
         return read_rest(file, path, most_bytes)
 
 
 def read_rest(file: FileIO, path: str | os.PathLike[str], most_bytes: int) -> bytes:
-    """Return all that an open file still holds; errors are those of `read_bytes`."""
+    """Return the rest of an open file; errors are those of `read_bytes`."""
     size = os.fstat(file.fileno()).st_size
     if size > most_bytes:
         raise RefusedFile("large", path, most_bytes)
     pieces: list[bytes] = []
     left, chunk = most_bytes + 1, size + 1
-    # A file may grow meanwhile, and those of the process file system have no size.
+    # A file may grow meanwhile, and files of the process file system have no size.
     while left and (piece := file.read(min(left, chunk))):
         pieces.append(piece)
         left, chunk = left - len(piece), _CHUNK_BYTES
@@ -111,26 +111,26 @@ def open_regular(
     path
         The file.
     flags
-        As for `os.open`; with ``O_CREAT`` it is made where there is none.
+        As for `os.open`; ``O_CREAT`` creates the file.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     RefusedFile
         If it is no regular file, or there is a link below `within`.
     OSError
-        If it cannot be opened; `strerror` says why.
+        If it cannot be opened.
     """
     try:
         if within is not None:
             descriptor = _opened_within(path, flags, within)
         else:
-            # To open a device or a pipe is to do something to it.
+            # Opening a device or a pipe has side effects.
             _refuse_irregular(path, _status(path))
             descriptor = os.open(path, flags | _CAREFUL | _BINARY, 0o666)
     except ValueError as error:
-        # A name that no file can have, such as one with a NUL.
+        # An impossible name, such as one with a NUL.
         raise OSError(errno.EINVAL, str(error), os.fspath(path)) from None
     try:
         _refuse_irregular(path, os.fstat(descriptor))
@@ -141,12 +141,12 @@ def open_regular(
 
 
 def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
-    """Return where a path really leads, which must be in a folder; it need not be there yet.
+    """Return the real path of a file that must lie in a folder; it need not exist.
 
     Raises
     ------
     RefusedFile
-        If a link, or ``..``, leads out of the folder.
+        If a link or ``..`` leads out of the folder.
     """
     real = Path(os.path.realpath(path))
     if not real.is_relative_to(os.path.realpath(folder)):
@@ -155,19 +155,19 @@ def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str
 
 
 def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
-    """Return where a path of a folder really is; the folder may be a link, and nothing in it.
+    """Return the real path of a file in a folder; only the folder itself may be a link.
 
     Parameters
     ----------
     path
-        The path, which need not be there.
+        The path; it need not exist.
     folder
-        As the path begins, or as it really is.
+        The folder, as in the path or as its real path.
 
     Raises
     ------
     RefusedFile
-        If a link, or ``..``, leads out of the folder, or there is a link on the way.
+        If ``..`` leads out of the folder, or there is a link on the way.
     """
     real, root = real_path_within(path, folder), Path(os.path.realpath(folder))
     named = Path(os.path.abspath(path))
@@ -180,12 +180,12 @@ def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[st
 
 
 def is_folder(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder; one that the system cannot even look for is none."""
+    """Whether a path is a folder; False for impossible names."""
     return _has_kind(path, stat.S_ISDIR)
 
 
 def is_regular(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a regular file; one that the system cannot even look for is none."""
+    """Whether a path is a regular file; False for impossible names."""
     return _has_kind(path, stat.S_ISREG)
 
 
@@ -197,14 +197,14 @@ def _has_kind(path: str | os.PathLike[str], is_kind: Callable[[int], bool]) -> b
 
 
 def _opened_within(path: str | os.PathLike[str], flags: int, within: str | os.PathLike[str]) -> int:
-    """Open a file of a folder, step by step and without following any link."""
+    """Open a file of a folder, step by step and without following links."""
     real = plain_path_within(path, within)
     _refuse_irregular(path, _status(real))
     if os.open not in os.supports_dir_fd:
         return os.open(real, flags | _CAREFUL | _BINARY, 0o666)
     root = Path(os.path.realpath(within))
     *folders, name = real.relative_to(root).parts or ("",)
-    # Step by step: what is replaced by a link meanwhile is not followed.
+    # Step by step, so that a link created meanwhile is not followed.
     here = os.open(root, _PASS)
     try:
         for folder in folders:
@@ -229,23 +229,23 @@ def _refuse_irregular(path: str | os.PathLike[str], status: os.stat_result | Non
 
 
 class CompanionFileError(Exception):
-    """A file that a task file names cannot be used; says why and what to do instead."""
+    """A file named in a task file cannot be used; the message gives the reason and a remedy."""
 
 
 def companion_in(folder: Path, name: str) -> Path:
-    """Return the path of a file that must lie in the task file's folder, or in a folder of it.
+    """Return the path of a file below the folder of a task file.
 
     Parameters
     ----------
     folder
-        The task file's folder.
+        Folder of the task file.
     name
-        Relative to `folder`, with slashes.
+        Path relative to `folder`, with slashes.
 
     Raises
     ------
     CompanionFileError
-        If the name is absolute, leads out of the folder by ``..``, or a link leads out of it.
+        If the name is absolute, or ``..`` or a link leads out of the folder.
     """
     if not name.strip() or not name.isprintable():
         raise CompanionFileError("This names no file; give one.")
@@ -267,21 +267,19 @@ def companion_in(folder: Path, name: str) -> Path:
 
 
 def read_companion(path: Path, most_bytes: int, what: str) -> bytes:
-    """Return the content of a regular file that is not empty.
+    """Return the content of a regular file, which must not be empty.
 
     Parameters
     ----------
-    path
-        Of the file.
     most_bytes
-        Greatest size.
+        Greatest size [bytes].
     what
-        What the file is there to hold, for messages: ``trajectory``.
+        Kind of the content, for messages: ``trajectory``.
 
     Raises
     ------
     CompanionFileError
-        If there is none, it may not be read, it is larger than `most_bytes` or empty.
+        If it is missing, unreadable, empty or larger than `most_bytes`.
     """
     try:
         content = read_bytes(path, most_bytes)

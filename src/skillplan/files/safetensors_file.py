@@ -1,7 +1,7 @@
-"""Files of arrays (safetensors), read only once their header accounts for every byte.
+"""Files of arrays (safetensors), read only if their header accounts for every byte.
 
-A sparse file takes no room on disk, and in memory all that it claims. So before anything is
-allocated for its arrays, they must be as long as the header says, and there must be room for them.
+A sparse file takes no space on disk but all its size in memory. So its arrays must be as long as
+the header says, and fit in memory, before any is allocated.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import RefusedFile, open_regular, read_rest
 
-# The parser of safetensors takes no longer header.
+# Longest header that the parser of safetensors accepts.
 _MOST_HEADER_BYTES = 100_000_000
 _LENGTH_BYTES = 8
-# So often the arrays are in memory while they are read: as they stand in the file, and parsed.
+# Copies of the arrays in memory during reading: the file's, and the parsed ones.
 _COPIES = 2
 
 
@@ -33,20 +33,20 @@ def read_safetensors(
     path
         The file.
     most_bytes
-        Greatest size [B], >= 0.
+        Greatest size [bytes], >= 0.
     room_bytes
-        How much memory there is [B]; None where that is unknown.
+        Available memory [bytes]; None if it is unknown.
     within
-        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+        Folder that must contain the file, with no link on the way; None for any.
 
     Raises
     ------
     RefusedFile
         If it is no regular file, is too large, or there is a link below `within`.
     OSError
-        If it cannot be read; `strerror` says why.
+        If it cannot be read.
     ValueError
-        If its header is none, or does not account for every byte.
+        If the header is invalid, or does not account for every byte.
     """
     with os.fdopen(open_regular(path, os.O_RDONLY, within=within), "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size
@@ -70,15 +70,15 @@ def read_safetensors(
 
 
 def _claimed(header: Any) -> int:
-    """Return how many bytes the arrays of a header take."""
+    """Return the size of the arrays in a header [bytes]."""
     if not isinstance(header, dict):
         raise ValueError("its header is no object")
     ends = [0]
-    for name, said in header.items():
+    for name, entry in header.items():
         if name == "__metadata__":
             continue
         try:
-            ends.append(int(said["data_offsets"][1]))
+            ends.append(int(entry["data_offsets"][1]))
         except (KeyError, IndexError, TypeError, ValueError, OverflowError):
             raise ValueError(f"its header does not say where the array {name!r:.60} lies") from None
     return max(ends)

@@ -1,4 +1,4 @@
-"""What a schema found wrong, in words for the author of a task file."""
+"""Messages about schema faults, for authors of task files."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _BOUNDS = {
     "less_than": ("< ", "lt"),
     "less_than_equal": ("<= ", "le"),
 }
-# Faults after which it helps to read what the key means, its unit and order included.
+# Faults whose message includes the description of the key, with unit and order.
 _EXPLAINED = {"list_type", "dict_type", "too_short", "too_long", *_BOUNDS}
-# More than anybody reads at once; to name the nearest key takes a while for each.
+# Enough for a reader; finding the nearest key takes time for each.
 _MOST = 1000
 
 ONE, SEVERAL, WORD = "<one>", "<several>", "<word>"
-"""Tags of the forms that a value may have, for pydantic; no message shows them."""
+"""Tags of alternative forms of a value, for pydantic; messages omit them."""
 _TAGS = frozenset({ONE, SEVERAL, WORD})
 
 
 class Located(ValueError):
-    """Raised inside a validator to say which key of the model is at fault."""
+    """Raised in a validator to name the faulty key of the model."""
 
     def __init__(self, message: str, *path: str | int) -> None:
         self.path = path
@@ -52,19 +52,19 @@ class Located(ValueError):
 
 def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]:
     """Return an issue for each fault, a thousand at most."""
-    found = []
+    issues = []
     for fault in error.errors(include_url=False)[:_MOST]:
         path = untagged(fault["loc"])
         kind = fault["type"]
         if kind == "extra_forbidden":
             hint = name_hint(str(path[-1]), fields_at(model, path[:-1]))
-            found.append(Issue(f"unknown key {shown(path[-1])}. {hint}", path, at_key=True))
+            issues.append(Issue(f"unknown key {shown(path[-1])}. {hint}", path, at_key=True))
         elif kind == "missing":
             meaning = _meaning(model, path)
             message = f"key {path[-1]!r} is missing{f': {meaning}' if meaning else ''}."
-            found.append(Issue(message, path, at_key=True))
+            issues.append(Issue(message, path, at_key=True))
         elif _concerns_key(fault):
-            found.append(Issue(f"key {_words(fault)}", path[:-1], at_key=True))
+            issues.append(Issue(f"key {_words(fault)}", path[:-1], at_key=True))
         else:
             cause = fault.get("ctx", {}).get("error")
             if isinstance(cause, Located):
@@ -72,17 +72,17 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
             words, meaning = _words(fault), _meaning(model, path)
             if kind in _EXPLAINED and meaning:
                 words = f"{words.removesuffix('.')} ({meaning})."
-            found.append(Issue(words, path))
-    return found
+            issues.append(Issue(words, path))
+    return issues
 
 
 def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
-    """Return where pydantic found a fault, without the tags of the forms that a value may have."""
+    """Return the path of a fault, without tags of alternative forms."""
     return tuple(step for step in location if step not in _TAGS)
 
 
 def _concerns_key(fault: Mapping[str, Any]) -> bool:
-    """Whether pydantic means the key of a mapping, which it says by a last step '[key]'."""
+    """Whether the fault concerns the key of a mapping: the last step is '[key]'."""
     *path, last = fault["loc"] or ("",)
     return last == "[key]" and bool(path) and path[-1] == fault["input"]
 
@@ -116,7 +116,7 @@ def _words(fault: Mapping[str, Any]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: short, and in YAML's words."""
+    """Return a value for a message: short, and as YAML."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -132,9 +132,9 @@ def shown(value: object) -> str:
 
 
 def continued(sentence: str) -> str:
-    """Return a sentence as it goes on in a line, after a key path: with a small first letter.
+    """Return a sentence for the middle of a line, with a small first letter.
 
-    Names that begin it, such as G41 or X, stay as they are.
+    Leading names, such as G41 or X, are kept.
     """
     word = sentence.partition(" ")[0]
     is_name = word != "A" and not (len(word) > 1 and word[1:].islower())
@@ -142,9 +142,9 @@ def continued(sentence: str) -> str:
 
 
 def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:
-    """Return what the key at a path means, or the list that it is an entry of.
+    """Return the description of the key at a path, or of the list with this entry.
 
-    That is its description up to a semicolon; what follows is about its default.
+    The description ends at a semicolon; the rest is about the default.
     """
     while path and isinstance(path[-1], int):
         path = path[:-1]

@@ -1,9 +1,8 @@
-"""YAML as plain data that remembers where everything stood.
+"""YAML as plain data with positions of all values.
 
-PyYAML's loader keeps the last of two equal keys, expands alias bombs and forgets positions;
-here the composed node graph is turned into data under limits, with a position for every key
-and value. Scalars follow the YAML 1.2 core schema, in which ``1e-3`` is a number and ``no`` is
-a string.
+PyYAML's loader keeps the last of two equal keys, expands alias bombs and forgets positions. Here
+its node graph is converted under limits, with a position for every key and value. Scalars follow
+the YAML 1.2 core schema, in which ``1e-3`` is a number and ``no`` is a string.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import yaml
 from skillplan.errors import Issue, TaskError, nearest
 from skillplan.files.regular_file import RefusedFile, read_bytes
 
-# What the parser says, and what to do about it.
+# Fragments of parser messages, and advice.
 _HINTS = (
     ("expected ',' or ']'", "Close the bracket, or put a comma between its entries."),
     ("expected ',' or '}'", "Close the brace, or put a comma between its entries."),
@@ -40,7 +39,7 @@ _HINTS = (
 
 
 def syntax_issue(error: yaml.YAMLError, text: str) -> Issue:
-    """Return the position and words of a syntax error, and what to do about it."""
+    """Return the issue for a syntax error, with its position and advice."""
     mark: Any = getattr(error, "problem_mark", None)
     start: Any = getattr(error, "context_mark", None)
     mark = mark or start
@@ -92,16 +91,16 @@ class Document:
     Parameters
     ----------
     source
-        The file as the user named it.
+        The file as given by the user.
     data
         Mappings, lists, strings, numbers, booleans and None.
     values, keys
-        Line and column, from 1, of the value at a path and of the key that names it.
+        Line and column, from 1, of the value at a path, and of its key.
     issues
-        Faults that leave the rest readable, such as a key that stands twice; None stands in
-        `data` for a value that could not be read.
+        Faults that leave the rest readable, such as repeated keys; `data` has None for unreadable
+        values.
     given
-        Paths of values that do not stand in the file.
+        Paths of values that are not in the file.
     """
 
     source: str
@@ -112,13 +111,13 @@ class Document:
     given: tuple[Path_, ...] = ()
 
     def locate(self, issue: Issue) -> Issue:
-        """Return the issue with the position of the nearest part of its path that exists.
+        """Return the issue with the position of the nearest existing part of its path.
 
-        That is the key's, too, where the value begins in a later line. What does not stand in
-        the file has none.
+        If the value starts in a later line, this is the position of its key. Values that are not in
+        the file have none.
         """
         path, at_key = issue.path, issue.at_key
-        if any(path[: len(one)] == one for one in self.given):
+        if any(path[: len(given)] == given for given in self.given):
             return replace(issue, message=f"{issue.message} That is what --set says.")
         while path and path not in self.values:
             path, at_key = path[:-1], True
@@ -128,7 +127,7 @@ class Document:
         return replace(issue, line=line, column=column)
 
     def error(self, issues: Iterable[Issue]) -> TaskError:
-        """Return the error that carries these issues, located, besides the document's own."""
+        """Return the error with these issues, located, and the document's own issues."""
         return TaskError(self.source, [*self.issues, *map(self.locate, issues)])
 
 
@@ -140,14 +139,14 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
     path
         The file.
     source
-        The file as the user named it.
+        The file as given by the user.
     max_bytes
-        Greatest size.
+        Greatest size [bytes].
 
     Raises
     ------
     TaskError
-        If it cannot be read, is no regular file, is too large or not UTF-8.
+        If it cannot be read, is no regular file, is too large or no UTF-8.
     """
 
     def fail(message: str, line: int = 0, column: int = 0) -> TaskError:
@@ -180,14 +179,14 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
 def parse(text: str, source: str) -> Document:
     """Return the document in `text`.
 
-    Duplicate keys, keys that are not strings, tags and numbers that are not finite are kept as
-    the document's issues, so that they are reported along with what else is wrong.
+    Repeated keys, keys that are no strings, tags, and numbers that are not finite become issues of
+    the document, to be reported with other faults.
 
     Raises
     ------
     TaskError
-        If it is not YAML, is empty, has several documents, endless aliases, or is too large
-        or nested too deep.
+        If it is no YAML, empty, too large, nested too deep, or has several documents or endless
+        aliases.
     """
     unprintable = _UNPRINTABLE.search(text)
     if unprintable:
@@ -208,7 +207,7 @@ def parse(text: str, source: str) -> Document:
 
 
 def _guard(text: str, source: str) -> list[Issue]:
-    """Walk the flat event stream first, so that composing cannot recurse too deep nor run long.
+    """Check the flat event stream, so that composing cannot recurse too deep or take too long.
 
     Returns an issue for every explicit tag, up to `MAX_ISSUES`.
     """
@@ -248,7 +247,7 @@ def _mark(event: yaml.Event) -> Position:
 
 
 class _Reader:
-    """Turns nodes into data and collects every issue."""
+    """Converts nodes to data, and collects issues."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -323,7 +322,7 @@ class _Reader:
 
 
 def _resolve(text: str) -> Any:
-    """Return what a plain scalar means in the YAML 1.2 core schema."""
+    """Return the value of a plain scalar in the YAML 1.2 core schema."""
     if text in _WORDS:
         return _WORDS[text]
     if _INT.fullmatch(text):
@@ -357,7 +356,7 @@ def _short(text: str, most: int = 40) -> str:
 
 
 def _neighbour_hint(path: Path) -> str:
-    """Return the nearest task file of the same folder, for a path that does not exist."""
+    """Return the most similar task file in the folder of a missing path."""
     try:
         names = [
             entry.name

@@ -111,7 +111,10 @@ class OptunaTrials(SharedTrials):
             trial = self._study.ask()
             # Processes that share a study draw differently, as numbers of trials differ.
             self._study.sampler = self._chooser((self._question.seed << 20) + trial.number)
-            values = {dimension.option: _suggested(trial, dimension) for dimension in self._question.dimensions}
+            values = {
+                dimension.option: _suggested(trial, dimension)
+                for dimension in self._question.dimensions
+            }
             trial.set_user_attr(_VALUES, values)
             return Trial(trial.number, values)
 
