@@ -45,7 +45,7 @@ OPENS = {
     "skillplan_pybullet/world.py": "meshes for pybullet, in a folder of its own",
     "skillplan_pybullet/robot_file.py": "the arm for pybullet, in a folder of its own",
     "skillplan_simulation/execution/skill_runner.py": "opens the jaws of a hand",
-    "skillplan_pinocchio/planning/rrt_connect.py": "the null device, for what OMPL says at its end",
+    "skillplan_pinocchio/planning/travel.py": "the null device, for what OMPL says at its end",
     "training/family_training.py": "boards of its own, in a folder of its own",
     "training/groups.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",

@@ -19,17 +19,14 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import ArmModel, Vector
-from skillplan_pinocchio.arm_motion import Strokes
 from skillplan_pinocchio.gravity import GravityCheck
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.inverse_kinematics import Unreachable
-from skillplan_pinocchio.kept_turns import holds_of
+from skillplan_pinocchio.inverse_kinematics import Strokes, Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
-from skillplan_pinocchio.obstacles import obstacles_of
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, holds_of
 from skillplan_pinocchio.planning.travel import Travel, Unfound
-from skillplan_pinocchio.planning.travel_heights import TravelHeights
-from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelPlanner
+from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelHeights, TravelPlanner
+from skillplan_pinocchio.shapes import obstacles_of
 from skillplan_pinocchio.skill_travels import SafeTravels, SkillTravels
 from skillplan_pinocchio.stands import Stands
 

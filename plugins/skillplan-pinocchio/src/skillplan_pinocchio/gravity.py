@@ -17,7 +17,7 @@ from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body, Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel, Vector
-from skillplan_pinocchio.arm_motion import Strokes
+from skillplan_pinocchio.inverse_kinematics import Strokes
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.mass_properties import mass_properties
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -13,16 +14,108 @@ from skillplan.physics.linear_motions import (
     grasp_of,
     jaw_opening_m,
     tool_after,
+    tool_shapes,
     visited_grasp,
 )
-from skillplan.task.motion import Event, Point
-from skillplan.task.pose import Pose, plus
-from skillplan.task.scene import WORLD, Robot, Scene, Tool
-from skillplan_pinocchio.hulls import HandPart, hand_parts
+from skillplan.robots.arm_description import Hand
+from skillplan.task.motion import AXES, Event
+from skillplan.task.pose import Point, Pose, cross, plus
+from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind
+from skillplan.task.shape import Cylinder, Shape
 from skillplan_pinocchio.motion_plan import spared
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, pieces_of, standing_pieces_of
+from skillplan_pinocchio.shapes import (
+    Array,
+    ConvexPiece,
+    Obstacle,
+    box_corners,
+    cylinder_corners,
+    pieces_of,
+    placed,
+    placed_at,
+    standing_pieces_of,
+)
 from skillplan_pinocchio.sweep import Sweep, Touch
+
+
+@dataclass(frozen=True)
+class HandPart:
+    """A rigid part of what is at the end of the arm.
+
+    Parameters
+    ----------
+    name
+        In words, as ``a finger``.
+    corners
+        Of its convex pieces in the frame of the tip [m], each of shape (corners, 3).
+    """
+
+    name: str
+    corners: tuple[Array, ...]
+
+    def at(self, tip: Sequence[float], closing_yaw_rad: float) -> tuple[ConvexPiece, ...]:
+        """Return its pieces in the world, of a hand that points down.
+
+        Parameters
+        ----------
+        tip
+            Where the tip is [m].
+        closing_yaw_rad
+            Direction in which the jaws close, from x about the vertical [rad].
+        """
+        return tuple(ConvexPiece(placed(one, tip, closing_yaw_rad)) for one in self.corners)
+
+    def along(self, motion: LinearMotion, tip: Point) -> tuple[ConvexPiece, ...]:
+        """Return its pieces in the world while the tip of a motion is at a point [m]."""
+        if motion.points_down:
+            return self.at(tip, motion.closing_yaw_rad)
+        points, closing = motion.points, motion.hand.rotate(AXES["y"])
+        out = (-points[0], -points[1], -points[2])
+        pose = Pose.of_axes(tip, cross(out, closing), out)
+        return tuple(ConvexPiece(placed_at(one, pose)) for one in self.corners)
+
+
+def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
+    """Return what is at the end of the arm.
+
+    A gripper is the hand of the arm itself. A suction cup or screwdriver is of common size, or
+    its envelope where the task gives one. Where tools can be changed and none is attached, the
+    arm ends at its flange.
+
+    Parameters
+    ----------
+    robot
+        Whose tool it is.
+    tool
+        Attached, or None.
+    opening_m
+        How far apart the jaws are [m], >= 0; counts for a gripper only.
+    """
+    if tool is None and robot.tools:
+        return ()
+    hand = robot.hand_of(tool)
+    if tool is None or tool.kind is ToolKind.GRIPPER:
+        fingers = (_finger(hand, opening_m / 2, 1), _finger(hand, opening_m / 2, -1))
+        return (HandPart("a finger", fingers), HandPart("the hand", _body(hand)))
+    shapes = tool_shapes(tool, robot.hand)
+    return (HandPart(tool.name, tuple(_corners(shape) for shape in shapes)),)
+
+
+def _body(hand: Hand) -> tuple[Array, ...]:
+    pieces = (np.array(corners).T for corners in hand.body)
+    return tuple(
+        np.column_stack([along, across, hand.tip_m - depth_m]) for along, across, depth_m in pieces
+    )
+
+
+def _finger(hand: Hand, face_m: float, side: int) -> Array:
+    """Return a jaw, or the other one: the same, turned by half a turn."""
+    behind, across, height_m = np.array(hand.jaw).T
+    return np.column_stack([side * (face_m + behind), side * across, height_m])
+
+
+def _corners(shape: Shape) -> Array:
+    return cylinder_corners(shape) if isinstance(shape, Cylinder) else box_corners(shape.box)
+
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
 _STILL: Point = (0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.task.motion import Point
-from skillplan.task.scene import Body, Pose
+from skillplan.task.scene import WORLD, Body, Pose, Scene
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.kinematics.fixed_order import times
 
@@ -214,3 +214,43 @@ def table() -> ConvexPiece:
     """Return what everything stands on."""
     size = (2 * _TABLE_HALF_WIDTH_M, 2 * _TABLE_HALF_WIDTH_M, _TABLE_THICKNESS_M)
     return ConvexPiece(box_corners(Box(size, (0.0, 0.0, -_TABLE_THICKNESS_M / 2))))
+
+
+TABLE: Final = "the table"
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A body where a fact puts it.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    fact
+        Holds while it is there; None for what is always there.
+    pieces
+        In the world.
+    """
+
+    body: str
+    fact: str | None
+    pieces: tuple[ConvexPiece, ...]
+
+    @property
+    def top_m(self) -> float:
+        """Height of its highest point [m]."""
+        return max(piece.high[2] for piece in self.pieces)
+
+
+def obstacles_of(scene: Scene) -> tuple[Obstacle, ...]:
+    """Return the table, then every place at which something can touch a body."""
+    return (
+        Obstacle(TABLE, None, (table(),)),
+        *(
+            Obstacle(body.name, placement.fact, standing_pieces_of(body, placement.pose))
+            for body in scene.bodies
+            for placement in body.placements
+            if placement.solid and placement.frame == WORLD
+        ),
+    )

@@ -13,8 +13,7 @@ from skillplan_pinocchio.gravity import GravityCheck, Overload
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
 from skillplan_pinocchio.planning.travel import Holds, Travel, Unfound
-from skillplan_pinocchio.planning.travel_heights import TravelHeights
-from skillplan_pinocchio.planning.travel_planner import TravelPlanner
+from skillplan_pinocchio.planning.travel_planner import TravelHeights, TravelPlanner
 
 
 @dataclass(frozen=True)

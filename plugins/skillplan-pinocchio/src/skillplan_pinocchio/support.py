@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, SurfacePiece
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece
 
 Planar = tuple[float, float]
 Polygon = tuple[Planar, ...]

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, may_touch, nearness
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, may_touch, nearness
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,199 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.planning.arm_frames import ArmFrames
-from skillplan_pinocchio.planning.moving_solids import MovingSolid, Vector
+from skillplan_pinocchio.arm_model import ArmModel, LinkPiece
+from skillplan_pinocchio.kinematics.fixed_order import length, times
+from skillplan_pinocchio.shapes import ConvexPiece
+
+Vector = NDArray[np.float64]
+
+# Boxes are not cut thinner than twice this [m], nor into more parts along an edge.
+_LEAST_HALF_M: Final = 0.02
+_MOST_BALLS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class MovingSolid:
+    """A convex solid that is fixed to a joint.
+
+    Parameters
+    ----------
+    name
+        In words, as ``link 4 of the arm``.
+    joint
+        Number of the joint that moves it, counted from 1; 0 for what stands still.
+    geometry
+        Of coal.
+    frame
+        Of the geometry in the frame of the joint, as `pinocchio.SE3`.
+    centre
+        Of a sphere about the solid, in the frame of the joint [m], shape (3,).
+    radius_m
+        Of that sphere, > 0.
+    balls
+        Smaller spheres that it lies within: their centres, in the frame of the joint [m], shape
+        (balls, 3), and their common radius [m].
+    of_arm
+        Whether it is a link of the arm; else it is at the arm's end.
+    """
+
+    name: str
+    joint: int
+    geometry: Any
+    frame: Any
+    centre: Vector
+    radius_m: float
+    balls: tuple[Vector, float]
+    of_arm: bool = False
+
+
+def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
+    """Return the base of an arm, which stands still, and its links."""
+    turned = pin.SE3(np.array(arm.mount.rotation), np.array(arm.mount.position))
+    base = arm.description.shapes[0] if arm.description.shapes else ()
+    found = []
+    for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
+        centre, half = piece.box
+        placed = turned if piece.link == 0 else pin.SE3.Identity()
+        centres, radius_m = balls_of_box(centre, half)
+        name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
+        found.append(
+            MovingSolid(
+                name,
+                piece.link,
+                piece.geometry,
+                placed * piece.frame,
+                placed.act(centre),
+                length(half),
+                (times(centres, placed.rotation.T) + placed.translation, radius_m),
+                of_arm=True,
+            )
+        )
+    return tuple(found)
+
+
+def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
+    """Return a piece that is in the hand.
+
+    Parameters
+    ----------
+    name
+        In words.
+    joint
+        Number of the last joint, counted from 1.
+    piece
+        Where it is in the world at some posture.
+    back
+        Of the world in the frame of the joint at that posture, as `pinocchio.SE3`.
+    """
+    corners = times(piece.corners, back.rotation.T) + back.translation
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    centre = (low + high) / 2
+    radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
+    balls = balls_of_box(centre, (high - low) / 2)
+    return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls)
+
+
+def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
+    """Return spheres that a box lies within, one for each near-cube of it.
+
+    Parameters
+    ----------
+    centre, half
+        Of the box, and half its extents [m], each of shape (3,).
+
+    Returns
+    -------
+    tuple
+        Their centres [m], shape (balls, 3), and their common radius [m].
+    """
+    x, y, z = half.tolist()
+    least = max(min(x, y, z), _LEAST_HALF_M)
+    counts = tuple(min(max(round(one / least), 1), _MOST_BALLS) for one in (x, y, z))
+    radius_m = math.hypot(x / counts[0], y / counts[1], z / counts[2])
+    return centre + _middles(counts) * half, radius_m
+
+
+@cache
+def _middles(counts: tuple[int, ...]) -> Vector:
+    """Return the middles of a box from -1 to 1 that is cut so often along each axis."""
+    steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts]
+    return np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+class ArmFrames:
+    """The frames of an arm's joints, worked out for many postures at once.
+
+    Parameters
+    ----------
+    model
+        The arm's `pinocchio.Model`; all of its joints turn.
+
+    Attributes
+    ----------
+    axes
+        Of the joints, unit vectors in their own frames, shape (joints, 3).
+    spans_m
+        How far the origin of each joint's frame is from the axis of the joint before, and from the
+        origin of the frame before [m].
+    """
+
+    def __init__(self, model: Any) -> None:
+        data = model.createData()
+        turned = []
+        for angle_rad in (0.0, np.pi / 2, np.pi):
+            pin.forwardKinematics(model, data, np.full(model.nv, angle_rad))
+            turned.append(np.array([one.rotation for one in data.liMi][1:]))
+        # A joint's rotation is still + sin q quarter + (1 - cos q) half, whatever its axis is.
+        self._still, quarter, half = turned
+        self._half = (half - self._still) / 2
+        self._quarter = quarter - self._still - self._half
+        cross = times(np.swapaxes(self._still, 1, 2), self._quarter)
+        self.axes = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
+        self._offsets_m = np.array([one.translation for one in data.liMi][1:])
+        # Before the first joint there is none.
+        beside = np.cross(self._offsets_m, np.concatenate([np.zeros((1, 3)), self.axes[:-1]]))
+        self.spans_m: list[tuple[float, float]] = [
+            (float(one), float(other))
+            for one, other in zip(
+                np.linalg.norm(beside, axis=1), np.linalg.norm(self._offsets_m, axis=1), strict=True
+            )
+        ]
+
+    def at(self, joints_rad: Vector) -> tuple[Vector, Vector]:
+        """Return rotations and origins [m] of the base's and the joints' frames.
+
+        Parameters
+        ----------
+        joints_rad
+            Shape (postures, joints).
+
+        Returns
+        -------
+        tuple
+            Of shapes (postures, 1 + joints, 3, 3) and (postures, 1 + joints, 3).
+        """
+        sines = np.sin(joints_rad)[:, :, np.newaxis, np.newaxis]
+        cosines = np.cos(joints_rad)[:, :, np.newaxis, np.newaxis]
+        turns = self._still + sines * self._quarter + (1 - cosines) * self._half
+        count, joints = joints_rad.shape
+        rotations = np.empty((count, joints + 1, 3, 3))
+        origins = np.empty((count, joints + 1, 3))
+        rotations[:, 0], origins[:, 0] = np.eye(3), 0.0
+        for joint in range(joints):
+            rotations[:, joint + 1] = times(rotations[:, joint], turns[:, joint])
+            moved = times(rotations[:, joint], self._offsets_m[joint])
+            origins[:, joint + 1] = origins[:, joint] + moved
+        return rotations, origins
+
 
 Numbers = NDArray[np.intp]
 

@@ -15,8 +15,7 @@ from typing import Final
 import numpy as np
 
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers
-from skillplan_pinocchio.planning.moving_solids import Vector
+from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers, Vector
 
 # No point moves farther between two places than this, if there are not too many places.
 _CELL_M: Final = 0.08

@@ -7,20 +7,294 @@ asked for that some way met, and a travel is the same in all states that agree a
 
 from __future__ import annotations
 
+import atexit
+import os
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
+import pinocchio as pin
 
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.planning.arm_bodies import ArmBodies
+from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Vector
 from skillplan_pinocchio.planning.continuous_check import ContinuousCheck, Hit
-from skillplan_pinocchio.planning.moving_solids import Vector
-from skillplan_pinocchio.planning.posture_check import PostureCheck
-from skillplan_pinocchio.planning.rrt_connect import JointSpace, connection
-from skillplan_pinocchio.planning.shortening import rounded, shortened
+from skillplan_pinocchio.shapes import Obstacle
+
+
+class PostureCheck:
+    """Checks postures of an arm among obstacles.
+
+    Boxes about all that there is are compared first: at most places only few of them overlap.
+
+    Parameters
+    ----------
+    bodies
+        What moves.
+    obstacles
+        What stands.
+    ends_rad
+        Free postures of the arm, each of shape (joints,).
+    margin_m
+        So far everything keeps from what stands, or half as far as it does at the ends [m]; from
+        itself the arm keeps clear.
+    """
+
+    def __init__(
+        self,
+        bodies: ArmBodies,
+        obstacles: Sequence[Obstacle],
+        ends_rad: Sequence[Vector],
+        margin_m: float,
+    ) -> None:
+        self._model, self._data = bodies.model, bodies.model.createData()
+        geometry = bodies.geometry()
+        pieces = [piece for one in obstacles for piece in one.pieces]
+        for number, piece in enumerate(pieces):
+            geometry.addGeometryObject(
+                pin.GeometryObject(f"piece {number}", 0, pin.SE3.Identity(), piece.hull)
+            )
+        # The base of the arm stands where it is put.
+        solids = len(bodies.solids)
+        for solid in range(bodies.still, solids):
+            for number in range(solids, solids + len(pieces)):
+                geometry.addCollisionPair(pin.CollisionPair(solid, number))
+        nearness = geometry.createData()
+        for end_rad in ends_rad:
+            pin.computeDistances(self._model, self._data, geometry, nearness, end_rad)
+            for found in nearness.distanceResults:
+                margin_m = min(margin_m, found.min_distance / 2)
+        standing = len(geometry.collisionPairs)
+        for pair in bodies.pairs:
+            geometry.addCollisionPair(pin.CollisionPair(*pair))
+        nearness = geometry.createData()
+        for number in range(standing):
+            nearness.collisionRequests[number].security_margin = margin_m
+        # The manager looks into them.
+        self._looked_into = (geometry, nearness)
+        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(
+            bodies.model, geometry, nearness
+        )
+
+    def is_free(self, joints_rad: Vector) -> bool:
+        """Whether nothing is touched at some joint angles [rad], shape (joints,)."""
+        return not pin.computeCollisions(self._model, self._data, self._manager, joints_rad, True)
+
+
+# How far apart postures of an edge are checked, and how far a tree grows at once: in metres, by
+# what a joint moves the arm's end at most.
+SPACING_M: Final = 0.03
+_RANGE_M: Final = 0.5
+
+
+@dataclass(frozen=True)
+class JointSpace:
+    """In which ways are looked for.
+
+    Parameters
+    ----------
+    low_rad, high_rad
+        Limits of the joints, shape (joints,).
+    reach_m
+        How far from its axis a joint moves anything at most, > 0, shape (joints,): the weight of
+        the joint in a distance.
+    """
+
+    low_rad: Vector
+    high_rad: Vector
+    reach_m: Vector
+
+    def length_m(self, one_rad: Vector, other_rad: Vector) -> float:
+        """Return how far apart two postures are [m]."""
+        return length((other_rad - one_rad) * self.reach_m)
+
+    def edge_is_free(
+        self, is_free: Callable[[Vector], bool], one_rad: Vector, other_rad: Vector
+    ) -> bool:
+        """Whether no posture on a straight edge, `SPACING_M` apart, is blocked."""
+        count = max(int(np.ceil(self.length_m(one_rad, other_rad) / SPACING_M)), 1)
+        shares = np.arange(1, count) / count
+        # From the middle outwards: what is nearer to the ends is likelier to be free.
+        ordered = sorted(shares.tolist(), key=lambda share: (abs(share - 0.5), share))
+        turn_rad = other_rad - one_rad
+        return all(is_free(one_rad + share * turn_rad) for share in ordered)
+
+
+def connection(
+    space: JointSpace,
+    is_free: Callable[[Vector], bool],
+    ends_rad: tuple[Vector, Vector],
+    seed: int,
+    most_checks: int,
+) -> tuple[list[Vector] | None, int]:
+    """Return postures that lead from one to another along straight edges, and the checks made.
+
+    Parameters
+    ----------
+    space
+        The joints.
+    is_free
+        Says of a posture whether it is.
+    ends_rad
+        Two free postures.
+    seed
+        Of the random numbers, >= 1.
+    most_checks
+        After so many postures checked it gives up, and there is None.
+    """
+    base, geometric, util = _ompl()
+    joints = len(space.reach_m)
+    count = 0
+
+    def checked(state: Any) -> bool:
+        nonlocal count
+        count += 1
+        return is_free(np.array([state[joint] for joint in range(joints)]) / space.reach_m)
+
+    util.RNG.setSeed(seed)
+    states = base.RealVectorStateSpace(joints)
+    bounds = base.RealVectorBounds(joints)
+    for joint in range(joints):
+        bounds.setLow(joint, float(space.low_rad[joint] * space.reach_m[joint]))
+        bounds.setHigh(joint, float(space.high_rad[joint] * space.reach_m[joint]))
+    states.setBounds(bounds)
+    information = base.SpaceInformation(states)
+    information.setStateValidityChecker(checked)
+    information.setStateValidityCheckingResolution(SPACING_M / states.getMaximumExtent())
+    information.setup()
+    ends = []
+    for end_rad in ends_rad:
+        state = states.allocState()
+        for joint in range(joints):
+            state[joint] = float(end_rad[joint] * space.reach_m[joint])
+        ends.append(state)
+    problem = base.ProblemDefinition(information)
+    problem.setStartAndGoalStates(*ends)
+    planner = geometric.RRTConnect(information)
+    planner.setRange(_RANGE_M)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    planner.solve(base.PlannerTerminationCondition(lambda: count >= most_checks))
+    if not problem.hasExactSolution():
+        return None, count
+    inner = problem.getSolutionPath().getStates()[1:-1]
+    nodes = [np.array([state[joint] for joint in range(joints)]) / space.reach_m for state in inner]
+    return [ends_rad[0], *nodes, ends_rad[1]], count
+
+
+@cache
+def _ompl() -> tuple[Any, Any, Any]:
+    """Return OMPL's modules; only who plans needs them."""
+    from ompl import base, geometric, util
+
+    # It would print what is said better by what is returned.
+    util.setLogLevel(util.LogLevel.LOG_NONE)
+    atexit.register(_end_in_silence)
+    return base, geometric, util
+
+
+def _end_in_silence() -> None:
+    """Have what OMPL's bindings print of leaks, once all else has ended, go nowhere."""
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.flush()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+_CUTS: Final = 16
+# Steps of the golden ratio, and of the plastic number's square: even, and never the same twice.
+_GOLDEN: Final = (0.7548776662466927, 0.5698402909980532)
+# Shorter pieces of a way are left as they are, as a fraction of it.
+_SHORTEST_CUT: Final = 0.05
+_DECIMALS: Final = 6
+
+
+def shortened(
+    space: JointSpace, is_free: Callable[[Vector], bool], nodes: Sequence[Vector]
+) -> list[Vector]:
+    """Return a way with the same ends, from which needless corners are cut.
+
+    Parameters
+    ----------
+    space
+        The joints.
+    is_free
+        Says of a posture whether it is.
+    nodes
+        Postures with free straight edges between them.
+    """
+    found = _without_detours(space, is_free, list(nodes))
+    for number in range(1, _CUTS + 1):
+        if len(found) == 2:
+            break
+        begin, end = sorted((number * step) % 1.0 for step in _GOLDEN)
+        if end - begin < _SHORTEST_CUT:
+            continue
+        places = _places(space, found)
+        one, other = _at(found, places, begin), _at(found, places, end)
+        if not space.edge_is_free(is_free, one, other):
+            continue
+        before = [node for node, place in zip(found, places, strict=True) if place < begin]
+        after = [node for node, place in zip(found, places, strict=True) if place > end]
+        found = [*before, one, other, *after]
+    return _without_detours(space, is_free, found)
+
+
+def rounded(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> JointPath:
+    """Return a spline along a way, through postures at equal distances from each other.
+
+    The more there are, the closer it follows the way. Inner ones are rounded to microradians.
+
+    Parameters
+    ----------
+    space
+        The joints.
+    nodes
+        Of the way.
+    intervals
+        Of the spline, >= 1.
+    """
+    places = _places(space, nodes)
+    inner = [
+        np.round(_at(nodes, places, number / intervals), _DECIMALS)
+        for number in range(1, intervals)
+    ]
+    return JointPath([nodes[0], *inner, nodes[-1]])
+
+
+def _without_detours(
+    space: JointSpace, is_free: Callable[[Vector], bool], nodes: list[Vector]
+) -> list[Vector]:
+    """Return a way that goes from every node to the last that a straight edge leads to."""
+    found, here = [nodes[0]], 0
+    while here < len(nodes) - 1:
+        here = next(
+            there
+            for there in range(len(nodes) - 1, here, -1)
+            if there == here + 1 or space.edge_is_free(is_free, nodes[here], nodes[there])
+        )
+        found.append(nodes[here])
+    return found
+
+
+def _places(space: JointSpace, nodes: Sequence[Vector]) -> list[float]:
+    """Return how much of a way lies before each of its nodes, from 0 to 1."""
+    sums = np.cumsum([0.0] + [space.length_m(one, other) for one, other in pairwise(nodes)])
+    # Where nothing moves, any places do.
+    shares = sums / sums[-1] if sums[-1] > 0 else np.linspace(0.0, 1.0, len(nodes))
+    return [float(share) for share in shares]
+
+
+def _at(nodes: Sequence[Vector], places: Sequence[float], place: float) -> Vector:
+    number = min(int(np.searchsorted(places, place, "right")), len(nodes) - 1)
+    begin, end = places[number - 1], places[number]
+    share = (place - begin) / (end - begin) if end > begin else 1.0
+    return np.asarray(nodes[number - 1] + share * (nodes[number] - nodes[number - 1]))
+
 
 Holds = Callable[[str], bool]
 """Says of a fact whether it holds where the travel starts."""

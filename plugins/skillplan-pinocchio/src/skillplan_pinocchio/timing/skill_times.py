@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillplan.task.scene import Robot
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
-from skillplan_pinocchio.stands import Stand
+from skillplan_pinocchio.stands import Stand, Stands
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 
@@ -67,3 +77,162 @@ class SkillTimes:
         if key not in self._transfers:
             self._transfers[key] = JointPath([start, end])
         return self._transfers[key]
+
+
+# Times are rounded to a nanosecond, and neither sum is exact.
+_SLACK_S = 2e-9
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A skill's motions, whatever the place where it starts.
+
+    Parameters
+    ----------
+    begins
+        How the arm stands above the first target [rad].
+    rest_s
+        Lower bound on the time from there on [s].
+    """
+
+    begins: Vector
+    rest_s: float
+
+
+class LeastTimes:
+    """Bounds the times of skills of which only some facts are known, from where they start.
+
+    Parameters
+    ----------
+    task
+        The task.
+    robot
+        Its arm.
+    times
+        Times of the motions.
+    stands
+        How the arm stands at places.
+    plan
+        Returns the motions of a skill in a state as the arm makes them.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        robot: Robot,
+        times: SkillTimes,
+        stands: Stands,
+        plan: Callable[[Skill, State], tuple[ArmMotion, ...]],
+    ) -> None:
+        self.task = task
+        self.robot = robot
+        self.times = times
+        self.stands = stands
+        self.plan = plan
+        self._places = {task.facts.bit(fact): fact for fact in robot.places}
+        self._tools = [task.facts.bit(tool.fact) for tool in robot.tools]
+        self._courses: dict[tuple[str, int], _Course | None] = {}
+
+    def least_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound on the times of a skill [s]; inf where it has none.
+
+        Parameters
+        ----------
+        skill
+            A skill of the task.
+        true_bits, false_bits
+            Bits of the facts that are known to hold, and not to hold, where it starts.
+        """
+        if skill.motion is None:
+            return math.inf
+        courses = [
+            course
+            for bits in self._circumstances(skill, true_bits, false_bits)
+            if (course := self._course(skill, bits)) is not None
+        ]
+        return min(
+            (
+                max(0.0, self._to(fact, course.begins) + course.rest_s - _SLACK_S)
+                for fact in self._open_places(true_bits, false_bits)
+                for course in courses
+            ),
+            default=math.inf,
+        )
+
+    def _open_places(self, true_bits: int, false_bits: int) -> Iterator[str]:
+        """Yield the places where the arm may stand."""
+        known = [fact for bit, fact in self._places.items() if bit & true_bits]
+        if known:
+            yield from known
+            return
+        yield from (fact for bit, fact in self._places.items() if not bit & false_bits)
+
+    def _circumstances(self, skill: Skill, true_bits: int, false_bits: int) -> Iterator[int]:
+        """Yield the bits of the tool and the route that a skill may have."""
+        assert skill.motion is not None
+        every = sum(self._tools)
+        for route in skill.motion.routes:
+            if route.when.bits & false_bits:
+                continue
+            attached = (true_bits | route.when.bits) & every
+            if attached & (attached - 1):
+                continue  # Two tools are never attached at once.
+            if attached:
+                yield attached | route.when.bits
+                continue
+            yield route.when.bits
+            yield from (bit | route.when.bits for bit in self._tools if not bit & false_bits)
+
+    def _course(self, skill: Skill, bits: int) -> _Course | None:
+        """Return the motions of a skill; None where the arm cannot make them."""
+        key = (skill.name, bits)
+        if key not in self._courses:
+            self._courses[key] = self._found(self.plan(skill, self.task.facts.state(bits)))
+        return self._courses[key]
+
+    def _found(self, planned: tuple[ArmMotion, ...]) -> _Course | None:
+        begins: Vector | None = None
+        here: Vector | None = None
+        rest_s = 0.0
+        for one in planned:
+            if not one.elbows:
+                return None
+            strokes = one.elbows[0].strokes
+            if here is None:
+                begins = strokes.begin
+            else:
+                rest_s += self._between(here, strokes.begin)
+            for path in (*strokes.down, *strokes.up):
+                rest_s += self._between(path.nodes[0], path.nodes[-1])
+            rest_s += one.motion.visit.dwell_s
+            here = strokes.end
+        return None if begins is None else _Course(begins, rest_s)
+
+    def _to(self, fact: str, begins: Vector) -> float:
+        """Return a lower bound on the time from a place to above a skill's first target [s]."""
+        stand = self.stands.at(fact, self.robot.places[fact])
+        if stand.joints_rad is None:
+            return 0.0
+        behind_s = 0.0
+        if stand.came_from_rad is not None:
+            behind_s = self._between(stand.came_from_rad, stand.joints_rad)
+        return behind_s + self._between(stand.joints_rad, begins)
+
+    def _between(self, start: Vector, end: Vector) -> float:
+        return least_between_s(start, end, self.times.limits)
+
+
+def least_between_s(start: Vector, end: Vector, limits: JointLimits) -> float:
+    """Return the least time from rest to rest between two postures [s].
+
+    Parameters
+    ----------
+    start, end
+        Joint angles [rad], shape (joints,).
+    limits
+        Of the joints.
+    """
+    speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
+    way = np.abs(np.asarray(end) - np.asarray(start))
+    coasting = way / speed + speed / gain
+    return float(np.where(way * gain >= speed**2, coasting, 2 * np.sqrt(way / gain)).max())
