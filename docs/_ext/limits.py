@@ -96,7 +96,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
     (
         "result and other documents in JSON",
         "{bytes}, {} levels",
-        ["files.json_file:_MOST_BYTES", "files.strict_json:MAX_DEPTH"],
+        ["files.json_file:_MOST_BYTES", "files.json_file:MAX_DEPTH"],
     ),
     ("document that `report` is given", "{bytes}", ["cli.report_inputs:_MOST_BYTES"]),
     (
@@ -126,10 +126,10 @@ ROWS: list[tuple[str, str, list[str]]] = [
     (
         "checkpoint",
         "{bytes}, and what memory has room for",
-        ["training.checkpoint_file:MOST_BYTES"],
+        ["training.run_files:MOST_BYTES"],
     ),
     ("file of a parameter study", "{bytes}", ["sweep.study_folder:_MOST_BYTES"]),
-    ("kept verdict", "{bytes}", ["checks.verdict_file:_MOST_BYTES"]),
+    ("kept verdict", "{bytes}", ["checks.verdict_files:_MOST_BYTES"]),
     (
         "kept convex pieces of a mesh",
         "{bytes}",
@@ -138,7 +138,7 @@ ROWS: list[tuple[str, str, list[str]]] = [
     (
         "source of a plugin, hashed for kept verdicts",
         "{bytes} a file",
-        ["checks.code_origin:_MOST_BYTES"],
+        ["checks.verdict_files:_MOST_SOURCE_BYTES"],
     ),
     (
         "a solver that does not poll",

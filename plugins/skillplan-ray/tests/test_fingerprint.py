@@ -12,7 +12,16 @@ from skillplan_ray.fingerprint import fingerprint
 ROOT = Path(__file__).parents[3]
 # Read, write, show and check, or are used by the head alone: no figure of a worker is theirs.
 HARMLESS = {
-    *("filelock", "matplotlib", "pillow", "platformdirs", "pydantic", "pyyaml"),
+    *(
+        "filelock",
+        "lazy-loader",
+        "matplotlib",
+        "networkx",
+        "pillow",
+        "platformdirs",
+        "pydantic",
+        "pyyaml",
+    ),
     *("rich", "safetensors", "typer"),
     *("cascadio", "embreex", "ezdxf", "optuna", "rosbags"),
 }
