@@ -30,8 +30,8 @@ from skillplan.sweep import (
     do_sampled,
     make_sampler,
     plan_sampled,
+    rate_setting,
     read_space,
-    value_of,
 )
 from skillplan.task import Task
 from skillplan.views.figures import sweep_figure
@@ -150,7 +150,7 @@ class TestOptions:
             for name, field in registry.load("solver", "replan").Options.model_fields.items()
             if not any(hasattr(one, "le") for one in field.metadata) and field.annotation is int
         )
-        with pytest.raises(OptionError, match="has no two ends"):
+        with pytest.raises(OptionError, match="have no two ends"):
             read_space("replan", [(open_ended, "*")])
         (choice,) = read_space("replan", [("lookahead", "*")]).dimensions
         assert choice == Choice("lookahead", (False, True))
@@ -167,22 +167,22 @@ class TestOptions:
 class TestValue:
     def test_runs_that_do_not_arrive_count_first(self) -> None:
         """However cheap the others are."""
-        dear = value_of([a_run(0, cost=900.0), a_run(1, cost=900.0)], "cost")
-        half = value_of([a_run(0, cost=1.0), a_run(1, cost=None)], "cost")
-        broken = value_of([a_run(0, cost=1.0), a_run(1, error="no memory")], "cost")
-        none = value_of([a_run(0, cost=None), a_run(1, cost=None)], "cost")
+        dear = rate_setting([a_run(0, cost=900.0), a_run(1, cost=900.0)], "cost")
+        half = rate_setting([a_run(0, cost=1.0), a_run(1, cost=None)], "cost")
+        broken = rate_setting([a_run(0, cost=1.0), a_run(1, error="no memory")], "cost")
+        none = rate_setting([a_run(0, cost=None), a_run(1, cost=None)], "cost")
         assert dear == 900.0
         assert half == broken
         assert half is not None
         assert none is not None
         assert dear < half < none
-        assert value_of([a_run(0, error="a"), a_run(1, error="b")], "cost") is None
+        assert rate_setting([a_run(0, error="a"), a_run(1, error="b")], "cost") is None
 
     def test_what_is_minimised_is_what_was_asked_for(self) -> None:
         runs = [a_run(0, cost=3.0, steps=4), a_run(1, cost=5.0, steps=7)]
-        assert value_of(runs, "cost") == 4.0
-        assert value_of(runs, "steps") == 5.5
-        assert value_of(runs, "seconds") == 0.5
+        assert rate_setting(runs, "cost") == 4.0
+        assert rate_setting(runs, "steps") == 5.5
+        assert rate_setting(runs, "seconds") == 0.5
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -214,7 +214,7 @@ class TestStudy:
         plan, job = a_study(walk)
         result = do_sampled(plan, job, Listed(self.SETTINGS), 2)
         assert isinstance(result.plan, SampledPlan)
-        worth = [value_of(result.records[i : i + 2], "cost") for i in (0, 2)]
+        worth = [rate_setting(result.records[i : i + 2], "cost") for i in (0, 2)]
         assert worth == sorted(worth, key=lambda one: one or 0)
         document = result.document()
         assert {one["trial"] for one in document["settings"]} == {0, 1}
@@ -279,7 +279,7 @@ def test_plans_that_make_no_sense_are_refused(walk: Task) -> None:
     plan, _ = a_study(walk)
     with pytest.raises(ValueError, match="an option that varies"):
         replace(plan, space=())
-    with pytest.raises(ValueError, match="What is minimised"):
+    with pytest.raises(ValueError, match="The quantity to minimise"):
         replace(plan, minimise="luck")
 
 

@@ -40,7 +40,15 @@ from skillplan.records import (
     share,
     t_quantile,
 )
-from skillplan.sweep import StudyFolder, StudyJob, do_run, do_study, plan_study, read_values, spaced
+from skillplan.sweep import (
+    StudyFolder,
+    StudyJob,
+    do_run,
+    do_study,
+    plan_study,
+    read_values,
+    space_evenly,
+)
 from skillplan.views.figures import figure_bytes, sweep_figure
 from skillplan.views.tables import setting_table, start_table
 
@@ -93,10 +101,10 @@ def timeless(document: Any) -> Any:
 
 class TestValues:
     def test_a_range_is_evenly_spaced_and_has_both_ends(self) -> None:
-        assert (0.8, 0.85, 0.9) == spaced("gamma", "0.8:0.9:3")
+        assert (0.8, 0.85, 0.9) == space_evenly("gamma", "0.8:0.9:3")
 
     def test_a_logarithmic_range_multiplies(self) -> None:
-        assert (0.01, 0.1, 1.0) == spaced("alpha", "0.01:1:3:log")
+        assert (0.01, 0.1, 1.0) == space_evenly("alpha", "0.01:1:3:log")
 
     @given(
         st.floats(1e-6, 1e6),
@@ -109,7 +117,7 @@ class TestValues:
     ) -> None:
         if first == last:
             return
-        values = spaced("x", f"{first!r}:{last!r}:{count}{how}")
+        values = space_evenly("x", f"{first!r}:{last!r}:{count}{how}")
         assert (first, last) == (values[0], values[-1])
         assert count >= len(values) >= 2
         if abs(first - last) > 1e-3 * max(first, last):
@@ -330,7 +338,7 @@ class TestRecords:
             SweepRecord(0, 0)
         with pytest.raises(ValueError, match="occurs twice"):
             SweepResult(a_plan(), [SweepRecord(0, 0, (OUTCOME,))] * 2)
-        with pytest.raises(ValueError, match="none of this study"):
+        with pytest.raises(ValueError, match="is not of this study"):
             SweepResult(a_plan(), [SweepRecord(9, 0, (OUTCOME,))])
 
 

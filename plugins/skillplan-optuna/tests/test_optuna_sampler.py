@@ -22,8 +22,8 @@ from skillplan.sweep import (
     StudyJob,
     do_sampled,
     make_sampler,
+    open_trials,
     plan_sampled,
-    shared_trials,
 )
 from skillplan.testing import SamplerSuite
 
@@ -170,16 +170,16 @@ def test_another_study_is_refused_and_what_differs_is_named(
 ) -> None:
     plan, job = study
     sampler = make_sampler("optuna", {})
-    trials = shared_trials(str(tmp_path), plan, sampler, 0)
+    trials = open_trials(str(tmp_path), plan, sampler, 0)
     do_sampled(plan, job, trials, 1)
     task = next(iter(job.tasks.values()))
     other, _ = plan_sampled(
         task, "sarsa", [("episodes", "50:400"), ("gamma", "0.9:0.99")], sampler="optuna", runs=2
     )
     with pytest.raises(OptionError, match=r"in the ranges of the options: 300 there, 400 now"):
-        shared_trials(str(tmp_path), other, sampler, 0)
+        open_trials(str(tmp_path), other, sampler, 0)
     with pytest.raises(OptionError, match=r"in the options of the sampler: \"tpe\" there"):
-        shared_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
+        open_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
 
 
 def test_a_folder_of_something_else_is_left_alone(
@@ -187,7 +187,7 @@ def test_a_folder_of_something_else_is_left_alone(
 ) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OptionError, match=r"is not empty, and holds no trials of optuna"):
-        shared_trials(str(tmp_path), study[0], make_sampler("optuna", {}), 0)
+        open_trials(str(tmp_path), study[0], make_sampler("optuna", {}), 0)
     assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -196,7 +196,7 @@ def test_runs_in_the_journal_that_are_none_are_refused(
 ) -> None:
     plan, job = study
     sampler = make_sampler("optuna", {})
-    do_sampled(plan, job, shared_trials(str(tmp_path), plan, sampler, 0), 1)
+    do_sampled(plan, job, open_trials(str(tmp_path), plan, sampler, 0), 1)
     path = tmp_path / sampler.keeps
     whole = path.read_text("utf-8")
     assert '\\"seed\\": 1' in whole
@@ -207,4 +207,4 @@ def test_runs_in_the_journal_that_are_none_are_refused(
     ):
         path.write_text(whole.replace(was, then), "utf-8")
         with pytest.raises(OptionError, match="damaged"):
-            do_sampled(plan, job, shared_trials(str(tmp_path), plan, sampler, 0), 1)
+            do_sampled(plan, job, open_trials(str(tmp_path), plan, sampler, 0), 1)

@@ -1,13 +1,13 @@
 from .option_values import read_space as read_space
 from .option_values import read_values as read_values
-from .option_values import spaced as spaced
+from .option_values import space_evenly as space_evenly
 from .parameter_study import do_sampled as do_sampled
 from .parameter_study import do_study as do_study
 from .parameter_study import make_sampler as make_sampler
+from .parameter_study import open_trials as open_trials
 from .parameter_study import plan_sampled as plan_sampled
 from .parameter_study import plan_study as plan_study
-from .parameter_study import shared_trials as shared_trials
-from .parameter_study import value_of as value_of
+from .parameter_study import rate_setting as rate_setting
 from .sampler import FinishedTrial as FinishedTrial
 from .sampler import Question as Question
 from .sampler import SharedTrials as SharedTrials
@@ -25,11 +25,11 @@ __all__ = [
     "do_sampled",
     "do_study",
     "make_sampler",
+    "open_trials",
     "plan_sampled",
     "plan_study",
+    "rate_setting",
     "read_space",
     "read_values",
-    "shared_trials",
-    "spaced",
-    "value_of",
+    "space_evenly",
 ]

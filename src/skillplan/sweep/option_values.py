@@ -1,4 +1,4 @@
-"""Values of a solver's options as they are written: ``0.8:0.999:12``, ``0.01,0.1``, ``0.5``."""
+"""Option values on the command line, such as ``0.8:0.999:12``, ``0.01,0.1``, ``1:9:log``, ``*``."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from skillplan.pipeline import registry
 from skillplan.records.sweep.plan import Axis, Choice, Dimension, Span, Value
 
 _MOST_VALUES = 1_000
+ALL = "*"
 
 
 @dataclass(frozen=True, slots=True)
 class SolverValues:
-    """Which values of a solver's options are to be tried.
+    """Values of a solver's options for a design.
 
     Parameters
     ----------
     axes
         The options that vary.
     centre
-        A value of each of them, for while another one varies.
+        Their values while another option varies.
     fixed
-        The other options that were given.
+        The other options.
     """
 
     axes: tuple[Axis, ...]
@@ -39,18 +40,15 @@ class SolverValues:
 
 
 def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
-    """Return the axes, the centre and the fixed options of a solver.
+    """Read the axes, the centre and the fixed options of a solver.
 
-    ``a:b:n`` is n evenly spaced values from a to b, ``a:b:n:log`` evenly spaced logarithms;
-    whole-numbered options get the nearest whole values. ``a,b,c`` lists values. Options that
-    take any text are taken as they stand, for a comma may belong to them. An option given
-    twice, with several values and with one, varies around the latter; otherwise the centre is
-    the default.
+    ``a:b:n`` is n evenly spaced values from a to b, ``a:b:n:log`` n values with evenly spaced
+    logarithms; integer options get the nearest integers. ``a,b,c`` lists values. Text options are
+    not split, because a comma may belong to them. A single value given next to several ones is the
+    centre; the default centre is the option's default.
 
     Parameters
     ----------
-    solver
-        The solver's name.
     given
         Option and text, in order.
 
@@ -65,12 +63,12 @@ def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
     several: dict[str, tuple[Any, ...]] = {}
     single: dict[str, str] = {}
     for name, text in given:
-        values = listed(solver, plugin, name, text)
-        keep(name, text, values, several if values is not None else single)
-    around = checked(solver, plugin, single, "")
+        values = parse_list(solver, plugin, name, text)
+        add_values(name, text, values, several if values is not None else single)
+    around = check_options(solver, plugin, single, "")
     axes = []
     for name, values in several.items():
-        known = checked_values(solver, plugin, single, name, values)
+        known = check_values(solver, plugin, single, name, values)
         axes.append(Axis(name, known))
     return SolverValues(
         tuple(axes),
@@ -79,23 +77,23 @@ def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
     )
 
 
-def keep(name: str, text: str, values: Any, kept: dict[str, Any]) -> None:
-    """Keep what was given for an option, or the text where there are no values; but not twice.
+def add_values(name: str, text: str, values: Any, kept: dict[str, Any]) -> None:
+    """Store the values of an option, or its text without values, once.
 
     Raises
     ------
     OptionError
-        If it is there already.
+        If the option is stored already.
     """
     if name in kept:
         raise OptionError(f"Option {name!r} is given twice: {text!r} is one too many.")
     kept[name] = text if values is None else values
 
 
-def listed(
+def parse_list(
     solver: str, plugin: type[Any], name: str, text: str
 ) -> tuple[float | int | str, ...] | None:
-    """Return the values that a text lists, or None where it is a single one.
+    """Parse a list or range of values; return None for a single value.
 
     Raises
     ------
@@ -104,13 +102,13 @@ def listed(
     """
     options: type[BaseModel] = plugin.Options
     if name not in options.model_fields:
-        registry.make_options("solver", solver, plugin, {name: text})  # names what is known
-    types = kinds(options.model_fields[name].annotation)
+        registry.make_options("solver", solver, plugin, {name: text})  # raises
+    types = allowed_types(options.model_fields[name].annotation)
     numeric = bool(types & {int, float})
     if str in types and not numeric:
         return None
     if numeric and ":" in text:
-        values = spaced(name, text)
+        values = space_evenly(name, text)
         if float not in types:
             return tuple(dict.fromkeys(round(value) for value in values))
         return values
@@ -124,23 +122,23 @@ def listed(
     return tuple(dict.fromkeys(entries))
 
 
-def kinds(annotation: Any) -> set[Any]:
-    """Return the types that an annotation allows, without what constrains them."""
+def allowed_types(annotation: Any) -> set[Any]:
+    """Return the types that an annotation allows, without constraints."""
     origin = get_origin(annotation)
     if origin is Annotated:
-        return kinds(get_args(annotation)[0])
+        return allowed_types(get_args(annotation)[0])
     if origin in (Union, UnionType):
-        return {kind for get_arg in get_args(annotation) for kind in kinds(get_arg)}
+        return {kind for get_arg in get_args(annotation) for kind in allowed_types(get_arg)}
     return {origin or annotation}
 
 
-def spaced(name: str, text: str) -> tuple[float, ...]:
+def space_evenly(name: str, text: str) -> tuple[float, ...]:
     """Return the values of ``a:b:n`` or ``a:b:n:log``.
 
     Raises
     ------
     OptionError
-        If the text has another form, or describes no such values.
+        If the text has another form, or a number is out of range.
     """
     where = f"Option {name}={text}"
     parts = [part.strip() for part in text.split(":")]
@@ -176,28 +174,28 @@ def spaced(name: str, text: str) -> tuple[float, ...]:
     return tuple(dict.fromkeys(values))
 
 
-def checked_values(
+def check_values(
     solver: str,
     plugin: type[Any],
     single: Mapping[str, Any],
     name: str,
     values: Sequence[Any],
 ) -> tuple[Value, ...]:
-    """Return distinct values of an option as JSON values, beside the single ones given.
+    """Return distinct values of an option as JSON values, each checked with the single ones.
 
     Raises
     ------
     OptionError
-        If one is wrong.
+        If a value is wrong.
     """
     known = [
-        checked(solver, plugin, {**single, name: value}, f"{name}={value}")[name]
+        check_options(solver, plugin, {**single, name: value}, f"{name}={value}")[name]
         for value in values
     ]
     return tuple({json.dumps(value): value for value in known}.values())
 
 
-def checked(
+def check_options(
     solver: str, plugin: type[Any], values: Mapping[str, Any], entry: str
 ) -> dict[str, Any]:
     """Return all options of a solver as JSON values.
@@ -205,7 +203,7 @@ def checked(
     Raises
     ------
     OptionError
-        If one is wrong.
+        If a value is wrong.
     """
     model_dump = registry.make_options("solver", solver, plugin, values).model_dump(mode="json")
     for name in values:
@@ -214,21 +212,18 @@ def checked(
     return model_dump
 
 
-ALL = "*"
-
-
 @dataclass(frozen=True, slots=True)
 class OptionSpace:
-    """What a sampler may choose of a solver's options.
+    """Ranges of a solver's options for a sampler.
 
     Parameters
     ----------
     dimensions
         The options that vary, at least one.
     centre
-        A value of each of them that is tried first, where it is one of those allowed.
+        Their values in the first trial, if allowed.
     fixed
-        The other options that were given.
+        The other options.
     """
 
     dimensions: tuple[Dimension, ...]
@@ -237,16 +232,14 @@ class OptionSpace:
 
 
 def read_space(solver: str, given: Sequence[tuple[str, str]]) -> OptionSpace:
-    """Return what the options of a solver may be.
+    """Read the ranges of a solver's options.
 
-    ``a:b`` is all values from a to b, ``a:b:log`` too, with evenly drawn logarithms; ``a:b:n``,
-    ``a:b:n:log`` and ``a,b,c`` are the values that `read_values` makes of them; ``*`` is all that
-    the option allows. One value holds in all trials, or beside several is the first that is tried.
+    ``a:b`` is the range from a to b, ``a:b:log`` on a logarithmic scale; ``a:b:n``, ``a:b:n:log``
+    and ``a,b,c`` are the values of `read_values`; ``*`` is everything that the option allows. A
+    single value holds in all trials. Given next to several values, it is the first to try.
 
     Parameters
     ----------
-    solver
-        The solver's name.
     given
         Option and text, in order.
 
@@ -262,25 +255,25 @@ def read_space(solver: str, given: Sequence[tuple[str, str]]) -> OptionSpace:
     single: dict[str, str] = {}
     for name, text in given:
         if name not in plugin.Options.model_fields:
-            registry.make_options("solver", solver, plugin, {name: text})  # names what is known
-        values = _span(plugin, name, text) or listed(solver, plugin, name, text)
-        keep(name, text, values, several if values is not None else single)
+            registry.make_options("solver", solver, plugin, {name: text})  # raises
+        values = _parse_span(plugin, name, text) or parse_list(solver, plugin, name, text)
+        add_values(name, text, values, several if values is not None else single)
     if not several:
         raise OptionError(
             f"A sampler needs options of {solver} that vary, as -O gamma=0.8:0.999, "
-            "-O alpha=0.001:1:log, -O policy=a,b or -O KEY='*' for all that an option allows."
+            "-O alpha=0.001:1:log, -O policy=a,b or -O KEY='*' for all values that it allows."
         )
-    around = checked(solver, plugin, single, "")
+    around = check_options(solver, plugin, single, "")
     dimensions: list[Dimension] = []
     for name, values in several.items():
         ends = (values.low, values.high) if isinstance(values, Span) else _values_of(values)
-        known = checked_values(solver, plugin, single, name, ends)
+        known = check_values(solver, plugin, single, name, ends)
         if isinstance(values, Span):
             dimensions.append(values)
         elif len(known) < 2:
             raise OptionError(f"Option {name}: is one value only; name it as {name}={known[0]}.")
         else:
-            dimensions.append(Choice(name, known, ordered=_ascend(known)))
+            dimensions.append(Choice(name, known, ordered=_is_ascending(known)))
     return OptionSpace(
         tuple(dimensions),
         {name: around[name] for name in several},
@@ -292,21 +285,21 @@ def _values_of(values: Dimension | tuple[Any, ...]) -> tuple[Any, ...]:
     return values.values if isinstance(values, Choice) else tuple(values)  # type: ignore[arg-type]
 
 
-def _ascend(values: Sequence[Value]) -> bool:
-    """Whether these are numbers that ascend."""
+def _is_ascending(values: Sequence[Value]) -> bool:
+    """Return True for numbers in ascending order."""
     numbers = [
         value for value in values if isinstance(value, int | float) and not isinstance(value, bool)
     ]
     return len(numbers) == len(values) and sorted(numbers) == numbers
 
 
-def _span(plugin: type[Any], name: str, text: str) -> Dimension | None:
-    """Return what ``a:b``, ``a:b:log`` or ``*`` says; None for another form."""
+def _parse_span(plugin: type[Any], name: str, text: str) -> Dimension | None:
+    """Parse ``a:b``, ``a:b:log`` or ``*``; return None for another form."""
     options: type[BaseModel] = plugin.Options
     field = options.model_fields[name]
-    types = kinds(field.annotation)
+    types = allowed_types(field.annotation)
     if text.strip() == ALL:
-        return _all_of(name, field)
+        return _allow_all(name, field)
     parts = [part.strip() for part in text.split(":")]
     logarithmic = len(parts) == 3 and parts[2] == "log"
     if not types & {int, float} or not (len(parts) == 2 or logarithmic):
@@ -325,26 +318,26 @@ def _span(plugin: type[Any], name: str, text: str) -> Dimension | None:
     return Span(name, low, high, whole, logarithmic)
 
 
-def _all_of(name: str, field: FieldInfo) -> Dimension:
+def _allow_all(name: str, field: FieldInfo) -> Dimension:
     """Return all values that an option allows.
 
     Raises
     ------
     OptionError
-        If these have no ends.
+        If they have no two ends.
     """
-    types = kinds(field.annotation)
+    types = allowed_types(field.annotation)
     for form in (field.annotation, *get_args(field.annotation)):
-        # Also of an option that may be null.
+        # An option that may be null has several forms.
         if get_origin(form) is Literal:
             return Choice(name, tuple(get_args(form)))
     if types - {type(None)} == {bool}:
         return Choice(name, (False, True))
-    low = next((one.ge for one in field.metadata if hasattr(one, "ge")), None)
-    high = next((one.le for one in field.metadata if hasattr(one, "le")), None)
+    low = next((limit.ge for limit in field.metadata if hasattr(limit, "ge")), None)
+    high = next((limit.le for limit in field.metadata if hasattr(limit, "le")), None)
     if not types & {int, float} or low is None or high is None:
         raise OptionError(
-            f"Option {name}={ALL}: what the option allows has no two ends that belong to it. Name "
+            f"Option {name}={ALL}: the values of the option have no two ends. Name "
             f"them, as {name}=LOW:HIGH, or values, as {name}=A,B."
         )
     return Span(name, low, high, whole=float not in types)

@@ -1,4 +1,4 @@
-"""The straight line of a parameter study: plan it, do its runs, say what they show."""
+"""Parameter studies from plan to result: with the settings of a design, or of a sampler."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from skillplan.records.sweep.plan import (
 from skillplan.records.sweep.result import SweepRecord, SweepResult, record_of
 from skillplan.sweep.option_values import read_space, read_values
 from skillplan.sweep.sampler import Question, Sampler, SharedTrials
-from skillplan.sweep.study_folder import StudyFolder, difference, identity
-from skillplan.sweep.study_runs import Order, StudyJob, do_all, from_starts
+from skillplan.sweep.study_folder import StudyFolder, describe_difference, get_identity
+from skillplan.sweep.study_runs import Order, StudyJob, do_runs, set_starts
 from skillplan.task.task import Task
 
 _MOST_RUNS = 100_000
@@ -46,55 +46,47 @@ def plan_study(
     warm: bool = False,
     name: str = "",
 ) -> tuple[SweepPlan, StudyJob]:
-    """Return the plan of a study and what its runs have in common.
+    """Plan a study; return the plan, and the job that all its runs share.
 
     Parameters
     ----------
-    task
-        The task.
-    solver
-        The solver's name.
     values
         Option and text such as ``("gamma", "0.8:0.999:12")``; see `read_values`.
-    setup
-        Back ends and their options.
     starts
-        Places, or facts joined by ``+``, that the task is done from; empty for its own start.
+        Places, or facts joined by ``+``. Default: the start of the task.
     design
-        ``one-at-a-time`` varies every option around the centre, ``grid`` takes all
+        ``one-at-a-time`` varies one option while the others stay at the centre, ``grid`` takes all
         combinations.
     runs
-        Runs of every setting, >= 1, with the seeds from `seed` on.
-    seed
-        The first seed, >= 0.
+        Runs per setting, >= 1, with seeds from `seed` on.
     warm
-        Whether verdicts kept on disk are used.
+        True to use verdicts stored on disk.
     name
-        Of the study, for people; empty for the task's name.
+        Title of the study. Default: the task's name.
 
     Raises
     ------
     OptionError
-        If an option, value or start is wrong, the solver refuses the task, or there are more
-        than 100,000 runs.
+        If an option, value or start is wrong, the solver refuses the task, or there are more than
+        100,000 runs.
     PluginError
         If a plugin is unknown or broken.
     """
-    wanted = read_values(solver, list(values))
-    fixed = _with(setup, solver, wanted.fixed)
-    _check_size(wanted.axes, design, runs)
-    job, common = _common(task, solver, setup, fixed, starts, warm)
+    options = read_values(solver, list(values))
+    fixed = _add_options(setup, solver, options.fixed)
+    _check_size(options.axes, design, runs)
+    job, common = _plan_common(task, solver, setup, fixed, starts, warm)
     plan = SweepPlan(
         name=name or task.name,
         design=design,
-        axes=wanted.axes,
-        centre=wanted.centre,
+        axes=options.axes,
+        centre=options.centre,
         seeds=tuple(range(seed, seed + runs)),
         **common,
     )
     plugin = registry.load("solver", solver)
     for setting in plan.settings:
-        # Options that do not go together are refused before anything has run.
+        # Options that contradict each other are refused before the first run.
         registry.make_options("solver", solver, plugin, {**fixed.get(solver, {}), **setting})
     return plan, job
 
@@ -113,14 +105,12 @@ def plan_sampled(
     warm: bool = False,
     name: str = "",
 ) -> tuple[SampledPlan, StudyJob]:
-    """Return the plan of a study whose settings a sampler chooses, and what its runs share.
+    """Plan a study whose settings a sampler chooses; return the plan, and the job of its runs.
 
     Parameters
     ----------
     values
         Option and text such as ``("gamma", "0.8:0.999")``; see `read_space`.
-    sampler
-        Name of the plugin that chooses.
     minimise
         One of `AIMS`.
     task, solver, setup, starts, runs, seed, warm, name
@@ -134,7 +124,9 @@ def plan_sampled(
         If a plugin is unknown or broken.
     """
     space = read_space(solver, values)
-    job, common = _common(task, solver, setup, _with(setup, solver, space.fixed), starts, warm)
+    job, common = _plan_common(
+        task, solver, setup, _add_options(setup, solver, space.fixed), starts, warm
+    )
     plan = SampledPlan(
         name=name or task.name,
         design=SAMPLED,
@@ -152,15 +144,15 @@ def plan_sampled(
     return plan, job
 
 
-def _with(setup: Setup, solver: str, fixed: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the options of all plugins, with those of the solver that hold in all runs."""
+def _add_options(setup: Setup, solver: str, fixed: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Add options of the solver to the options of all plugins."""
     options: dict[str, dict[str, Any]] = {key: dict(kv) for key, kv in setup.options.items()}
     if fixed:
         options[solver] = {**options.get(solver, {}), **fixed}
     return options
 
 
-def _common(
+def _plan_common(
     task: Task,
     solver: str,
     setup: Setup,
@@ -168,14 +160,14 @@ def _common(
     starts: Sequence[str],
     warm: bool,
 ) -> tuple[StudyJob, dict[str, Any]]:
-    """Return what the runs of every design have in common, and what its plan says of that.
+    """Return the job of the runs, and the fields that all plans share.
 
     Raises
     ------
     OptionError
         If a start is wrong or the solver refuses the task.
     """
-    job = StudyJob(from_starts(task, list(starts)), solver, replace(setup, options=fixed), warm)
+    job = StudyJob(set_starts(task, list(starts)), solver, replace(setup, options=fixed), warm)
     first = next(iter(job.tasks.values()))
     refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
     if refusal is not None:
@@ -218,28 +210,29 @@ def do_study(
     stopped: Callable[[], bool] = lambda: False,
     on_run: Callable[[SweepRecord], None] = lambda record: None,
 ) -> SweepResult:
-    """Do the runs of a study that are not done yet, in processes of their own.
+    """Do the missing runs of a study in worker processes.
 
-    The result depends neither on how many processes there are nor on the order in which runs
-    end. Seeds come before settings, so that what is interrupted can be compared.
+    The result depends neither on the number of processes nor on the order in which runs end. All
+    settings run with the first seed before the second, so that an interrupted study can be
+    compared.
 
     Parameters
     ----------
     plan, job
-        What `plan_study` returned.
+        As returned by `plan_study`.
     jobs
-        How many processes, >= 1.
+        Number of processes, >= 1.
     folder
-        Where finished runs are kept; what is there already is not done again.
+        Stores finished runs; runs that are already there are not repeated.
     stopped
-        Whether to stop; unfinished runs are given up.
+        Returns True to stop; unfinished runs are discarded.
     on_run
-        Called with every finished run, those of the folder first.
+        Called with every finished run, starting with the stored ones.
 
     Raises
     ------
     OptionError
-        If a finished run cannot be kept.
+        If a finished run cannot be stored.
     SkillplanError
         If processes cannot be started.
     """
@@ -254,7 +247,7 @@ def do_study(
         if (index, seed) not in done
     )
     maker = job.setup.make_executor
-    for record in do_all(job, orders, jobs, stopped, None if maker is None else maker(jobs)):
+    for record in do_runs(job, orders, jobs, stopped, None if maker is None else maker(jobs)):
         if folder is not None:
             folder.add(record)
         records.append(record)
@@ -263,12 +256,12 @@ def do_study(
     return SweepResult(plan, records, interrupted=len(records) < total)
 
 
-# A setting is worse than any of which more runs arrive: its share of failures counts so much.
+# Weight of the share of failures, larger than any mean.
 _FAILED = 1e9
 
 
 def make_sampler(name: str, options: Mapping[str, Any]) -> Sampler:
-    """Return a sampler by name.
+    """Make a sampler by name.
 
     Raises
     ------
@@ -282,19 +275,19 @@ def make_sampler(name: str, options: Mapping[str, Any]) -> Sampler:
     return sampler
 
 
-def shared_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> SharedTrials:
-    """Return the trials of a folder: a new study, or the same one that others have begun.
+def open_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> SharedTrials:
+    """Open the trials of a folder: a new study, or the same study of other processes.
 
     Raises
     ------
     OptionError
-        If the folder cannot be used, holds something else, or holds another study: what differs
-        is named.
+        If the folder cannot be used, or holds something else or another study; the message names
+        the difference.
     """
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        there = {one.name for one in folder.iterdir()}
+        there = {path.name for path in folder.iterdir()}
     except OSError as error:
         raise OptionError(f"--out {out}: cannot be used: {error.strerror}.") from None
     if there and sampler.keeps not in there:
@@ -302,17 +295,17 @@ def shared_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> S
             f"--out {out}: is not empty, and holds no trials of {sampler.name} "
             f"({sampler.keeps}). Name a new folder, or one of such a study to join it."
         )
-    about = identity(plan)
-    # What is tried changes, and so does where it is done.
+    about = get_identity(plan)
+    # The tried values change during the study.
     about.pop("axes")
     about["sampler_options"] = sampler.options.model_dump(mode="json")
     first = {
-        one.option: plan.centre[one.option]
-        for one in plan.space
-        if one.holds(plan.centre[one.option])
+        dimension.option: plan.centre[dimension.option]
+        for dimension in plan.space
+        if dimension.holds(plan.centre[dimension.option])
     }
     trials = sampler.join(folder, Question(plan.space, about, first, seed))
-    differs = difference(trials.about, about)
+    differs = describe_difference(trials.about, about)
     if differs is not None:
         raise OptionError(
             f"--out {out}: the study there is another one, {differs}. Give the same values to join "
@@ -323,7 +316,7 @@ def shared_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> S
 
 @dataclass
 class _Running:
-    """A trial whose runs are being done."""
+    """A trial and its finished runs."""
 
     trial: Trial
     records: list[SweepRecord] = field(default_factory=list)
@@ -339,30 +332,27 @@ def do_sampled(
     stopped: Callable[[], bool] = lambda: False,
     on_trial: Callable[[], None] = lambda: None,
 ) -> SweepResult:
-    """Try settings until so many trials are finished, those of other processes included.
+    """Try settings until enough trials are finished, including other processes'.
 
-    Which settings are tried depends on the order in which runs end. Trials that are under way when
-    it is stopped are forgotten.
+    The settings depend on the order in which runs end. A stop discards unfinished trials.
 
     Parameters
     ----------
     plan, job
-        What `plan_sampled` returned.
-    trials
-        Of the study's folder.
+        As returned by `plan_sampled`.
     most
-        Once so many are finished, or under way here, no further one is begun, >= 1.
+        Number of trials, finished or running here, after which no other begins, >= 1.
     jobs
-        How many processes, >= 1.
+        Number of processes, >= 1.
     stopped
-        Whether to stop.
+        Returns True to stop.
     on_trial
-        Called with every trial that was finished here.
+        Called after every trial that was finished here.
 
     Raises
     ------
     OptionError
-        If trials cannot be kept or read.
+        If trials cannot be stored or read.
     SkillplanError
         If processes cannot be started.
     """
@@ -378,32 +368,33 @@ def do_sampled(
     maker = job.setup.make_executor
     executor = None if maker is None else maker(jobs)
     try:
-        for record in do_all(job, orders(), jobs, stopped, executor):
-            one = running[record.setting]
-            one.records.append(record)
-            if len(one.records) == len(plan.seeds):
+        for record in do_runs(job, orders(), jobs, stopped, executor):
+            running_trial = running[record.setting]
+            running_trial.records.append(record)
+            if len(running_trial.records) == len(plan.seeds):
                 del running[record.setting]
-                lines = [run.line() for run in one.records]
-                trials.tell(one.trial, value_of(one.records, plan.minimise), lines)
+                lines = [run.line() for run in running_trial.records]
+                value = rate_setting(running_trial.records, plan.minimise)
+                trials.tell(running_trial.trial, value, lines)
                 on_trial()
     finally:
-        for one in running.values():
-            # What ended this may be that nothing can be kept.
+        for running_trial in running.values():
+            # The folder itself may have failed.
             with suppress(OptionError):
-                trials.give_up(one.trial)
-    return sampled_result(plan, trials, interrupted=trials.done() < most)
+                trials.give_up(running_trial.trial)
+    return _collect_trials(plan, trials, interrupted=trials.done() < most)
 
 
-def value_of(records: Sequence[SweepRecord], minimise: str) -> float | None:
-    """Return what a setting is worth, the less the better; None where every run failed.
+def rate_setting(records: Sequence[SweepRecord], minimise: str) -> float | None:
+    """Return the value of a setting, lower is better; None if every run failed.
 
-    First counts which share of the runs does not arrive from every start, then the mean of what is
-    minimised, over the runs that do.
+    The share of runs that miss the goal from some start counts first, then the mean over the other
+    runs of the quantity to minimise.
 
     Parameters
     ----------
     records
-        The runs of the setting, at least one.
+        Runs of the setting, at least one.
     minimise
         One of `AIMS`.
     """
@@ -415,34 +406,34 @@ def value_of(records: Sequence[SweepRecord], minimise: str) -> float | None:
     if all(record.error is not None for record in records):
         return None
     failed = 1.0 - len(arrived) / len(records)
-    paid = [_paid(record, minimise) for record in arrived]
+    paid = [_measure(record, minimise) for record in arrived]
     return _FAILED * failed + (fmean(paid) if paid else 0.0)
 
 
-def _paid(record: SweepRecord, minimise: str) -> float:
+def _measure(record: SweepRecord, minimise: str) -> float:
     if minimise == "seconds":
         times_s = [outcome.learning_s for outcome in record.outcomes]
         return max(times_s) if record.shared else sum(times_s)
     if minimise == "steps":
-        return float(sum(one.steps or 0 for one in record.outcomes))
-    return sum(one.cost or 0.0 for one in record.outcomes)
+        return float(sum(outcome.steps or 0 for outcome in record.outcomes))
+    return sum(outcome.cost or 0.0 for outcome in record.outcomes)
 
 
-def sampled_result(plan: SampledPlan, trials: SharedTrials, *, interrupted: bool) -> SweepResult:
-    """Return what all trials of a study show, whoever did them.
+def _collect_trials(plan: SampledPlan, trials: SharedTrials, *, interrupted: bool) -> SweepResult:
+    """Return the result of all trials of a study, including other processes'.
 
     Raises
     ------
     OptionError
-        If what is kept is damaged.
+        If a stored trial is damaged.
     """
-    options = {one.option for one in plan.space}
+    options = {dimension.option for dimension in plan.space}
     kept = {}
-    for one in trials.finished():
-        number = one.trial.number
+    for finished in trials.finished():
+        number = finished.trial.number
         try:
-            records = [record_of(line) for line in one.lines]
-            if set(one.trial.values) != options:
+            records = [record_of(line) for line in finished.lines]
+            if set(finished.trial.values) != options:
                 raise ValueError("it has other options")
             if sorted(record.seed for record in records) != sorted(plan.seeds):
                 raise ValueError("it has other runs")
@@ -450,14 +441,14 @@ def sampled_result(plan: SampledPlan, trials: SharedTrials, *, interrupted: bool
             raise OptionError(
                 f"Trial {number} of the study is damaged: {error}. Begin in a new folder."
             ) from None
-        kept[number] = (TriedSetting(one.trial, one.value), records)
-    plan = plan.with_tried([tried for tried, _ in kept.values()])
-    found = [
+        kept[number] = (TriedSetting(finished.trial, finished.value), records)
+    plan = plan.with_tried([setting for setting, _ in kept.values()])
+    all_records = [
         replace(record, setting=index)
-        for index, tried in enumerate(plan.tried)
-        for record in kept[tried.trial.number][1]
+        for index, setting in enumerate(plan.tried)
+        for record in kept[setting.trial.number][1]
     ]
     try:
-        return SweepResult(plan, found, interrupted)
+        return SweepResult(plan, all_records, interrupted)
     except ValueError as error:
         raise OptionError(f"The study is damaged: {error} Begin in a new folder.") from None

@@ -1,7 +1,7 @@
-"""What every sampler offers: settings to try, each chosen by what has come of those before.
+"""Interface of samplers, which choose the settings of a study from earlier trials.
 
-A sampler subclasses `Sampler` and is registered in the group ``skillplan.sampler``. It keeps its
-trials on disk in a folder that several processes, and machines, may share.
+A sampler subclasses `Sampler` and is registered in the group ``skillplan.sampler``. It stores its
+trials in a folder that several processes and machines may share.
 """
 
 from __future__ import annotations
@@ -20,16 +20,14 @@ from skillplan.task import back_end
 
 @dataclass(frozen=True, slots=True)
 class FinishedTrial:
-    """A trial of which all runs have been done.
+    """A trial whose runs are all done.
 
     Parameters
     ----------
-    trial
-        Its setting.
     value
-        What was to be minimised; None where no run went well.
+        The minimised quantity; None if every run failed.
     lines
-        What `SharedTrials.tell` was given of its runs.
+        The lines that `SharedTrials.tell` received.
     """
 
     trial: Trial
@@ -39,18 +37,18 @@ class FinishedTrial:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What a sampler is to choose, by whom it is asked, and what to begin with.
+    """A study as a sampler sees it.
 
     Parameters
     ----------
     dimensions
-        The options that vary, and what they may be.
+        The options that vary, with their ranges.
     about
-        What makes the study this one, as JSON values; kept with the trials.
+        Identity of the study as JSON values; stored with the trials.
     first
-        A setting to try before any other; options that it leaves out are chosen.
+        Setting of the first trial; the sampler chooses missing options.
     seed
-        Governs all randomness, >= 0.
+        Seed of all randomness, >= 0.
     """
 
     dimensions: Sequence[Dimension]
@@ -60,46 +58,45 @@ class Question:
 
 
 class SharedTrials(ABC):
-    """The trials of a study, those of other processes too.
+    """All trials of a study, of this process and others.
 
-    Every method raises `OptionError` where the folder cannot be read or written, or what is kept
-    there is damaged.
+    Every method raises `OptionError` if the folder cannot be read or written, or is damaged.
     """
 
     @property
     @abstractmethod
     def about(self) -> Mapping[str, Any]:
-        """What `Question.about` was when the study was begun."""
+        """`Question.about` from the beginning of the study."""
 
     @abstractmethod
     def ask(self) -> Trial:
-        """Return a setting to try; no other process is given the same number."""
+        """Return a setting to try, with a number that no other process gets."""
 
     @abstractmethod
     def tell(self, trial: Trial, value: float | None, lines: Sequence[str]) -> None:
-        """Keep what came of a trial.
+        """Store the result of a trial.
 
         Parameters
         ----------
         trial
-            One that `ask` returned, told once.
+            A trial from `ask`, stored once.
         value
-            What is minimised; None where no run went well.
+            The minimised quantity; None if every run failed.
         lines
-            What else is to be kept.
+            Further content to store.
         """
 
     @abstractmethod
     def give_up(self, trial: Trial) -> None:
-        """Forget a trial that `ask` returned: it is neither finished nor learned from."""
+        """Discard a trial from `ask`: it counts neither as finished nor for later choices."""
 
     @abstractmethod
     def done(self) -> int:
-        """Return how many trials are finished."""
+        """Return the number of finished trials."""
 
     @abstractmethod
     def finished(self) -> list[FinishedTrial]:
-        """Return the finished trials by their numbers."""
+        """Return the finished trials in the order of their numbers."""
 
 
 class Sampler(ABC):
@@ -108,16 +105,16 @@ class Sampler(ABC):
     Parameters
     ----------
     options
-        An instance of `Options`; None for the defaults.
+        An instance of `Options`. Default: the default options.
 
     Attributes
     ----------
     name
-        Kebab-case, as in the entry point.
+        Name in kebab-case, as in the entry point.
     Options
-        A pydantic model whose fields carry range and description.
+        A pydantic model whose fields have a range and a description.
     keeps
-        Name of the file in which it keeps trials.
+        Name of the file with the trials.
     """
 
     name: ClassVar[str]
@@ -129,17 +126,15 @@ class Sampler(ABC):
 
     @abstractmethod
     def join(self, folder: Path, question: Question) -> SharedTrials:
-        """Return the trials of a folder, begun or gone on with.
+        """Open the trials in a folder, new or existing.
 
         Parameters
         ----------
         folder
-            Exists; other processes may use it at the same time.
-        question
-            What is to be chosen.
+            Existing folder; other processes may use it at the same time.
 
         Raises
         ------
         OptionError
-            If the folder cannot be used or what is kept there is damaged.
+            If the folder cannot be used or is damaged.
         """

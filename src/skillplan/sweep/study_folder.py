@@ -1,7 +1,7 @@
-"""The folder of a study: what is studied, and every finished run, whatever ends the program.
+"""The folder of a study: its settings, and every finished run.
 
-``manifest.json`` is there whole or not at all. ``runs.jsonl`` grows by a line for every finished
-run and is forced to disk; a line that was being written when the program ended is dropped.
+``manifest.json`` is always complete. ``runs.jsonl`` grows by one line per finished run and is
+flushed to disk; an incomplete last line is dropped.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ from skillplan.files.regular_file import read_bytes
 from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST
-from skillplan.records.sweep.plan import SweepPlan, same
+from skillplan.records.sweep.plan import SweepPlan, is_same
 from skillplan.records.sweep.result import SweepRecord, record_of
 
-# What a study may differ in from the one that is resumed, in words.
+RUNS, RESULT, STARTS = "runs.jsonl", "sweep.json", "starts.csv"
+_MOST_BYTES = 1024**3
+
+# Settings that must not change when a study is resumed, with their names in messages.
 _WORDS = {
     "task": "the task",
     "step_limit": "the step limit",
@@ -34,7 +37,7 @@ _WORDS = {
     "design": "the design",
     "axes": "the values of the options",
     "space": "the ranges of the options",
-    "minimise": "what is minimised",
+    "minimise": "the quantity to minimise",
     "sampler": "the sampler",
     "sampler_options": "the options of the sampler",
     "centre": "the centre",
@@ -45,68 +48,62 @@ _WORDS = {
 }
 
 
-def identity(plan: SweepPlan) -> dict[str, Any]:
-    """Return what has to be the same for runs to belong together."""
+def get_identity(plan: SweepPlan) -> dict[str, Any]:
+    """Return the settings that all runs of a study share."""
     versions = {"skillplan": __version__}
     for entry in registered("solver").select(name=plan.solver):
         if entry.dist is not None:
             versions[entry.dist.name] = entry.dist.version
-    # The optima are proved again, which may take longer than the limit.
+    # Without the optima: their proofs may exceed the time limit at another time.
     starts = [start.name for start in plan.starts]
     return {**plan.document(), "starts": starts, "versions": versions}
 
 
-def difference(was: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
-    """Return in what two identities differ, in words; None where they are the same."""
+def describe_difference(was: Mapping[str, Any], now: Mapping[str, Any]) -> str | None:
+    """Describe the first difference of two identities; None if they are equal."""
     for key, words in _WORDS.items():
-        if not same(was.get(key), now.get(key)):
-            there, here = _differing(was.get(key), now.get(key))
+        if not is_same(was.get(key), now.get(key)):
+            there, here = _find_difference(was.get(key), now.get(key))
             return f"in {words}: {there} there, {here} now"
     return None
 
 
-def _differing(was: Any, now: Any, most: int = 60) -> tuple[str, str]:
-    """Return the first things in which two JSON values differ, as texts of bounded length."""
+def _find_difference(was: Any, now: Any, most: int = 60) -> tuple[str, str]:
+    """Return the first values that differ in two JSON values, as texts of limited length."""
     while type(was) is type(now):
         if isinstance(was, dict) and was.keys() == now.keys():
-            key = next(key for key in was if not same(was[key], now[key]))
+            key = next(key for key in was if not is_same(was[key], now[key]))
             was, now = was[key], now[key]
         elif isinstance(was, list) and len(was) == len(now):
-            was, now = next((a, b) for a, b in zip(was, now, strict=True) if not same(a, b))
+            was, now = next((a, b) for a, b in zip(was, now, strict=True) if not is_same(a, b))
         else:
             break
     texts = (json.dumps(was), json.dumps(now))
     return tuple(text if len(text) <= most else f"{text[:most]}..." for text in texts)  # type: ignore[return-value]
 
 
-RUNS, RESULT, STARTS = "runs.jsonl", "sweep.json", "starts.csv"
-_MOST_BYTES = 1024**3
-
-
 class StudyFolder(HeldFolder):
-    """A folder that is being written by one study; a context manager.
+    """A folder that one study writes; a context manager.
 
     Parameters
     ----------
     path
-        The folder, made if need be.
-    plan
-        The study.
+        The folder, created if necessary.
     resume
-        Whether a study that was begun there is continued.
+        True to continue the study in the folder.
     command
-        The words of the command line, to be kept.
+        The words of the command line, stored in the manifest.
 
     Attributes
     ----------
     records
-        The runs that are done; those that failed are to be done again.
+        The finished runs; runs that failed are repeated.
 
     Raises
     ------
     OptionError
-        If the folder cannot be used, holds something else, or holds another study: what
-        differs is named.
+        If the folder cannot be used, or holds something else or another study; the message names
+        the difference.
     """
 
     def __init__(
@@ -119,14 +116,14 @@ class StudyFolder(HeldFolder):
             self._open(plan, resume, command)
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the folder."""
         if self._lines is not None:
             self._lines.close()
             self._lines = None
         super().close()
 
     def add(self, record: SweepRecord) -> None:
-        """Keep a run, whatever happens next.
+        """Append a run and flush it to disk.
 
         Raises
         ------
@@ -144,26 +141,26 @@ class StudyFolder(HeldFolder):
             ) from None
 
     def _open(self, plan: SweepPlan, resume: bool, command: tuple[str, ...]) -> None:
-        # A program that was ended while it wrote leaves pieces; of its first file that is all.
-        there = {one.name for one in self.path.iterdir()}
-        found = there - {name for name in there if is_unfinished(name, MANIFEST)}
-        if found and not resume:
+        # Unfinished files come from a program that was killed; its manifest may be one of them.
+        there = {path.name for path in self.path.iterdir()}
+        existing = there - {name for name in there if is_unfinished(name, MANIFEST)}
+        if existing and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
             )
-        if found - {RUNS} and MANIFEST not in found:
+        if existing - {RUNS} and MANIFEST not in existing:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         self._lines = GrowingFile(self.path / RUNS, self.path)
         remove_unfinished(self.path, within=self.path)
-        wanted = identity(plan)
-        if MANIFEST in found:
-            self._compare(wanted)
+        settings = get_identity(plan)
+        if MANIFEST in existing:
+            self._compare(settings)
             self._read(plan)
         else:
             self._lines.cut(0)
             content = {
                 "schema": schemas.SWEEP_MANIFEST,
-                **wanted,
+                **settings,
                 "command": list(command),
                 "python": sys.version.split()[0],
                 "runs": len(plan.settings) * len(plan.seeds),
@@ -171,13 +168,13 @@ class StudyFolder(HeldFolder):
             text = json.dumps(content, indent=2, allow_nan=False)
             write_whole(self.path / MANIFEST, text, within=self.path)
 
-    def _compare(self, wanted: dict[str, Any]) -> None:
+    def _compare(self, settings: dict[str, Any]) -> None:
         content = parse_json(read_bytes(self.path / MANIFEST, _MOST_BYTES, within=self.path))
         if not isinstance(content, dict) or content.get("schema") != schemas.SWEEP_MANIFEST:
             raise OptionError(
-                f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
+                f"--out {self.path}: {MANIFEST} is not a document {schemas.SWEEP_MANIFEST}."
             )
-        differs = difference(content, wanted)
+        differs = describe_difference(content, settings)
         if differs is not None:
             raise OptionError(
                 f"--resume: the study in {self.path} is another one, {differs}. Give the same "
@@ -185,7 +182,7 @@ class StudyFolder(HeldFolder):
             )
 
     def _read(self, plan: SweepPlan) -> None:
-        """Read the finished runs, and drop the piece of a line that may end the file."""
+        """Read the finished runs, and drop an incomplete last line."""
         assert self._lines is not None
         content = read_bytes(self.path / RUNS, _MOST_BYTES, within=self.path)
         whole = content[: content.rfind(b"\n") + 1]
@@ -202,7 +199,7 @@ class StudyFolder(HeldFolder):
                     or record.setting >= len(plan.settings)
                     or record.seed not in plan.seeds
                 ):
-                    raise ValueError("it is no run of this study")
+                    raise ValueError("it is not a run of this study")
             except ValueError as error:
                 raise OptionError(
                     f"{self.path / RUNS}:{number}: is damaged: {error}. Delete the line, and "

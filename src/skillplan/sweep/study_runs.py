@@ -1,4 +1,4 @@
-"""One run of a study: learn with one setting and seed, and answer from every start."""
+"""Runs of a study in worker processes: learn with one setting and seed, answer from every start."""
 
 from __future__ import annotations
 
@@ -20,29 +20,27 @@ from skillplan.task.task import Task
 from skillplan.workers.executor import Answer, Executor, News, Worker, packed, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 
-# Exact search from one start, to stand beside what is learned, takes no longer than this.
+# Time limit of the exact search from one start [s].
 _REFERENCE_S = 10.0
 
 
 @dataclass(frozen=True)
 class StudyJob:
-    """What all runs of a study have in common; can be sent to another process.
+    """The settings that all runs of a study share. It can be sent to another process.
 
     Parameters
     ----------
     tasks
-        The task from every start, by the start's name.
-    solver
-        The solver's name.
+        The task from every start, by name of the start.
     setup
-        Back ends and the options that do not vary.
+        Back ends, and options that do not vary.
     warm
-        Whether verdicts kept on disk are used.
+        True to use verdicts stored on disk.
 
     Raises
     ------
     ValueError
-        If there is no task.
+        If `tasks` is empty.
     """
 
     tasks: Mapping[str, Task]
@@ -55,11 +53,11 @@ class StudyJob:
             raise ValueError("A study needs at least one start.")
 
     def cache(self) -> VerdictCache:
-        """Return where a run keeps verdicts: cold unless the study is warm, and on its machine."""
+        """Return the verdict cache of a run, empty unless the study is warm and shares files."""
         return warm_cache() if self.warm and shares_files() else VerdictCache()
 
     def optimum(self, start: str) -> float | None:
-        """Return the proved least cost from a start; None where exact search proves none."""
+        """Return the proved optimum from a start; None if exact search does not prove it."""
         task = self.tasks[start]
         if not task.deterministic:
             return None
@@ -70,20 +68,18 @@ class StudyJob:
         return best.cost if best.status is Status.OPTIMAL else None
 
 
-def from_starts(task: Task, starts: list[str]) -> dict[str, Task]:
+def set_starts(task: Task, starts: list[str]) -> dict[str, Task]:
     """Return the task from every start; a learner explores from all of them.
 
     Parameters
     ----------
-    task
-        The task.
     starts
-        Places, or facts joined by ``+``; empty for the task's own start.
+        Places, or facts joined by ``+``. Default: the start of the task.
 
     Raises
     ------
     OptionError
-        If a start is unknown, named twice, or no state the task can be in.
+        If a start is unknown, given twice, or an impossible state.
     """
     if not starts:
         places = [place.name for place in task.places_in(task.initial)]
@@ -107,20 +103,16 @@ def from_starts(task: Task, starts: list[str]) -> dict[str, Task]:
 def do_run(
     job: StudyJob, setting: int, options: Mapping[str, Any], seed: int, stop: Stop | None = None
 ) -> SweepRecord:
-    """Return what became of a run; whatever goes wrong in it stands in its record.
+    """Do a run; its errors become part of the record.
 
     Parameters
     ----------
-    job
-        What is studied.
     setting
         Index of the setting.
     options
-        Its options of the solver.
-    seed
-        Governs all randomness.
+        Options of the solver in this setting.
     stop
-        When to stop; by default never.
+        Limits of the run. Default: none.
     """
     try:
         return _run(job, setting, options, seed, stop)
@@ -140,28 +132,28 @@ def _run(
     (first, task), *others = job.tasks.items()
     cache = job.cache()
     request = SearchRequest(task, job.solver, setup, seed, stop or Stop(), cache)
-    made = search(request)
-    if made.refusal is not None:
-        return SweepRecord(setting, seed, error=f"refused: {made.refusal}")
-    result = grade(request, made)
-    outcomes = [_outcome(first, result)]
-    shared = made.solution.policy is not None
+    solved = search(request)
+    if solved.refusal is not None:
+        return SweepRecord(setting, seed, error=f"refused: {solved.refusal}")
+    result = grade(request, solved)
+    outcomes = [_make_outcome(first, result)]
+    shared = solved.solution.policy is not None
     if shared:
-        # What it claims to have proved, it claims of the first start only.
-        solution = replace(made.solution, lower_bound=None, proved=False)
-        made = replace(made, solution=solution)
+        # Its proof holds for the first start only.
+        solution = replace(solved.solution, lower_bound=None, proved=False)
+        solved = replace(solved, solution=solution)
     for name, task in others:
         other = (
-            grade(replace(request, task=task), made)
+            grade(replace(request, task=task), solved)
             if shared
             else solve(task, job.solver, setup, seed=seed, stop=stop, cache=job.cache())
         )
-        outcomes.append(_outcome(name, other))
+        outcomes.append(_make_outcome(name, other))
     return SweepRecord(setting, seed, tuple(outcomes), shared, result.expanded)
 
 
-def _outcome(start: str, result: Result) -> StartOutcome:
-    # The time that a solver reports for learning leaves out enumerating and compiling.
+def _make_outcome(start: str, result: Result) -> StartOutcome:
+    # The learning time of a solver excludes enumeration and compilation.
     known = result.trace.get("learning_s")
     sound = isinstance(known, int | float) and not isinstance(known, bool) and known >= 0
     learning_s = float(known) if sound and known is not None else result.wall_s
@@ -170,43 +162,40 @@ def _outcome(start: str, result: Result) -> StartOutcome:
     )
 
 
-_WHAT = "the runs"
+_PURPOSE = "the runs"
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A run to be done: the index of its setting, its options and its seed."""
+    """A run to do: index of the setting, its options, and the seed."""
 
     setting: int
     options: Mapping[str, Any]
     seed: int
 
 
-def do_all(
+def do_runs(
     job: StudyJob,
     orders: Iterable[Order],
     count: int,
     stopped: Callable[[], bool],
     executor: Executor | None = None,
 ) -> Iterator[SweepRecord]:
-    """Yield the records of runs as they end, in whatever order.
+    """Yield the records of runs as they end, in any order.
 
-    A run whose process is ended, for want of memory for example, is recorded as failed, and the
-    others go on; one whose machine is lost is done once more elsewhere. Once `stopped` is true,
-    unfinished runs are given up.
+    If a process dies, its run is recorded as failed and the others continue. A run whose machine is
+    lost is repeated once elsewhere. A stop discards unfinished runs.
 
     Parameters
     ----------
-    job
-        What all runs have in common.
     orders
-        The runs; the next one is asked for once the record before it has been taken.
+        The runs. The next one is drawn after the previous record was consumed.
     count
-        How many processes, >= 1.
+        Number of processes, >= 1.
     stopped
-        Whether to stop; called several times a second.
+        Returns True to stop; called several times per second.
     executor
-        Where they run instead; it has the number of them, too.
+        Runs the processes instead, in its own number.
 
     Raises
     ------
@@ -215,13 +204,13 @@ def do_all(
     """
     executor = LocalProcesses(count) if executor is None else executor
     todo = iter(orders)
-    content = packed(replace(job, setup=job.setup.in_worker), _WHAT)
+    content = packed(replace(job, setup=job.setup.in_worker), _PURPOSE)
     at: dict[Worker, Order] = {}
     again: list[Order] = []
 
     def give(worker: Worker | None, order: Order) -> None:
         if worker is None:
-            worker = executor.start(_prepare, content, _WHAT)
+            worker = executor.start(_prepare, content, _PURPOSE)
         at[worker] = order
         worker.take((order.setting, dict(order.options), order.seed))
 
@@ -237,7 +226,7 @@ def do_all(
                 if isinstance(answer, Answer):
                     record = answer.content
                 elif answer.exit_code is None and order not in again:
-                    # A lost machine is no fault of the run's: once more, elsewhere.
+                    # A lost machine is not the fault of the run, so it is repeated elsewhere.
                     again.append(order)
                     del at[worker]
                     worker.end()
@@ -248,7 +237,7 @@ def do_all(
                 else:
                     error = f"its process ended by {answer.how}"
                     record = SweepRecord(order.setting, order.seed, error=error)
-                # First the record, by which the next run may be chosen.
+                # The record comes first, because the next run may depend on it.
                 yield record
                 following = next(todo, None)
                 goes_on = following is not None and isinstance(answer, Answer)
@@ -256,12 +245,12 @@ def do_all(
                     del at[worker]
                     worker.end()
                 if following is not None:
-                    # Another process goes on where this one broke down.
+                    # A new process replaces a dead one.
                     give(worker if goes_on else None, following)
     finally:
         executor.close()
 
 
 def _prepare(job: StudyJob) -> Callable[[tuple[int, dict[str, Any], int]], SweepRecord]:
-    """Return what does the runs of a study, in a process of its own."""
+    """Return the function that does runs in a worker process."""
     return lambda order: do_run(job, *order)

@@ -275,8 +275,8 @@ def _run_sampler(
     from skillplan.sweep.parameter_study import (
         do_sampled,
         make_sampler,
+        open_trials,
         plan_sampled,
-        shared_trials,
     )
 
     name, output = sampling.sampler, request.output
@@ -293,7 +293,7 @@ def _run_sampler(
         **request.common,
     )
     _check_plot(output)
-    trials = shared_trials(output.out, plan, sampler, request.common["seed"])
+    trials = open_trials(output.out, plan, sampler, request.common["seed"])
     left = max(0, sampling.trials - trials.done())
     with counting(f"{request.solver}, trials", left) as count:
         result = do_sampled(

@@ -1,1 +1,1 @@
-"""Records of parameter studies: what was varied and what came of it; never how it is shown."""
+"""Records of parameter studies: plans and results, never tables."""

@@ -1,37 +1,36 @@
-"""What a parameter study varies: axes, settings, starts and seeds."""
+"""Plan of a parameter study: axes or ranges of options, settings, starts and seeds."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
+_T = TypeVar("_T")
 Value = bool | int | float | str | None
 
 ONE_AT_A_TIME, GRID = "one-at-a-time", "grid"
-# The settings are those that a sampler chose.
+# A sampler chose the settings.
 SAMPLED = "sampled"
 DESIGNS = (ONE_AT_A_TIME, GRID, SAMPLED)
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """An option of the solver and the values it takes.
+    """An option of the solver and its values.
 
     Parameters
     ----------
-    option
-        The option's name.
     values
-        Distinct values, at least one, in the order in which they are shown.
+        Distinct values, at least one, in display order.
 
     Raises
     ------
     ValueError
-        If there is no value, or one twice.
+        If there is no value, or a value occurs twice.
     """
 
     option: str
@@ -45,7 +44,7 @@ class Axis:
 
     @property
     def numeric(self) -> bool:
-        """Whether all values are numbers."""
+        """True if all values are numbers."""
         return all(
             isinstance(value, int | float) and not isinstance(value, bool) for value in self.values
         )
@@ -53,14 +52,14 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where the task is done from.
+    """A start of the task.
 
     Parameters
     ----------
     name
         A place, or facts joined by ``+``.
     optimum
-        Cost of the best plan from there, proved by exact search; None where it is not known.
+        Proved optimum from there, if known.
 
     Raises
     ------
@@ -78,35 +77,30 @@ class Start:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A parameter study as it was planned.
+    """A parameter study.
 
     Parameters
     ----------
     name
-        Of the study, for people.
+        Title of the study.
     task, kind, sha256
-        The task, its domain and the hash of its content.
+        Name, kind and hash of the task.
     cost_unit, step_limit
-        Of the task; from a start that takes more skills than the limit, the solver failed.
-    solver
-        Who is studied.
-    physics, collision
-        Back ends that are queried.
+        Properties of the task. A run from a start fails beyond the step limit.
     design
-        One of `DESIGNS`: every option varied alone around the centre, all combinations, or what a
-        sampler chose.
+        One of `DESIGNS`.
     axes
         The options that vary.
     centre
-        The value of every option of `axes` while another one varies.
+        Value of every option of `axes` while another option varies.
     fixed
-        Other options that were given: plugin to option to value.
+        Other options: plugin to option to value.
     starts
         At least one.
     seeds
-        One run of every setting for each, distinct, at least one.
+        One run per setting and seed; distinct, at least one.
     warm
-        Whether verdicts kept on disk were used.
+        True to use verdicts stored on disk.
 
     Raises
     ------
@@ -149,42 +143,46 @@ class SweepPlan:
 
     @cached_property
     def settings(self) -> list[dict[str, Value]]:
-        """The settings, each with a value of every option that varies, and none twice."""
+        """The settings, each with a value of every option that varies; all distinct."""
         if self.design == GRID:
-            found: list[dict[str, Value]] = [{}]
+            settings: list[dict[str, Value]] = [{}]
             for axis in self.axes:
-                found = [{**one, axis.option: value} for one in found for value in axis.values]
-            return found
+                settings = [
+                    {**setting, axis.option: value} for setting in settings for value in axis.values
+                ]
+            return settings
         around = [
             {**self.centre, axis.option: value} for axis in self.axes for value in axis.values
         ]
-        return list({json.dumps(one): one for one in around or [dict(self.centre)]}.values())
+        return list(
+            {json.dumps(setting): setting for setting in around or [dict(self.centre)]}.values()
+        )
 
     def about(self, setting: int) -> dict[str, Any]:
-        """Return as JSON values what there is to say of a setting beside its options."""
+        """Return further properties of a setting as JSON values."""
         return {}
 
     def settings_along(self, axis: Axis) -> list[list[int]]:
-        """Return for every value of an axis the indices of the settings to be shown for it.
+        """Return the indices of the settings to show for every value of an axis.
 
-        With `ONE_AT_A_TIME` that is the one in which all other options are at the centre; else all
-        settings of that value, whatever the others are.
+        With `ONE_AT_A_TIME` this is the setting whose other options are at the centre; otherwise
+        all settings with the value.
         """
         along = []
         for value in axis.values:
-            wanted = {**self.centre, axis.option: value}
+            at_centre = {**self.centre, axis.option: value}
             along.append(
                 [
                     index
                     for index, setting in enumerate(self.settings)
-                    if same(setting[axis.option], value)
-                    and (self.design != ONE_AT_A_TIME or same(setting, wanted))
+                    if is_same(setting[axis.option], value)
+                    and (self.design != ONE_AT_A_TIME or is_same(setting, at_centre))
                 ]
             )
         return along
 
     def document(self) -> dict[str, Any]:
-        """Return as JSON values what makes this study this one and no other."""
+        """Return the identity of the study as JSON values."""
         return {
             "task": {"name": self.task, "kind": self.kind, "sha256": self.sha256},
             "cost_unit": self.cost_unit,
@@ -202,19 +200,24 @@ class SweepPlan:
         }
 
 
-def same(one: object, other: object) -> bool:
-    """Whether two JSON values are equal, also in type: 1 is neither 1.0 nor true."""
-    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+def _drop_repeated(values: Iterable[_T]) -> tuple[_T, ...]:
+    """Return distinct JSON values in order; 1 and 1.0 are distinct."""
+    return tuple({json.dumps(value): value for value in values}.values())
+
+
+def is_same(first: object, second: object) -> bool:
+    """Return True if two JSON values are equal, also in type: 1 equals neither 1.0 nor true."""
+    return json.dumps(first, sort_keys=True) == json.dumps(second, sort_keys=True)
 
 
 def setting_text(setting: Mapping[str, Value], options: Sequence[str] | None = None) -> str:
-    """Return a setting in a line, such as ``gamma = 0.9, alpha = 0.1``."""
+    """Return a setting as a line such as ``gamma = 0.9, alpha = 0.1``."""
     shown = setting if options is None else {name: setting[name] for name in options}
     return ", ".join(f"{name} = {value_text(value)}" for name, value in shown.items()) or "defaults"
 
 
 def value_text(value: Value) -> str:
-    """Return a value for people: numbers with up to six digits."""
+    """Format a value; numbers have up to six digits."""
     if isinstance(value, bool) or value is None:
         return json.dumps(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
@@ -226,14 +229,12 @@ class Span:
 
     Parameters
     ----------
-    option
-        The option's name.
     low, high
-        The ends, which belong to it; low < high, finite.
+        The ends, both included; low < high, finite.
     whole
-        Whether values are whole numbers.
+        True for integers.
     logarithmic
-        Whether logarithms are drawn evenly; then low > 0.
+        True if logarithms are drawn uniformly; then low > 0.
 
     Raises
     ------
@@ -254,7 +255,7 @@ class Span:
             raise ValueError(f"A logarithmic span of {self.option!r} begins above 0.")
 
     def holds(self, value: object) -> bool:
-        """Whether a value is one of it."""
+        """Return True if a value is in the span."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
         return self.low <= value <= self.high and not (self.whole and isinstance(value, float))
@@ -272,16 +273,14 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Some values.
+    """A list of values.
 
     Parameters
     ----------
-    option
-        The option's name.
     values
         At least two, distinct.
     ordered
-        Whether neighbours in the list are alike, as numbers that ascend are.
+        True if neighbours are similar, like ascending numbers.
 
     Raises
     ------
@@ -298,8 +297,8 @@ class Choice:
             raise ValueError(f"A choice of {self.option!r} needs at least two values.")
 
     def holds(self, value: object) -> bool:
-        """Whether a value is one of them, also in type."""
-        return any(type(one) is type(value) and one == value for one in self.values)
+        """Return True if a value is in the list, also by type."""
+        return any(type(known) is type(value) and known == value for known in self.values)
 
     def document(self) -> dict[str, Any]:
         """Return the choice as JSON values."""
@@ -309,7 +308,7 @@ class Choice:
 Dimension = Span | Choice
 
 
-# What may be minimised, in words.
+# Quantities to minimise, with their descriptions.
 AIMS = {
     "cost": "mean cost of the runs that arrive, summed over the starts",
     "steps": "mean number of skills of the runs that arrive, summed over the starts",
@@ -324,9 +323,9 @@ class Trial:
     Parameters
     ----------
     number
-        Which it is, >= 0; no other of the study has it, in whatever process it was tried.
+        Number of the trial, >= 0, unique over all processes of the study.
     values
-        A value of every option that varies.
+        Value of every option that varies.
     """
 
     number: int
@@ -335,14 +334,12 @@ class Trial:
 
 @dataclass(frozen=True)
 class TriedSetting:
-    """A trial that is over.
+    """A finished trial.
 
     Parameters
     ----------
-    trial
-        Its setting.
     value
-        What was to be minimised; None where no run went well.
+        The minimised quantity; None if every run failed.
     """
 
     trial: Trial
@@ -356,13 +353,13 @@ class SampledPlan(SweepPlan):
     Parameters
     ----------
     space
-        What the options that vary may be; at least one.
+        Ranges of the options that vary, at least one.
     minimise
         One of `AIMS`.
     sampler
-        Name of the plugin that chooses.
+        Name of the plugin.
     tried
-        The settings that have been tried, best first.
+        The settings of finished trials, best first.
 
     Raises
     ------
@@ -380,37 +377,38 @@ class SampledPlan(SweepPlan):
         if not self.space:
             raise ValueError("A sampler needs an option that varies.")
         if self.minimise not in AIMS:
-            raise ValueError(f"What is minimised is one of {', '.join(AIMS)}.")
+            raise ValueError(f"The quantity to minimise is one of {', '.join(AIMS)}.")
 
     @cached_property
     def settings(self) -> list[dict[str, Value]]:
-        """The settings that have been tried, best first; the same one may be tried twice."""
-        return [dict(one.trial.values) for one in self.tried]
+        """The settings of finished trials, best first, possibly with repetitions."""
+        return [dict(setting.trial.values) for setting in self.tried]
 
     def about(self, setting: int) -> dict[str, Any]:
         """Return number and value of a setting's trial."""
-        one = self.tried[setting]
-        return {"trial": one.trial.number, "value": one.value}
+        tried = self.tried[setting]
+        return {"trial": tried.trial.number, "value": tried.value}
 
     def with_tried(self, tried: list[TriedSetting]) -> SampledPlan:
-        """Return the study with what has been tried, the best first."""
+        """Return the study with finished trials, sorted from best to worst."""
         ordered = sorted(
-            tried, key=lambda one: (one.value is None, one.value or 0.0, one.trial.number)
+            tried, key=lambda done: (done.value is None, done.value or 0.0, done.trial.number)
         )
         axes = []
         for axis in self.axes:
-            met = [one.trial.values[axis.option] for one in ordered] or list(axis.values)
-            distinct = list({json.dumps(value): value for value in met}.values())
-            if all(isinstance(one, int | float) and not isinstance(one, bool) for one in distinct):
-                distinct.sort(key=lambda one: float(one or 0))
-            axes.append(Axis(axis.option, tuple(distinct)))
+            values = [done.trial.values[axis.option] for done in ordered] or list(axis.values)
+            distinct = Axis(axis.option, _drop_repeated(values))
+            if distinct.numeric:
+                numbers = sorted(distinct.values, key=lambda value: float(value or 0))
+                distinct = Axis(axis.option, tuple(numbers))
+            axes.append(distinct)
         return replace(self, axes=tuple(axes), tried=tuple(ordered))
 
     def document(self) -> dict[str, Any]:
-        """Return as JSON values what makes this study this one, and what was tried."""
+        """Return the identity of the study as JSON values."""
         return {
             **super().document(),
-            "space": [one.document() for one in self.space],
+            "space": [dimension.document() for dimension in self.space],
             "minimise": self.minimise,
             "sampler": self.sampler,
         }

@@ -1,4 +1,4 @@
-"""What a parameter study showed: shares and means with intervals, for settings and starts."""
+"""Results of a parameter study: its runs, and shares and means with intervals."""
 
 from __future__ import annotations
 
@@ -20,27 +20,25 @@ _ARRIVED = (Status.OPTIMAL, Status.SOLVED)
 
 @dataclass(frozen=True, slots=True)
 class StartOutcome:
-    """What a run came to from one start.
+    """Outcome of a run from one start.
 
     Parameters
     ----------
-    start
-        The start's name.
     status
-        What the referee grants.
+        Status granted by the referee.
     cost
-        Of the replayed plan; None where it does not arrive.
+        Cost of the replayed plan; None if it misses the goal.
     steps
-        Its number of skills; None where it does not arrive.
+        Number of its skills; None as above.
     reason
-        Why it does not arrive.
+        Why it misses the goal.
     learning_s
-        Time that was spent to find it [s]; the same for all starts of one policy.
+        Time to find the plan or policy [s]; the same for all starts of a policy.
 
     Raises
     ------
     ValueError
-        If figures are missing, left over, negative or not finite.
+        If numbers are missing, superfluous, negative or not finite.
     """
 
     start: str
@@ -59,7 +57,7 @@ class StartOutcome:
 
     @property
     def arrived(self) -> bool:
-        """Whether the goal is reached within the step limit."""
+        """True if the goal is reached within the step limit."""
         return self.status in _ARRIVED
 
 
@@ -74,13 +72,13 @@ class SweepRecord:
     seed
         Its seed, >= 0.
     outcomes
-        One for each start; empty for a run that failed.
+        One per start; empty for a failed run.
     shared
-        Whether one policy answers from all starts.
+        True if one policy answers from all starts.
     iterations
-        Episodes, sweeps or nodes, whatever the solver counts; None where it counts nothing.
+        Episodes, sweeps or nodes, as the solver counts them, if it does.
     error
-        Why the run failed, or None.
+        Why the run failed, if it did.
 
     Raises
     ------
@@ -117,7 +115,7 @@ class SweepRecord:
 
 
 def record_of(line: str) -> SweepRecord:
-    """Return the record of a line that `SweepRecord.line` wrote.
+    """Parse a line of `SweepRecord.line`.
 
     Raises
     ------
@@ -127,18 +125,18 @@ def record_of(line: str) -> SweepRecord:
     try:
         content = parse_json(line)
         outcomes = tuple(
-            StartOutcome(**{**one, "status": Status(one["status"])})
-            for one in content.pop("outcomes")
+            StartOutcome(**{**entry, "status": Status(entry["status"])})
+            for entry in content.pop("outcomes")
         )
         record = SweepRecord(outcomes=outcomes, **content)
     except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
-    if not _sound(record):
+    if not _has_valid_types(record):
         raise ValueError("a value is of another type than it should be")
     return record
 
 
-def _sound(record: SweepRecord) -> bool:
+def _has_valid_types(record: SweepRecord) -> bool:
     expected: Mapping[str, type | tuple[type, ...]] = {
         "setting": int,
         "seed": int,
@@ -154,24 +152,23 @@ def _sound(record: SweepRecord) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class StartSummary:
-    """Runs of some settings, seen from one start or from all.
+    """Summary of the runs of some settings, from one start or from all.
 
     Parameters
     ----------
     start
-        The start's name; None for all starts together: a run arrives that does so from each.
+        Name of the start; None for all together: a run must then reach the goal from each.
     runs
-        How many runs there are; those that failed are not counted.
+        Number of runs without failed ones.
     arrived
-        How many of them reach the goal, and as a share.
+        Number of runs that reach the goal; ``arrived_share`` is their share.
     best
-        How many of them do so at the proved optimum, and as a share; None where that is not
-        known.
+        Number of runs at the proved optimum, if it is known; ``best_share`` is their share.
     steps, excess
-        Mean number of skills, and mean cost above the optimum, of those that arrive; None of
-        none, and for all starts together sums over the starts.
+        Mean number of skills, and mean cost above the optimum, of runs that reach the goal, if any;
+        for all starts together sums over the starts.
     learning_s
-        Mean time to find the plan or policy [s]; for all starts together that of the run.
+        Mean time to find the plan or policy [s]; for all starts together of the whole run.
     """
 
     start: str | None
@@ -211,17 +208,15 @@ class SweepResult:
 
     Parameters
     ----------
-    plan
-        What was studied.
     records
-        Runs in any order, at most one for each setting and seed.
+        Runs in any order, at most one per setting and seed.
     interrupted
-        Whether runs are missing because the study was stopped.
+        True if runs are missing because the study was stopped.
 
     Raises
     ------
     ValueError
-        If a run occurs twice or is none of this study.
+        If a run occurs twice or does not belong to this study.
     """
 
     plan: SweepPlan
@@ -237,23 +232,23 @@ class SweepResult:
             known = record.setting < len(self.plan.settings) and record.seed in self.plan.seeds
             answered = [outcome.start for outcome in record.outcomes]
             if not known or (record.error is None and answered != names):
-                raise ValueError(f"Run {record.key} is none of this study.")
+                raise ValueError(f"Run {record.key} is not of this study.")
         # The result must not depend on the order in which runs end.
-        object.__setattr__(self, "records", tuple(sorted(self.records, key=lambda one: one.key)))
+        object.__setattr__(self, "records", tuple(sorted(self.records, key=lambda run: run.key)))
 
     @property
     def failed(self) -> list[SweepRecord]:
-        """The runs that failed."""
+        """The failed runs."""
         return [record for record in self.records if record.error is not None]
 
     @property
     def missing(self) -> int:
-        """How many runs have not been done."""
+        """Number of missing runs."""
         return len(self.plan.settings) * len(self.plan.seeds) - len(self.records)
 
     @property
     def shared(self) -> bool:
-        """Whether in every run one policy answers from all starts."""
+        """True if one policy answers from all starts in every run."""
         return all(record.shared for record in self._sound)
 
     @cached_property
@@ -261,29 +256,29 @@ class SweepResult:
         return [record for record in self.records if record.error is None]
 
     def summary(self, settings: Sequence[int], start: str | None = None) -> StartSummary:
-        """Return what the runs of some settings show.
+        """Summarise the runs of some settings.
 
         Parameters
         ----------
         settings
             Indices of the settings.
         start
-            A start's name; None for all starts together.
+            Name of a start; None for all starts together.
         """
         runs = [
             [outcome for outcome in record.outcomes if start is None or outcome.start == start]
             for record in self._sound
             if record.setting in settings
         ]
-        arrived = [run for run in runs if all(one.arrived for one in run)]
-        optima = {one.name: one.optimum for one in self.plan.starts}
+        arrived = [run for run in runs if all(outcome.arrived for outcome in run)]
+        optima = {place.name: place.optimum for place in self.plan.starts}
         starts = list(optima) if start is None else [start]
         excess = None
         best = None
         if all(optima[name] is not None for name in starts):
-            above = [sum(_above(one, optima[one.start]) for one in run) for run in arrived]
-            best = sum(all(_above(one, optima[one.start]) == 0.0 for one in run) for run in arrived)
-            excess = mean(above)
+            above = [[_above(outcome, optima[outcome.start]) for outcome in run] for run in arrived]
+            best = sum(all(cost == 0.0 for cost in costs) for costs in above)
+            excess = mean([sum(costs) for costs in above])
         return StartSummary(
             start,
             len(runs),
@@ -291,13 +286,13 @@ class SweepResult:
             share(len(arrived), len(runs)),
             best,
             None if best is None else share(best, len(runs)),
-            mean([float(sum(one.steps or 0 for one in run)) for run in arrived]),
+            mean([float(sum(outcome.steps or 0 for outcome in run)) for run in arrived]),
             excess,
             mean([self._learning_s(run) for run in runs]),
         )
 
     def _learning_s(self, run: Sequence[StartOutcome]) -> float:
-        times_s = [one.learning_s for one in run]
+        times_s = [outcome.learning_s for outcome in run]
         return max(times_s) if self.shared else sum(times_s)
 
     def document(self) -> dict[str, Any]:
@@ -310,7 +305,7 @@ class SweepResult:
                     "options": dict(options),
                     **self.plan.about(index),
                     **self.summary([index]).document(),
-                    "starts": [one.document() for one in starts],
+                    "starts": [summary.document() for summary in starts],
                 }
             )
         return {
@@ -327,7 +322,7 @@ class SweepResult:
 
 
 def _above(outcome: StartOutcome, optimum: float | None) -> float:
-    """Return by how much a plan costs more than the best; 0 for a difference of rounding only."""
+    """Return the cost above the optimum; 0 for a rounding difference."""
     assert outcome.cost is not None
     assert optimum is not None
     return 0.0 if outcome.cost <= optimum + tolerance(optimum) else outcome.cost - optimum

@@ -22,7 +22,7 @@ from skillplan.records.sweep.plan import (
     ONE_AT_A_TIME,
     SAMPLED,
     Axis,
-    same,
+    is_same,
     setting_text,
     value_text,
 )
@@ -185,7 +185,7 @@ def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row
             (
                 place
                 for place, value in zip(places, axis.values, strict=True)
-                if same(value, plan.centre[axis.option])
+                if is_same(value, plan.centre[axis.option])
             ),
             None,
         )
