@@ -40,7 +40,6 @@ OPENS = {
     "cli/commands/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
     "cli/writing.py": "the null device, once stdout or stderr is gone; a copy of stdout",
-    "cli/standard_streams.py": "the null device, where a standard stream is closed",
     "skillplan_pybullet/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/world.py": "meshes for pybullet, in a folder of its own",
     "skillplan_pybullet/robot_file.py": "the arm for pybullet, in a folder of its own",

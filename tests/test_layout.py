@@ -245,7 +245,6 @@ TESTS = sorted(
 # or call by name, functions that only their own module needs, and functions that a module or a
 # folder of the face hides.
 DEEP_IMPORTS = {
-    "skillplan.cli.standard_streams",
     "skillplan.cli.writing",
     "skillplan.domains.load._content_hash",
     "skillplan.exporters.plan_table._text",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import signal
 import sys
+from collections.abc import Callable
+from functools import partial
 from types import FrameType
 
 
@@ -17,29 +19,30 @@ def main() -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     # Importing makes a hundred thousand objects and no garbage.
     gc.set_threshold(200_000, *gc.get_threshold()[1:])
-    from skillplan.cli.standard_streams import open_standard_streams
+    from skillplan.cli.writing import open_standard_streams
     from skillplan.workers.supervisor import supervise
 
     open_standard_streams()
-    sys.exit(supervise(_run, _report, _interrupt, before))
+    try:
+        sys.exit(supervise(_load, _report, _interrupt, before))
+    finally:
+        # The objects end with the process and need not be searched for cycles.
+        gc.freeze()
 
 
-def _run() -> int:
-    from skillplan.cli.standard_streams import escape_warnings
-    from skillplan.cli.writing import reserve_stdout
+def _load() -> Callable[[], int]:
+    """Import the command line in the child; return the function that runs it."""
+    from skillplan.cli.writing import escape_warnings, reserve_stdout
 
     reserve_stdout()
     escape_warnings()
     from skillplan.cli.app import run
 
-    code = run(sys.argv[1:])
-    # The rest ends with the process and need not be searched for cycles.
-    gc.freeze()
-    return code
+    return partial(run, sys.argv[1:])
 
 
 def _report(message: str, code: int, may_print: bool) -> None:
-    """Report in the supervisor that the command failed without a word of its own."""
+    """Report in the supervisor that the command failed without a message of its own."""
     from skillplan.cli.error_report import report_error
     from skillplan.errors import BackEndError, SkillplanError
 
@@ -48,8 +51,8 @@ def _report(message: str, code: int, may_print: bool) -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Nothing is imported here: an import may be what is being interrupted. As long as this module
-    # is not there, no plugin is, from whose exceptions a signal would have to be told apart.
+    # Nothing is imported here, as the signal may interrupt an import. As long as this module is
+    # not loaded, no plugin is, and its exceptions cannot be confused with a signal.
     supervised = sys.modules.get("skillplan.workers.supervised")
     if supervised is not None:
         supervised.note_interrupt()

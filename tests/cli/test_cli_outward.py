@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from run_folders import OPTIMAL, write_runs
-from skillplan.cli import standard_streams, writing
+from skillplan.cli import writing
 from skillplan.errors import OptionError
 
 PROGRAM = [sys.executable, "-m", "skillplan"]
@@ -172,7 +172,7 @@ def test_a_warning_of_python_is_written_out(
 ) -> None:
     """Of a library that quotes what it was given."""
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
-    standard_streams.escape_warnings()
+    writing.escape_warnings()
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.warn("\x1b[31mred", UserWarning, stacklevel=1)

@@ -312,13 +312,13 @@ class TestSimulate:
 _SIGNALS_ITSELF = f"""
 import os, sys, threading
 from skillplan.cli.app import main
-from skillplan.cli import counting
+from skillplan.cli import interruption
 
-def after_a_while(request, heeding=counting.heeding):
+def after_a_while(request, heeding=interruption.heeding):
     threading.Timer(0.2, os.kill, (os.getpid(), {int(signal.SIGINT)})).start()
     return heeding(request)
 
-counting.heeding = after_a_while
+interruption.heeding = after_a_while
 main(sys.argv[1:])
 """
 

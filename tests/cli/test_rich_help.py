@@ -25,8 +25,8 @@ def test_it_looks_as_with_all_of_rich() -> None:
 def test_what_was_left_out_is_there_for_others() -> None:
     """A plugin that prints Markdown afterwards gets the real class."""
     code = (
-        "from skillplan.cli import rich_help\n"
-        "rich_help.load()\n"
+        "from skillplan.cli import load_rich_utils\n"
+        "load_rich_utils()\n"
         "from rich.markdown import Markdown\n"
         "from rich.console import Console\n"
         "Console(width=20).print(Markdown('# Title'))"

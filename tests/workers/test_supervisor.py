@@ -35,7 +35,7 @@ def interrupt(number, frame):
     raise KeyboardInterrupt
 
 
-sys.exit(supervise(command, report, interrupt))
+sys.exit(supervise(lambda: command, report, interrupt))
 """
 SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
 

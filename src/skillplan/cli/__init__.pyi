@@ -3,9 +3,10 @@ from .app import EPILOG as EPILOG
 from .app import app as app
 from .app import main as main
 from .app import run as run
+from .command_group import load_rich_utils as load_rich_utils
 from .commands.warm_up import NOTICE as NOTICE
 from .commands.warm_up import compilation_announced as compilation_announced
-from .deadline import Deadline as Deadline
+from .interruption import Deadline as Deadline
 from .interruption import heeding as heeding
 from .options.values import memory_size as memory_size
 from .output import exit_code as exit_code
@@ -26,6 +27,7 @@ __all__ = [
     "exit_code",
     "figures_text",
     "heeding",
+    "load_rich_utils",
     "main",
     "memory_size",
     "run",

@@ -1,12 +1,15 @@
-"""The command line itself. Commands are imported when they are called, so that help is instant."""
+"""The command line: its commands, and the way from its words to an exit code.
+
+Commands are imported when they are called, so that help is instant.
+"""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import cache
 from typing import Annotated, Any
 
@@ -15,14 +18,20 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from skillplan import __version__
-from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
+from skillplan.cli.command_group import (
+    MARKUP,
+    SETTINGS,
+    CommandGroup,
+    hide_type,
+    make_from_module,
+)
 from skillplan.cli.commands.warm_up import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.cli.writing import restored_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
 from skillplan.workers.supervised import is_interrupted, passed_limit
 
-# Panel of the group's help to its commands, each with its line.
+# Panels of the help, with the commands and their descriptions.
 PANELS = {
     "Plan": {
         "search-optimal": "Find the best sequence of skills and prove it.",
@@ -56,11 +65,10 @@ PANELS = {
     },
 }
 
-# Command to the line that the group's help shows; the module is named after the command,
-# but for those of `MODULES`.
+# The module of a command is named after it, except for those of `MODULES`.
 COMMANDS = {name: line for commands in PANELS.values() for name, line in commands.items()}
 
-# Shells set it to have a word completed.
+# Variable by which a shell requests the completion of a word.
 COMPLETION = "_SKILLPLAN_COMPLETE"
 
 MODULES = {"schema": "json_schema"}
@@ -72,18 +80,18 @@ EPILOG = (
 
 
 class LazyGroup(CommandGroup):
-    """Looks commands up by name in `COMMANDS` and imports only the one that is called."""
+    """Looks commands up in `COMMANDS` and imports only the command that is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Return the commands in the order of a user's day."""
+        """Return the commands in the order of the help."""
         return list(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Import a command, or return None where there is none of the name."""
+        """Import a command, or return None if there is none of the name."""
         return _command(cmd_name) if cmd_name in COMMANDS else None
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help; the commands are shown by their lines, and none is imported."""
+        """Print the help; no command is imported."""
         shown = [
             TyperCommand(name, help=line, rich_help_panel=panel)
             for panel, commands in PANELS.items()
@@ -100,33 +108,26 @@ class LazyGroup(CommandGroup):
         listing.format_help(ctx, formatter)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Return the commands and options that begin so; no command is imported."""
+        """Return the commands and options that complete a word; no command is imported."""
         from typer._click.shell_completion import CompletionItem
 
-        found = [
+        commands = [
             CompletionItem(name, help=line)
             for name, line in COMMANDS.items()
             if name.startswith(incomplete)
         ]
-        return [*found, *super(TyperGroup, self).shell_complete(ctx, incomplete)]
-
-    def invoke(self, ctx: Any) -> Any:
-        """Call the command; Ctrl-C ends it as an abort, which `main` reports."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise typer.Abort from None
+        return [*commands, *super(TyperGroup, self).shell_complete(ctx, incomplete)]
 
 
 @cache
 def _command(name: str) -> Any:
-    """Return a command, built once a process: its parameters and what reads them take time."""
+    """Import and build a command, once for each process."""
     module = MODULES.get(name, name.replace("-", "_"))
-    return of_module(name, importlib.import_module(f"skillplan.cli.commands.{module}"))
+    return make_from_module(name, importlib.import_module(f"skillplan.cli.commands.{module}"))
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_given: bool) -> None:
+    if is_given:
         write_out(f"skillplan, version {__version__}\n")
         raise typer.Exit
 
@@ -142,28 +143,22 @@ def _group(
     """Decide in which order a robot uses its skills, with a proof or an honest gap."""
 
 
-def _app() -> Any:
-    made = typer.Typer(
+def _make_app() -> Any:
+    builder = typer.Typer(
         cls=LazyGroup,
         epilog=EPILOG,
         context_settings=SETTINGS,
         no_args_is_help=True,
         rich_markup_mode=MARKUP,
     )
-    made.callback()(_group)
-    group = get_command(made)
+    builder.callback()(_group)
+    group = get_command(builder)
     for parameter in group.params:
-        untyped(parameter)
+        hide_type(parameter)
     return group
 
 
-def _sets_up_completion(words: Sequence[str]) -> bool:
-    """Whether the shell's completion is printed or installed, before any command is looked up."""
-    first = words[0].partition("=")[0] if words else ""
-    return first in ("--install-completion", "--show-completion")
-
-
-app = _app()
+app = _make_app()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -174,37 +169,38 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return the exit code.
 
-    No exception whatever reaches the user as a traceback, and none of a plugin's ends the program.
+    No exception reaches the user as a traceback, and no exception of a plugin ends the program.
     """
-    # Pydantic would read the metadata of all that is installed to find plugins of its own.
+    # Pydantic would read the metadata of all installed distributions to find its own plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    return _run(list(arguments))
-
-
-@contextmanager
-def _surroundings(words: Sequence[str]) -> Iterator[None]:
-    """Announce compilations, unless words are completed for a shell, which Typer prints."""
-    if os.environ.get(COMPLETION) or words[:1] in (["--show-completion"], ["--install-completion"]):
-        with restored_stdout():
-            yield
-    elif words[:1] == ["warm-up"]:
-        yield
-    else:
-        with compilation_announced():
-            yield
-
-
-def _run(words: list[str]) -> int:
+    words = list(arguments)
     try:
-        with _surroundings(words):
-            code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
-        return code if isinstance(code, int) else 0
+        if _completes(words):
+            with restored_stdout():
+                code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
+        else:
+            # Not `app.main`, which turns Ctrl-C into an exit code without a message.
+            notice = nullcontext() if words[:1] == ["warm-up"] else compilation_announced()
+            with notice, app.make_context("skillplan", words.copy()) as context:
+                code = app.invoke(context)
+    except typer.Exit as error:
+        code = error.exit_code
     except BaseException as error:
         return _report(error, words)
+    return code if isinstance(code, int) else 0
+
+
+def _completes(words: Sequence[str]) -> bool:
+    """Return whether Typer completes a word for a shell, or prints or installs the script."""
+    first = words[0].partition("=")[0] if words else ""
+    return bool(os.environ.get(COMPLETION)) or first in (
+        "--install-completion",
+        "--show-completion",
+    )
 
 
 def _report(error: BaseException, words: list[str]) -> int:
-    """Report what ended the command and return the exit code."""
+    """Report the exception that ended the command, and return the exit code."""
     stopped = isinstance(error, (typer.Abort, KeyboardInterrupt, SearchStopped))
     # Libraries raise errors of their own from the exception of a signal.
     if stopped or is_interrupted():
@@ -216,9 +212,8 @@ def _report(error: BaseException, words: list[str]) -> int:
         return report_usage(error, words)
     if isinstance(error, SkillplanError):
         return report_error(error, words)
-    # Typer ends so once it has completed a word for a shell, or printed or installed the
-    # script for it; a plugin ends nothing.
-    if isinstance(error, SystemExit) and (os.environ.get(COMPLETION) or _sets_up_completion(words)):
+    # Typer exits after a completion; a plugin must not.
+    if isinstance(error, SystemExit) and _completes(words):
         return error.code if isinstance(error.code, int) else 0
     if os.environ.get("SKILLPLAN_DEBUG") and not isinstance(error, SystemExit):
         raise error

@@ -1,76 +1,81 @@
-"""Commands and groups of them, built by Typer from functions when they are called."""
+"""Commands and groups of them, built by Typer from functions when they are called.
+
+A parameter whose type is a dataclass is a group of options: the command line shows its fields.
+``typer.rich_utils`` is loaded without rich's Markdown and traceback, which import markdown-it and
+pygments and take more than half of the time of ``skillplan --help``. Our help is rich markup, and
+`skillplan.cli.error_report` reports our errors, so that neither is ever called.
+"""
 
 from __future__ import annotations
 
+import importlib
+import sys
 from collections.abc import Callable, Mapping
-from functools import partial
-from inspect import cleandoc
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import partial, wraps
+from inspect import Parameter, cleandoc, signature
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from skillplan.cli import rich_help
-from skillplan.cli.options.grouped import grouped
 from skillplan.cli.options.shared import OUTPUT
 from skillplan.cli.writing import guarded_stdout
 from skillplan.errors import nearest
 from skillplan.workers.supervised import limit_imports
 
-# Brackets that rich would take for markup, as in [x, y], are written \[x, y].
+# Brackets that rich would take for markup, as in [x, y], are written \\[x, y].
 MARKUP: Literal["rich"] = "rich"
 SETTINGS = {"help_option_names": ["-h", "--help"]}
+_RICH = "typer.rich_utils"
+# Classes that Typer imports by module, and never calls for us.
+_UNUSED = {"rich.markdown": "Markdown", "rich.traceback": "Traceback"}
 Function = Callable[..., int]
 Lists = Callable[[], Mapping[str, Mapping[str, str]]]
 
 
 class Command(TyperCommand):
-    """A command whose help is terse: no types that say nothing, no braces, ``--help`` last.
+    """A command with terse help: no redundant types, no braces, ``--help`` last.
 
     Parameters
     ----------
     name
-        As it is typed.
+        Name on the command line.
     lists
-        Returns the panels below the options by title: words, each with its line.
+        Returns the panels below the options by title: words, each with its description.
     details
-        As `TyperCommand` takes them.
+        Keywords of `TyperCommand`.
     """
 
     def __init__(self, name: str | None, *, lists: Lists = dict, **details: Any):
         super().__init__(name, **details)
         self._lists = lists
         for parameter in self.params:
-            untyped(parameter)
-            absent_unread(parameter)
+            hide_type(parameter)
+            skip_absent(parameter)
 
     def get_help_option(self, ctx: Any) -> Any:
-        """Return the option, in the panel of output."""
+        """Return the help option, in the panel of output."""
         option = super().get_help_option(ctx)
         if option is not None:
             option.rich_help_panel = OUTPUT
-            untyped(option)
+            hide_type(option)
             option.callback = _print_help
         return option
 
-    def invoke(self, ctx: Any) -> Any:
-        """Call the command; its time limit also ends a plugin that hangs on import."""
-        limit_s = ctx.params.get("time_limit_s")
-        limit_imports(None if limit_s is None else 1.2 * limit_s + 2)
-        return super().invoke(ctx)
-
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return what the line is made of; what is needed stands without braces."""
+        """Return the words of the usage line, with required arguments in no braces."""
         pieces = super().collect_usage_pieces(ctx)
-        # That there may be several, as in {RUN...}..., their own word says.
-        plain = [one.removesuffix("...") if one.startswith("{") else one for one in pieces]
-        return [one[1:-1] if one.startswith("{") else one for one in plain]
+        # In {RUN...}... the word itself has the dots.
+        return [
+            piece.removesuffix("...")[1:-1] if piece.startswith("{") else piece for piece in pieces
+        ]
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and the lists below it."""
-        rich_help.load()
+        load_rich_utils()
         with guarded_stdout():
             super().format_help(ctx, formatter)
             for title, lines in self._lists().items():
@@ -78,24 +83,24 @@ class Command(TyperCommand):
 
 
 class CommandGroup(TyperGroup):
-    """A group that names the nearest command where there is no such one."""
+    """A group that suggests the nearest command for an unknown one."""
 
     def get_help_option(self, ctx: Any) -> Any:
-        """Return the option."""
+        """Return the help option."""
         option = super().get_help_option(ctx)
         if option is not None:
-            untyped(option)
+            hide_type(option)
             option.callback = _print_help
         return option
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help."""
-        rich_help.load()
+        load_rich_utils()
         with guarded_stdout():
             super().format_help(ctx, formatter)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return name, command and the words after it, or name the nearest command."""
+        """Return name, command and the words after it, or suggest the nearest command."""
         known = self.list_commands(ctx)
         if args and args[0] not in known and not args[0].startswith("-"):
             near = nearest(args[0], known)
@@ -107,23 +112,24 @@ class CommandGroup(TyperGroup):
 def make_command(
     name: str, function: Function, epilog: str | None = None, lists: Lists | None = None
 ) -> Any:
-    """Return a command by the name, the parameters and the docstring of a function.
+    """Return a command with the parameters and the docstring of a function.
 
     Parameters
     ----------
     name
-        As it is typed.
+        Name on the command line.
     function
-        Takes values or groups of options, as `grouped` has them, and returns the exit code.
+        Takes values or groups of options, and returns the exit code.
     epilog
-        Stands below its help.
+        Text below the help.
     lists
-        Returns the lists below its options, by title.
+        Returns the lists below the options, by title.
     """
-    made = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
+    builder = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
     cls: Any = partial(Command, lists=lists) if lists else Command
-    made.command(name, cls=cls, help=_flowing(function.__doc__), epilog=epilog)(grouped(function))
-    return get_command(made)
+    text = _join_lines(function.__doc__)
+    builder.command(name, cls=cls, help=text, epilog=epilog)(expand_groups(function))
+    return get_command(builder)
 
 
 def make_group(name: str, text: str, functions: Mapping[str, Function]) -> Any:
@@ -132,48 +138,49 @@ def make_group(name: str, text: str, functions: Mapping[str, Function]) -> Any:
     Parameters
     ----------
     name
-        As it is typed.
+        Name on the command line.
     text
-        What the group's help says.
+        Help of the group.
     functions
-        Name of a command to the function that it calls.
+        The function of each command by name.
     """
-    made = typer.Typer(
+    builder = typer.Typer(
         name=name,
         cls=CommandGroup,
         add_completion=False,
         no_args_is_help=True,
         rich_markup_mode=MARKUP,
     )
-    made.callback(help=_flowing(text))(_nothing)
-    for one, function in functions.items():
-        made.command(one, cls=Command, help=_flowing(function.__doc__))(grouped(function))
-    return get_command(made)
+    builder.callback(help=_join_lines(text))(_do_nothing)
+    for command, function in functions.items():
+        help_text = _join_lines(function.__doc__)
+        builder.command(command, cls=Command, help=help_text)(expand_groups(function))
+    return get_command(builder)
 
 
-def of_module(name: str, module: ModuleType) -> Any:
-    """Return the command that a module holds as ``command``, or the group by its ``COMMANDS``.
+def make_from_module(name: str, module: ModuleType) -> Any:
+    """Return the ``command`` of a module, or the group of its ``COMMANDS``.
 
-    ``EPILOG`` and the lists of ``list_choices`` of the module, if any, stand below its options.
+    ``EPILOG`` and ``list_choices`` of the module, if any, become text and lists below the options.
     """
     if hasattr(module, "COMMANDS"):
         return make_group(name, module.HELP, module.COMMANDS)
-    epilog, lists = (getattr(module, one, None) for one in ("EPILOG", "list_choices"))
+    epilog, lists = (getattr(module, name, None) for name in ("EPILOG", "list_choices"))
     return make_command(name, module.command, epilog, lists)
 
 
-def untyped(parameter: Any) -> None:
+def hide_type(parameter: Any) -> None:
     """Leave out of the help that a flag is a bool, and an argument a str."""
     if parameter.param_type_name == "argument":
-        parameter.display_type_rich = _no_type
+        parameter.display_type_rich = lambda ctx: None
     elif parameter.is_flag:
         parameter.metavar = ""
         # Without a default Typer would load pydantic to see that there is no value.
         parameter.default = bool(parameter.default)
 
 
-def absent_unread(parameter: Any) -> None:
-    """Have an option that is not given stay None: Typer would let pydantic make what reads it."""
+def skip_absent(parameter: Any) -> None:
+    """Leave an absent option None, as Typer would load pydantic to build its parser."""
     process = parameter.process_value
 
     def process_value(ctx: Any, value: Any) -> Any:
@@ -185,15 +192,11 @@ def absent_unread(parameter: Any) -> None:
     parameter.process_value = process_value
 
 
-def _print_help(ctx: Any, parameter: Any, wanted: bool) -> None:
-    if wanted and not ctx.resilient_parsing:
+def _print_help(ctx: Any, parameter: Any, is_given: bool) -> None:
+    if is_given and not ctx.resilient_parsing:
         with guarded_stdout():
             typer.echo(ctx.get_help(), color=ctx.color)
         ctx.exit()
-
-
-def _no_type(ctx: Any) -> None:
-    """Return no type."""
 
 
 def _print_panel(title: str, lines: Mapping[str, str]) -> None:
@@ -206,15 +209,87 @@ def _print_panel(title: str, lines: Mapping[str, str]) -> None:
     table.add_column(ratio=1)
     for word, line in lines.items():
         table.add_row(word, line)
-    style = rich_help.load().STYLE_OPTIONS_PANEL_BORDER
+    style = load_rich_utils().STYLE_OPTIONS_PANEL_BORDER
     panel = Panel(table, title=title, title_align="left", border_style=style)
     Console().print(panel)
 
 
-def _flowing(text: str | None) -> str:
-    """Return a text whose paragraphs are lines, which the terminal's width breaks."""
-    return "\n\n".join(" ".join(one.split()) for one in cleandoc(text or "").split("\n\n"))
+def _join_lines(text: str | None) -> str:
+    """Return a text with one line for each paragraph, which the terminal wraps."""
+    return "\n\n".join(" ".join(part.split()) for part in cleandoc(text or "").split("\n\n"))
 
 
-def _nothing() -> None:
-    """Do nothing: a group alone does nothing."""
+def _do_nothing() -> None:
+    """Do nothing: a group needs a callback."""
+
+
+def expand_groups(function: Function) -> Function:
+    """Return a function whose parameters are the fields of the option groups of another.
+
+    It sets the time limit of imports, because a plugin may hang when it is imported.
+    """
+    hints = get_type_hints(function, include_extras=True)
+    parameters: list[Parameter] = []
+    groups: dict[str, Any] = {}
+    for name, parameter in signature(function).parameters.items():
+        kind = hints[name]
+        if is_dataclass(kind):
+            groups[name] = kind
+            annotations = get_type_hints(kind, include_extras=True)
+            parameters += [
+                Parameter(
+                    field.name,
+                    Parameter.KEYWORD_ONLY,
+                    default=_default_of(field),
+                    annotation=annotations[field.name],
+                )
+                for field in fields(kind)
+            ]
+        else:
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=kind))
+
+    @wraps(function)
+    def command(**values: Any) -> int:
+        limit_s = values.get("time_limit_s")
+        limit_imports(None if limit_s is None else 1.2 * limit_s + 2)
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        return function(**values)
+
+    command.__signature__ = signature(function).replace(  # type: ignore[attr-defined]
+        parameters=parameters, return_annotation=int
+    )
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return command
+
+
+def _default_of(field: Field[Any]) -> Any:
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return Parameter.empty if field.default is MISSING else field.default
+
+
+class _Placeholder(ModuleType):
+    """Takes the place of a module while another imports a class of it that is never called."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name == _UNUSED[self.__name__]:
+            return type(name, (), {})
+        if name.startswith("__"):
+            raise AttributeError(name)
+        sys.modules.pop(self.__name__, None)
+        return getattr(importlib.import_module(self.__name__), name)
+
+
+def load_rich_utils() -> ModuleType:
+    """Return Typer's module; later imports of the modules left out get the real ones."""
+    if _RICH in sys.modules:
+        return sys.modules[_RICH]
+    placeholders = {name: _Placeholder(name) for name in _UNUSED if name not in sys.modules}
+    sys.modules.update(placeholders)
+    try:
+        return importlib.import_module(_RICH)
+    finally:
+        for name, module in placeholders.items():
+            if sys.modules.get(name) is module:
+                del sys.modules[name]

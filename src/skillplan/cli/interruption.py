@@ -1,17 +1,30 @@
-"""The first signal as a request to stop; the second ends the program."""
+"""Ctrl-C and deadlines: requests to stop a command, and the count of finished runs meanwhile.
+
+The first signal requests a stop, the second ends the program. A supervisor ends a command that
+goes on past its time limit (`skillplan.workers.supervised`). A command that can stop with a result
+does so at its deadline; a fifth of its time and a second later it is ended.
+"""
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any, NoReturn, TypeVar
 
-from skillplan.errors import SearchStopped
+from skillplan.cli.writing import tell
+from skillplan.errors import OptionError, SearchStopped
 from skillplan.plugins.blame import Interrupted
+from skillplan.views.text.wording import escaped
 from skillplan.workers import supervised
+from skillplan.workers.processes import resident_bytes
+from skillplan.workers.supervised import command_age_s, limit_command
 
 # A compiler is given this much CPU time before it is interrupted again [s].
 _RETRY_S = 0.02
@@ -75,3 +88,201 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+class Count:
+    """Counts finished runs, and knows whether to stop.
+
+    Parameters
+    ----------
+    label
+        What is counted.
+    total
+        How many runs there are, >= 0; None where that shows in the end.
+
+    Raises
+    ------
+    ValueError
+        If the total is negative.
+    """
+
+    def __init__(self, label: str, total: int | None) -> None:
+        if total is not None and total < 0:
+            raise ValueError(f"There cannot be {total} runs.")
+        self.interrupted = False
+        self._bar: Any = None
+        self._line: Any = None
+        if sys.stderr.isatty():
+            self._show(label, total)
+
+    def _show(self, label: str, total: int | None) -> None:
+        # Here and not above: only a terminal pays for importing this.
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        self._bar = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._line = self._bar.add_task(escaped(label), total=total)
+
+    def __enter__(self) -> Count:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def stop(self) -> None:
+        """End the work early, with what is done."""
+        self.interrupted = True
+
+    def one_more(self) -> None:
+        """Count a run."""
+        if self._bar is not None:
+            self._bar.advance(self._line)
+
+
+@contextmanager
+def counting(label: str, total: int | None) -> Iterator[Count]:
+    """Yield a count that shows itself on a terminal and heeds Ctrl-C and SIGTERM.
+
+    The first ends the work with what is done; the second ends the program.
+    """
+    with Count(label, total) as count, heeding(count.stop):
+        yield count
+
+
+_Made = TypeVar("_Made")
+# Between a deadline and the end of the command: a share of the limit, and a constant [s].
+_GRACE_SHARE, _GRACE_S = 0.2, 1.0
+
+
+class _TimeIsUp(Interrupted):
+    """The deadline passed during something optional."""
+
+
+class Deadline:
+    """When a command has to be over.
+
+    Parameters
+    ----------
+    time_limit_s
+        Time from the start of the command [s], > 0; None for no limit.
+    memory_limit_bytes
+        Memory of the command and its processes together [B], > 0; None for no limit.
+    graceful
+        Whether the command stops at the deadline itself. One that does not is ended then, with a
+        message and exit code 2.
+
+    Attributes
+    ----------
+    time_limit_s
+        As given.
+
+    Raises
+    ------
+    OptionError
+        If memory is limited, and the system does not report how much a process holds.
+    """
+
+    def __init__(
+        self,
+        time_limit_s: float | None,
+        memory_limit_bytes: int | None = None,
+        *,
+        graceful: bool,
+    ) -> None:
+        if memory_limit_bytes is not None and resident_bytes() is None:
+            raise OptionError(
+                "--memory-limit cannot be kept: this system does not report the size of a process."
+            )
+        self.time_limit_s = time_limit_s
+        begun_s = time.monotonic() - command_age_s()
+        self._end_s = math.inf if time_limit_s is None else begun_s + time_limit_s
+        grace_s = _GRACE_SHARE * (time_limit_s or 0.0) + _GRACE_S if graceful else 0.0
+        limit_command(time_limit_s, memory_limit_bytes, grace_s)
+
+    def is_over(self) -> bool:
+        """Return whether the deadline has passed."""
+        return time.monotonic() >= self._end_s
+
+    def tell_if_over(self) -> bool:
+        """Return whether the deadline has passed; if so, tell that it ended the command."""
+        if not self.is_over():
+            return False
+        tell(f"skillplan: note: ended by --time-limit {self.time_limit_s:g}")
+        return True
+
+    def share_s(self, share: float = 1.0, most_s: float = math.inf) -> float | None:
+        """Return a share of the time that is left [s], > 0; None for no limit.
+
+        Parameters
+        ----------
+        share
+            From 0 to 1.
+        most_s
+            Limit of its own [s]; infinite for none.
+        """
+        left_s = min(share * (self._end_s - time.monotonic()), most_s)
+        return max(1e-3, left_s) if math.isfinite(left_s) else None
+
+    def attempt(self, make: Callable[[], _Made]) -> _Made | None:
+        """Return what a function returns, or None if the deadline comes first.
+
+        The function is interrupted as by Ctrl-C, on systems that have timers; elsewhere the
+        deadline is looked at before it is called.
+        """
+        if self.is_over():
+            return None
+        try:
+            with self._alarm():
+                return make()
+        except _TimeIsUp:
+            return None
+
+    @contextmanager
+    def calling(self, request: Callable[[], None]) -> Iterator[None]:
+        """Call a function at the deadline, in another thread."""
+        if not math.isfinite(self._end_s):
+            yield
+            return
+        timer = threading.Timer(max(0.0, self._end_s - time.monotonic()), request)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    @contextmanager
+    def _alarm(self) -> Iterator[None]:
+        if not math.isfinite(self._end_s) or not hasattr(signal, "setitimer"):
+            yield
+            return
+        before = signal.signal(signal.SIGALRM, _raise_time_is_up)
+        try:
+            signal.setitimer(signal.ITIMER_REAL, max(1e-3, self._end_s - time.monotonic()))
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+
+
+def _raise_time_is_up(number: int, frame: FrameType | None) -> NoReturn:
+    raise _TimeIsUp

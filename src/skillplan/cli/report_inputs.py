@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from skillplan.cli.counting import counting
-from skillplan.cli.deadline import Deadline
+from skillplan.cli.interruption import Deadline, counting
 from skillplan.cli.load import load_file, load_result, make_setup, verify_before_showing
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.waiting import stoppable

@@ -1,6 +1,6 @@
-"""Writing to stdout and stderr, where the reader may have gone and the disk may be full.
+"""Standard streams: stdout is reserved for documents, and a lost reader or a full disk is handled.
 
-Whatever is written goes through `escaped`, but for the marks that make a table's lines bold.
+All text is escaped, except the marks that make lines of a table bold.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import io
 import json
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
@@ -152,3 +153,39 @@ def _mute(stream: TextIO) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+# How the null device takes the place of stdin, stdout and stderr. Of stdout it is opened for
+# reading, so that writing fails and is reported; who closes stderr wants to hear nothing.
+_MODES = (os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)
+
+
+def open_standard_streams() -> None:
+    """Put the null device where a stream is closed.
+
+    Else the next file to be opened would get its number, and what a library prints would be
+    written into that file.
+    """
+    for number, flags in enumerate(_MODES):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The lowest free number is taken, which is this one.
+            os.open(os.devnull, flags)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if sys.stdin is None:
+        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+
+
+def escape_warnings() -> None:
+    """Have Python's warnings, whose words may be a document's, written as all is on stderr."""
+    warnings.showwarning = _show_warning
+
+
+def _show_warning(
+    message: Any, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
+) -> None:
+    tell(warnings.formatwarning(message, category, filename, lineno), end="")

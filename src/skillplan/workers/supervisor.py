@@ -42,42 +42,85 @@ Report = Callable[[str, int, bool], None]
 
 
 def supervise(
-    command: Command,
+    load: Callable[[], Command],
     report: Report,
     request: Callable[..., None],
     mask: Iterable[int] | None = None,
 ) -> int:
     """Run a command in a child process and return its exit code; in the child, do not return.
 
+    A signal that arrives after the end of the command does not change the exit code.
+
     Parameters
     ----------
-    command
-        Returns its exit code; called in the child.
+    load
+        Imports and returns the command; called in the child.
     report
         Called if the child fails or has to be ended.
     request
-        The signal handler by which the child is interrupted outside of searches.
+        Signal handler of the child outside of searches.
     mask
         Signals that are blocked once handlers are in place; None for those blocked now.
     """
     # A signal that is ignored, as by nohup or in a shell's background, stays so.
     heard = [number for number in supervised.SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
-    if supervised.REQUEST is None or not hasattr(os, "fork"):
-        return _completed(command, heard, request)
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, heard)
-    mask = blocked if mask is None else mask
+    requests: Iterable[int] = heard
+    is_child = False
+    if supervised.REQUEST is not None and hasattr(os, "fork"):
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, heard)
+        mask = blocked if mask is None else mask
+        try:
+            watch = _fork(heard, mask, report)
+        except OSError:
+            # No process or pipe is to be had: then without a supervisor.
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            mask = None
+        else:
+            if watch is not None:
+                return watch.conclude(watch.until_end())
+            is_child, requests = True, supervised.requests()
+    code: int | None = None
+    while True:
+        try:
+            if code is None:
+                for number in requests:
+                    signal.signal(number, request)
+                if mask is not None:
+                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+                code = load()()
+            _ignore_requests()
+        except KeyboardInterrupt:
+            if code is None:
+                os.write(2, b"skillplan: interrupted\n")
+                code = exit_code(interrupted=True)
+            continue
+        except BaseException:
+            # With SKILLPLAN_DEBUG errors arrive here.
+            sys.excepthook(*sys.exc_info())
+            code = exit_code(back_end_failed=True)
+            continue
+        break
+    if is_child:
+        supervised.report_done(code)
+        sys.exit(code)
+    return code
+
+
+def _fork(heard: list[signal.Signals], mask: Iterable[int], report: Report) -> _Watch | None:
+    """Start the child; return its watch in this process, and None in the child.
+
+    Raises
+    ------
+    OSError
+        If no process or pipe is to be had.
+    """
     # Before the fork, as the child of a process that ignores it leaves no exit code.
     on_child = signal.signal(signal.SIGCHLD, _nothing)
     folder = _temporary_folder()
-    try:
-        near, far = os.pipe()
-        alive, parent = os.pipe()
-        wake, woken = os.pipe()
-        process = os.fork()
-    except OSError:
-        # No process or pipe is to be had: then without a supervisor.
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        return _completed(command, heard, request)
+    near, far = os.pipe()
+    alive, parent = os.pipe()
+    wake, woken = os.pipe()
+    process = os.fork()
     if process == 0:
         signal.signal(signal.SIGCHLD, on_child)
         if folder:
@@ -89,9 +132,7 @@ def supervise(
         sys.unraisablehook = _report_unraisable
         for number in heard:
             signal.signal(number, _nothing)
-        code = _completed(command, supervised.requests(), request, mask)
-        supervised.report_done(code)
-        sys.exit(code)
+        return None
     os.close(far)
     os.close(alive)
     os.set_blocking(woken, False)
@@ -100,11 +141,7 @@ def supervise(
     for number in heard:
         signal.signal(number, _nothing)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-    watch = _Watch(process, near, wake, set(heard), report)
-    status = watch.until_end()
-    if folder:
-        _remove(folder)
-    return watch.conclude(status)
+    return _Watch(process, near, wake, set(heard), report, folder)
 
 
 def _temporary_folder() -> str:
@@ -129,36 +166,6 @@ def _remove(folder: str) -> None:
         import shutil
 
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _completed(
-    command: Command,
-    requests: Iterable[int],
-    request: Callable[..., None],
-    mask: Iterable[int] | None = None,
-) -> int:
-    """Return the exit code of a command; a signal that comes too late does not change it."""
-    code: int | None = None
-    while True:
-        try:
-            if code is None:
-                for number in requests:
-                    signal.signal(number, request)
-                if mask is not None:
-                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-                code = command()
-            _ignore_requests()
-        except KeyboardInterrupt:
-            if code is None:
-                os.write(2, b"skillplan: interrupted\n")
-                code = exit_code(interrupted=True)
-            continue
-        except BaseException:
-            # With SKILLPLAN_DEBUG errors arrive here.
-            sys.excepthook(*sys.exc_info())
-            code = exit_code(back_end_failed=True)
-            continue
-        return code
 
 
 def _report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
@@ -227,11 +234,20 @@ class _Watch:
         The signals that interrupt.
     report
         As in `supervise`.
+    folder
+        Temporary folder of the child, removed after it; empty for none.
     """
 
     def __init__(
-        self, process: int, line: int, wake: int, heard: set[signal.Signals], report: Report
+        self,
+        process: int,
+        line: int,
+        wake: int,
+        heard: set[signal.Signals],
+        report: Report,
+        folder: str = "",
     ) -> None:
+        self._folder = folder
         self._process = process
         self._line = line
         self._wake = wake
@@ -267,6 +283,8 @@ class _Watch:
             if ended:
                 while self._read():
                     pass
+                if self._folder:
+                    _remove(self._folder)
                 return os.waitstatus_to_exitcode(status)
             self._act(time.monotonic())
 

@@ -99,7 +99,7 @@ def verify(
         sample_reachable_states,
     )
     from skillplan.checks.verdict_files import VerdictFolder
-    from skillplan.cli.counting import counting
+    from skillplan.cli.interruption import counting
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
     from skillplan.pipeline.solving import make_feasibility, warm_cache

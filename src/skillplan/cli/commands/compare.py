@@ -130,7 +130,7 @@ def command(
         for option in (option for option, present in given.items() if present):
             raise OptionError(f"{option} is for --solvers.")
     if engines is not None:
-        from skillplan.cli.engine_comparison import compare_physics
+        from skillplan.cli.back_end_comparison import compare_physics
 
         return compare_physics(
             task,
@@ -144,7 +144,7 @@ def command(
             style=style,
         )
     if detectors is not None:
-        from skillplan.cli.detector_comparison import compare_detectors
+        from skillplan.cli.back_end_comparison import compare_detectors
 
         return compare_detectors(
             task,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -22,9 +23,17 @@ from skillplan.cli.options.values import count_option
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from collections.abc import Sequence
+    from pathlib import Path
+
     from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.records.freedom import Freedom
     from skillplan.task.skill import Skill
+    from skillplan.task.state import State
     from skillplan.task.task import Task
+
+_FREE = re.compile(r"free\((.*)\)")
+_PICTURES = (".png", ".svg")
 
 
 def command(
@@ -110,7 +119,6 @@ def command(
     others.
     """
     from skillplan.chart.hypothetical_state import state_with_all_else
-    from skillplan.cli.freedom import asked_part, tell_freedom
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
@@ -133,10 +141,11 @@ def command(
         setup = stored.setup
         loaded, before = _until(stored, step)
         made = setup.back_ends(loaded, stored.problem.spare_back_ends)
-    part = asked_part(skill)
+    part = _FREE.fullmatch(skill.strip())
     if part is not None:
         assembled = after is None and result is None
-        return tell_freedom(loaded, task, part, None if assembled else before, picture, style)
+        name, done = part.group(1).strip(), None if assembled else before
+        return _explain_freedom(loaded, task, name, done, picture, style)
     chosen = loaded.skill(skill)
     paths = drawing_paths(picture, animate)
     cache = open_cache(caching)
@@ -159,3 +168,77 @@ def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, .
         raise OptionError(f"--step {step}: the plan of {stored.path} has {len(plan)} steps.")
     before = plan if step is None else plan[: step - 1]
     return task, tuple(task.skill(name) for name in before)
+
+
+def _explain_freedom(
+    task: Task,
+    task_file: str,
+    part: str,
+    before: Sequence[Skill] | None,
+    picture: str | None,
+    style: str,
+) -> int:
+    """Print and draw the directions in which a part of a CAD product is free.
+
+    Parameters
+    ----------
+    task, task_file
+        A task that import-cad wrote.
+    part
+        Name of the part.
+    before
+        The sequence after which parts are in place; None for the whole product.
+    picture
+        The .png or .svg file to draw; None for none.
+    style
+        Output format.
+
+    Raises
+    ------
+    OptionError
+        If the task is not from CAD, there is no such part, or the file cannot be written.
+    """
+    from pathlib import Path
+
+    from skillplan.cli.output import emit
+    from skillplan.errors import exit_code
+    from skillplan.files.output_path import output_path
+    from skillplan.records.freedom import freedom
+    from skillplan.records.stored.product_relation import relation_beside
+    from skillplan.views.tables.questions import freedom_tables
+
+    path = None if picture is None else output_path("--picture", picture, _PICTURES, "pictures")
+    relation = relation_beside(Path(task_file))
+    state = None if before is None else _predict_state(task, before)
+    directions = freedom(task, relation, part, state)
+    if path is not None:
+        _draw_freedom(directions, path)
+        directions = directions.drawn({"picture": str(path)})
+    emit(style, directions.document(), freedom_tables(directions), failed=not directions.free)
+    return exit_code(solved=directions.free)
+
+
+def _predict_state(task: Task, before: Sequence[Skill]) -> State:
+    """Return the predicted state after some skills; no back end is queried."""
+    state = task.initial
+    for number, skill in enumerate(before, 1):
+        if not skill.applicable(state):
+            missing = ", ".join(skill.condition(state).why_not(state))
+            raise OptionError(f"Step {number} of the sequence, {skill.name}, fails: {missing}.")
+        state = skill.prediction_in(state).apply(state)
+    return state
+
+
+def _draw_freedom(directions: Freedom, path: Path) -> None:
+    # matplotlib takes half a second.
+    from skillplan.views.figures.figure_file import save_figure
+    from skillplan.views.figures.figure_style import Heading
+    from skillplan.views.figures.freedom_figure import freedom_picture
+
+    try:
+        figure = freedom_picture(
+            directions, directions.task.scene.at(directions.task.goal.requires)
+        )
+    except ValueError as error:
+        raise OptionError(f"--picture: {error}") from None
+    save_figure(figure.with_heading(Heading(figure.title)), path)

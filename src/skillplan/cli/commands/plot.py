@@ -36,7 +36,7 @@ from skillplan.views.figures.catalogue import (
 if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
 
-    from skillplan.cli.deadline import Deadline
+    from skillplan.cli.interruption import Deadline
     from skillplan.domains.load import Problem
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.solvers.stop import Stop

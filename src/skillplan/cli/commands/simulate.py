@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from contextlib import AbstractContextManager
     from pathlib import Path
 
-    from skillplan.cli.counting import Count
+    from skillplan.cli.interruption import Count
     from skillplan.physics.performance import Angle, Performance, Sample
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
@@ -148,7 +148,7 @@ def command(
     from contextlib import ExitStack
 
     from skillplan.checks.single_check import introduce
-    from skillplan.cli.counting import counting
+    from skillplan.cli.interruption import counting
     from skillplan.cli.output import emit
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import exit_code

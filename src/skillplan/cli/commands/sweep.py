@@ -237,7 +237,7 @@ def _run_design(request: _Request, setup: Setup, design: str) -> SweepResult:
     """Run a study with the settings of a design."""
     from contextlib import ExitStack
 
-    from skillplan.cli.counting import counting
+    from skillplan.cli.interruption import counting
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import StudyFolder
 
@@ -270,7 +270,7 @@ def _run_sampler(
     request: _Request, setup: Setup, sampling: Sampling, options: list[str]
 ) -> SweepResult:
     """Run a study whose settings a sampler chooses."""
-    from skillplan.cli.counting import counting
+    from skillplan.cli.interruption import counting
     from skillplan.cli.options.values import parse_options
     from skillplan.sweep.parameter_study import (
         do_sampled,

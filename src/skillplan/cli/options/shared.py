@@ -25,7 +25,7 @@ from skillplan.cli.options.values import (
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:
-    from skillplan.cli.deadline import Deadline
+    from skillplan.cli.interruption import Deadline
     from skillplan.solvers.stop import Stop
 
 
@@ -351,7 +351,7 @@ class CommandLimits:
         graceful
             Whether the command itself stops at its deadline with a result: it is ended later then.
         """
-        from skillplan.cli.deadline import Deadline
+        from skillplan.cli.interruption import Deadline
 
         return Deadline(self.time_limit_s, self.memory_limit_bytes, graceful=graceful)
 

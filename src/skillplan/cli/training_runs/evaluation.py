@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.cli.counting import counting
+from skillplan.cli.interruption import counting
 from skillplan.cli.load import load_file, make_setup, open_cache, print_warnings
 from skillplan.cli.options.shared import BackEnds, Checking, Reading
 from skillplan.cli.output import emit

@@ -9,9 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.cli.counting import counting
-from skillplan.cli.deadline import Deadline
-from skillplan.cli.interruption import heeding
+from skillplan.cli.interruption import Deadline, counting, heeding
 from skillplan.cli.output import emit
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
