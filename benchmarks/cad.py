@@ -23,8 +23,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from cad_fixtures import box, part_of, step_path
-from skillplan_cad.blocking.confirmation import Confirmation
 from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
+from skillplan_cad.importing.findings import Confirmation
 from skillplan_cad.planning.assembly_plan import Planner
 from skillplan_cad.planning.replay import replay
 from skillplan_cad.product import Face, Part, Product, Vector

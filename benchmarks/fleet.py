@@ -14,8 +14,7 @@ import sys
 from typing import Any
 
 from skillplan import solve
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.bench.bench import Bench, Timings
 from skillplan_swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
 from skillplan_swarmitfix.fleet.task import fleet_task
 from skillplan_swarmitfix.multiagent.fleet import FleetSolver

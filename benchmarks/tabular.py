@@ -19,7 +19,7 @@ from timing import against_baseline
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.solvers.mdp.label_setting import costs_to_go
-from skillplan_swarmitfix.base.task import BaseGrounding
+from skillplan_swarmitfix.base.locomotion import BaseGrounding
 from skillplan_swarmitfix.bench.bench import Bench
 
 PITCH_M = 0.34

@@ -11,7 +11,7 @@ import pytest
 from skillplan.chart import Alternatives, DerivedChart, Relation
 from skillplan.pipeline import load_problem
 from skillplan.task import Pose, Task
-from skillplan.views import (
+from skillplan.views.figures import (
     COLOURS,
     FAILED,
     NOT_SIMULATED,
@@ -29,12 +29,12 @@ from skillplan.views import (
     layers_of,
     layout_picture,
     number_rows,
-    picture_svg,
     plan_bars,
     precedence_graph,
     precedence_picture,
     shortened,
 )
+from skillplan.views.report import picture_svg
 
 PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
 

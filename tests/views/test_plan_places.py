@@ -10,7 +10,7 @@ import pytest
 
 from skillplan import load_problem, solve_problem
 from skillplan.pipeline import Setup
-from skillplan.views import path_steps
+from skillplan.views.figures import path_steps
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -13,7 +13,7 @@ from PIL import Image as PillowImage
 from cad_products import FIXTURES, file
 from skillplan.cli import run
 from skillplan.plugins import installed
-from skillplan.views import exploded_png
+from skillplan.views.figures import exploded_png
 from skillplan_cad import read_relation
 from skillplan_cad.importing import import_cad
 

@@ -1,9 +1,8 @@
-from .blocking.confirmation import Confirmation as Confirmation
 from .blocking.ray_mesh import RayMesh as RayMesh
 from .build_relation import blocked_of as blocked_of
 from .build_relation import joints_of as joints_of
 from .build_relation import relation_of as relation_of
-from .contacts import Contact as Contact
+from .importing.findings import Confirmation as Confirmation
 from .importing.planned import attitude as attitude
 from .importing.planned import attitude_warnings as attitude_warnings
 from .planning.assembly_plan import Planner as Planner
@@ -38,18 +37,19 @@ from .reading.step_file import Limits as Limits
 from .reading.step_file import prepare as prepare
 from .reading.step_file import read_apart as read_apart
 from .relation import Blocking as Blocking
+from .relation import Contact as Contact
 from .relation import Fastener as Fastener
 from .relation import Relation as Relation
 from .relation import RelationPart as RelationPart
 from .relation import Sensitive as Sensitive
 from .relation_file import read_relation as read_relation
 from .relation_file import relation_text as relation_text
-from .writing.names import task_names as task_names
+from .writing.task_document import Item as Item
+from .writing.task_document import task_names as task_names
 from .writing.task_document import task_of as task_of
+from .writing.task_document import tray as tray
+from .writing.top_grasp import standing as standing
 from .writing.top_grasp import top_grasp as top_grasp
-from .writing.tray import Item as Item
-from .writing.tray import tray as tray
-from .writing.upright import standing as standing
 
 __version__: str
 

@@ -8,9 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan_cad.blocking.all_pairs import BlockingTest, in_order
-from skillplan_cad.blocking.line_jobs import answers_of
-from skillplan_cad.contacts import Contact
+from skillplan_cad.blocking.all_pairs import BlockingTest, answers_of, in_order
 from skillplan_cad.joints.contacts_of import contacts_of
 from skillplan_cad.joints.cylinder_fits import cylinder_fits
 from skillplan_cad.joints.directions import Source, directions_of
@@ -18,6 +16,7 @@ from skillplan_cad.joints.fasteners_of import fasteners_of
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import (
     Blocking,
+    Contact,
     Fastener,
     PartKind,
     Relation,

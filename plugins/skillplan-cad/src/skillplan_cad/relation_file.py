@@ -11,9 +11,8 @@ import numpy as np
 from skillplan.errors import OptionError
 from skillplan.files.json_file import json_text, read_document
 from skillplan.records.schemas import RELATION
-from skillplan_cad.contacts import Contact
 from skillplan_cad.product import Vector
-from skillplan_cad.relation import Blocking, Fastener, Relation, RelationPart, Sensitive
+from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, RelationPart, Sensitive
 
 _REMEDY = "Write it anew with `skillplan import-cad`"
 

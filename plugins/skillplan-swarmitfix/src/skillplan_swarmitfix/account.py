@@ -9,8 +9,7 @@ from typing import Any
 
 from skillplan.domains.domain import Account, Listing, Recheck
 from skillplan.task.verdict import Verdict
-from skillplan_swarmitfix.base.locomotion import Phase, makespan, timeline
-from skillplan_swarmitfix.base.path import BasePath, along
+from skillplan_swarmitfix.base.locomotion import BasePath, Phase, along, makespan, timeline
 from skillplan_swarmitfix.fleet.account import fleet_account
 from skillplan_swarmitfix.heads.heads import Head, HeadKind, normal_yaw
 from skillplan_swarmitfix.job import Job

@@ -26,7 +26,7 @@ from skillplan_swarmitfix.base.goals import (
     unreachable,
 )
 from skillplan_swarmitfix.base.goals_task import goal_of, goals_task
-from skillplan_swarmitfix.base.task import BaseGrounding
+from skillplan_swarmitfix.base.locomotion import BaseGrounding
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.fleet.task import fleet_task
 from skillplan_swarmitfix.heads.heads import (

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.bench.bench import Bench, Timings
 from skillplan_swarmitfix.pkm.reach import Mount, PkmLimits
 from skillplan_swarmitfix.schema import SwarmitfixConfig
 

@@ -12,6 +12,7 @@ from .page import Section as Section
 from .page import json_in_page as json_in_page
 from .page import page_html as page_html
 from .page import page_style as page_style
+from .pictures import picture_svg as picture_svg
 from .solver_chapters import comparison_chapter as comparison_chapter
 from .summary import lead as lead
 
@@ -27,6 +28,7 @@ __all__ = [
     "numbers",
     "page_html",
     "page_style",
+    "picture_svg",
     "seconds",
     "share",
     "table",

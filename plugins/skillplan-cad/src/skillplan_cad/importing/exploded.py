@@ -10,7 +10,7 @@ from skillplan.task.scene import Body
 from skillplan.task.shape import Mesh
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Part, Product
-from skillplan_cad.writing.upright import Upright, standing
+from skillplan_cad.writing.top_grasp import Upright, standing
 
 Added = tuple[Body, Pose, Point3]
 """A body, where it belongs, and the unit vector in which it comes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,139 @@ from skillplan.files.output_path import output_folder, refusing
 from skillplan.records.schemas import IMPORT
 from skillplan_cad.build_relation import waived_pairs
 from skillplan_cad.importing.exploded import Draw
-from skillplan_cad.importing.findings import Tell, found_in
+from skillplan_cad.importing.findings import Findings, Tell, found_in
 from skillplan_cad.importing.planned import planned
-from skillplan_cad.importing.report import report_document, warnings
-from skillplan_cad.importing.settings import settings_of
-from skillplan_cad.product import Product
-from skillplan_cad.relation import Relation
+from skillplan_cad.importing.settings import ImportSettings, settings_of
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import Contact, Relation
 from skillplan_cad.relation_file import relation_text
+
+# Doubts that are told one by one.
+_NAMED = 4
+
+
+def report_document(
+    findings: Findings,
+    waived: Sequence[tuple[str, str, int]],
+    settings: ImportSettings,
+    source: str,
+) -> dict[str, Any]:
+    """Return the report without the name of its schema; lengths are millimetres."""
+    product, relation = findings.product, findings.relation
+    return {
+        "product": product.name,
+        "source": source,
+        "unit": product.unit,
+        "chord_mm": _mm(product.chord_m),
+        "tolerance_mm": settings.tolerance_mm,
+        "directions": settings.directions,
+        "threads": settings.threads,
+        "notes": list(product.notes),
+        "parts": [
+            {
+                "name": part.name,
+                "design": part.design,
+                "kind": known.kind,
+                "mass_kg": known.mass_kg,
+                "volume_mm3": round(part.volume_m3 * 1e9, 3),
+                "centre_mm": _mm3(part.centre_m),
+                "size_mm": [_mm(float(one)) for one in part.bounds_m[1] - part.bounds_m[0]],
+                "triangles": len(part.triangles),
+                "bodies": part.bodies,
+                "free": [
+                    list(relation.directions[number])
+                    for number in range(len(relation.directions))
+                    if not relation.blockers(part.name, number)
+                ],
+            }
+            for part, known in zip(product.parts, relation.parts, strict=True)
+        ],
+        "interference": [
+            {
+                "parts": list(one.parts),
+                "overlap_mm3": round(one.overlap_m3 * 1e9, 3),
+                "allowed_mm3": round(one.overlap_allowed_m3 * 1e9, 3),
+                "point_mm": _mm3(one.overlap_point_m or (0.0, 0.0, 0.0)),
+            }
+            for one in interferences(relation)
+        ],
+        "untouched": untouched(relation),
+        "doubts": [
+            {
+                "part": one.part,
+                "by": one.by,
+                "direction": list(relation.directions[one.direction]),
+                "rays_say_blocked": one.rays_say_blocked,
+            }
+            for one in findings.doubts
+        ],
+        "waived_threads": [
+            {"part": part, "by": by, "direction": list(relation.directions[number])}
+            for part, by, number in waived
+        ],
+    }
+
+
+def interferences(relation: Relation) -> list[Contact]:
+    """Return the contacts that overlap by more than is allowed, the largest first."""
+    found = [one for one in relation.contacts if one.interferes]
+    return sorted(found, key=lambda one: (-one.overlap_m3, one.parts))
+
+
+def untouched(relation: Relation) -> list[str]:
+    """Return the parts that touch no other."""
+    touched = {name for one in relation.contacts for name in one.parts}
+    return [name for name in relation.names if name not in touched]
+
+
+def warnings(findings: Findings) -> list[str]:
+    """Return what a user should know of a product, a sentence each."""
+    product, relation = findings.product, findings.relation
+    found = []
+    for one in interferences(relation):
+        at = ", ".join(f"{value * 1000:.4g}" for value in one.overlap_point_m or ())
+        why = (
+            f"of which chords explain {one.overlap_allowed_m3 * 1e9:.3g}"
+            if product.chord_m
+            else "and meshes state no chord that would explain it"
+        )
+        found.append(
+            f"{one.parts[0]} and {one.parts[1]} overlap by {one.overlap_m3 * 1e9:.4g} mm3 round "
+            f"[{at}] mm, {why}. If it is no press fit, mend it in CAD."
+        )
+    loose = untouched(relation)
+    if loose:
+        found.append(
+            f"{', '.join(loose)}: touch{'es' if len(loose) == 1 else ''} no other part; nothing "
+            "holds what floats."
+        )
+    if relation.sensitive:
+        pairs = sorted({f"{one.part} by {one.by}" for one in relation.sensitive})
+        shown = "; ".join(pairs[:6]) + (f"; and {len(pairs) - 6} more" if len(pairs) > 6 else "")
+        found.append(
+            f"half or double the tolerance says otherwise of {len(relation.sensitive)} blockings: "
+            f"{shown}"
+        )
+    for doubt in findings.doubts[:_NAMED]:
+        way = ", ".join(f"{value:.4g}" for value in relation.directions[doubt.direction])
+        rays, meshes = (
+            ("blocks", "lets pass") if doubt.rays_say_blocked else ("lets pass", "blocks")
+        )
+        found.append(
+            f"{doubt.by} {rays} {doubt.part} along [{way}] by rays, which decide, and {meshes} it "
+            "by shrunk meshes; try another --tolerance."
+        )
+    if len(findings.doubts) > _NAMED:
+        found.append(f"{len(findings.doubts) - _NAMED} more such doubts stand in report.json")
+    return found
+
+
+def _mm(value_m: float) -> float:
+    return round(value_m * 1000, 4) + 0.0
+
+
+def _mm3(point_m: Vector) -> list[float]:
+    return [_mm(one) for one in point_m]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from skillplan_cad.relation import Relation
 from skillplan_cad.relation_file import relation_text
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import task_of
-from skillplan_cad.writing.upright import Upright
+from skillplan_cad.writing.top_grasp import Upright
 
 
 def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.blocking.ray_mesh import Floats, RayMesh
-from skillplan_cad.contacts import Contact, ContactKind
 from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.product import Part, Product, Vector
+from skillplan_cad.relation import Contact, ContactKind
 
 # Less than this is rounding [mm3].
 _NOISE_MM3 = 1e-3

@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.contacts import Contact
 from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.product import Vector
-from skillplan_cad.relation import Fastener
+from skillplan_cad.relation import Contact, Fastener
 
 Floats = NDArray[np.float64]
 Source = Literal["axes", "cylinders", "contacts"]

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.contacts import Contact
 from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.joints.turned_shape import TurnedShape, turned_shape
 from skillplan_cad.product import Part, Product, Vector
-from skillplan_cad.relation import Fastener, PartKind
+from skillplan_cad.relation import Contact, Fastener, PartKind
 
 Floats = NDArray[np.float64]
 

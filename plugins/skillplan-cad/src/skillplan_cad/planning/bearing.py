@@ -13,10 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.contacts import Contact
 from skillplan_cad.planning.stability import axes_across, is_over
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
 

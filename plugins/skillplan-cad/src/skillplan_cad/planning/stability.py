@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from skillplan_cad.contacts import Contact
 from skillplan_cad.planning.precedence import members
 from skillplan_cad.product import Product, Vector
-from skillplan_cad.relation import Relation
+from skillplan_cad.relation import Contact, Relation
 
 Array = NDArray[np.float64]
 Column = Sequence[tuple[int, float]]

@@ -12,7 +12,7 @@ from skillplan_cad.blocking.all_pairs import BlockingTest
 from skillplan_cad.product import Part, Points, Product, Triangles
 from skillplan_cad.relation import Relation
 from skillplan_cad.writing.convex_pieces import Hollow, Pieces, convex_pieces
-from skillplan_cad.writing.upright import Upright
+from skillplan_cad.writing.top_grasp import Upright
 
 Mesh = tuple[Points, Triangles]
 

@@ -3,27 +3,230 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
+from pydantic import ValidationError
 
+from skillplan.domains.assembly import AssemblyDomain
+from skillplan.errors import Issue
+from skillplan.files.schema_errors import schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, best_bearing
 from skillplan_cad.product import Part, Points, Product, Triangles, Vector
 from skillplan_cad.relation import Fastener, Relation
-from skillplan_cad.writing.accepted import refused
-from skillplan_cad.writing.held_part import CUP, GRIPPER, held_part
-from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
-from skillplan_cad.writing.top_grasp import Meshes
-from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
-from skillplan_cad.writing.upright import Upright, standing
+from skillplan_cad.writing.top_grasp import CUP, GRIPPER, Meshes, Upright, held_part, standing
+
+_LONGEST = 64
+
+
+def task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
+    """Return for each part's name one of letters, digits, `_` and `-`, unique among all.
+
+    Parameters
+    ----------
+    names
+        Of parts.
+    taken
+        Names that no part may have.
+    """
+    found: dict[str, str] = {}
+    seen = set(taken)
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "part"
+        if not plain[0].isalpha():
+            plain = f"part_{plain}"
+        plain = plain[:_LONGEST]
+        new, number = plain, 2
+        while new in seen:
+            end = f"_{number}"
+            new, number = f"{plain[: _LONGEST - len(end)]}{end}", number + 1
+        seen.add(new)
+        found[name] = new
+    return found
+
+
+Place = tuple[float, float]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Between the boxes about parts: room for fingers, and for a hand beside what reaches up to it.
+_APART_M = 0.04
+_BESIDE_TALL_M = 0.13
+_TALL_M = 0.035
+_BESIDE_PRODUCT_M = 0.14
+_GRID_M = 0.02
+_NEAREST_M, _FARTHEST_M = 0.30, 0.72
+_SPREAD_RAD = math.radians(110)
+HOLDERS: tuple[Place, ...] = ((0.20, 0.50), (0.28, 0.50), (0.36, 0.50))
+HOME: Place = (0.35, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """What needs a place: a part, or a feeder of identical ones.
+
+    Parameters
+    ----------
+    name
+        Of the part or feeder.
+    size_m
+        Extents of the box about it, x y z.
+    """
+
+    name: str
+    size_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Tray:
+    """A layout of the table.
+
+    Parameters
+    ----------
+    product_m
+        Where the middle of the product's box goes.
+    places
+        Where items lie, by name.
+    without
+        Names of items for which there is no room in reach.
+    """
+
+    product_m: Place
+    places: dict[str, Place] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """A rectangle of the table that is taken."""
+
+    middle: Place
+    half: Place
+    room: float
+
+    def is_near(self, middles: Floats, half: Place, room: float) -> Bools:
+        """Return of each row whether a rectangle there would come too near."""
+        least = np.add(half, self.half) + (max(room, self.room) - 1e-9)
+        near: Bools = np.all(np.abs(middles - self.middle) < least, axis=1)
+        return near
+
+
+def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float) -> Tray:
+    """Return a layout: the product before the arm to its left, items as near to it as can be.
+
+    Parameters
+    ----------
+    product_size_m
+        Extents of the product as it stands, x y z.
+    items
+        What needs a place; the largest are placed first.
+    reach_m
+        Greatest distance from the arm's base to its tip.
+    """
+    farthest = min(_FARTHEST_M, 0.85 * reach_m)
+    goal = _goal(product_size_m, farthest)
+    half = (product_size_m[0] / 2, product_size_m[1] / 2)
+    taken = [_Taken(goal, half, _BESIDE_PRODUCT_M)]
+    taken += [_Taken(place, (0.03, 0.03), 0.06) for place in HOLDERS]
+    spots = _spots(farthest, goal)
+    places: dict[str, Place] = {}
+    without = []
+    order = sorted(items, key=lambda item: (-item.size_m[0] * item.size_m[1], item.name))
+    for item in order:
+        size = (item.size_m[0] / 2, item.size_m[1] / 2)
+        room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
+        free = np.flatnonzero(_fits(spots, size, room, taken, farthest))
+        if not len(free):
+            without.append(item.name)
+            continue
+        spot = (float(spots[free[0], 0]), float(spots[free[0], 1]))
+        places[item.name] = spot
+        taken.append(_Taken(spot, size, room))
+    return Tray(goal, places, tuple(sorted(without)))
+
+
+def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
+    """Return where the product goes: half a metre before the arm, a little to its left."""
+    y_m = min(0.12 + size_m[1] / 2, 0.25)
+    x_m = max(0.50, _NEAREST_M + size_m[0] / 2)
+    corner = math.hypot(x_m, abs(y_m) + size_m[1] / 2)
+    if corner > farthest_m:
+        x_m = max(_NEAREST_M + size_m[0] / 2, x_m - (corner - farthest_m))
+    return round(x_m, 3), round(y_m, 3)
+
+
+def _spots(farthest_m: float, goal: Place) -> Floats:
+    """Return places on a grid within reach, those nearest to the product first."""
+    count = int(farthest_m / _GRID_M)
+    found = []
+    for i in range(-count, count + 1):
+        for j in range(-count, count + 1):
+            x, y = round(i * _GRID_M, 3), round(j * _GRID_M, 3)
+            inside = _NEAREST_M <= math.hypot(x, y) <= farthest_m
+            if inside and abs(math.atan2(y, x)) <= _SPREAD_RAD:
+                found.append((x, y))
+    found.sort(key=lambda one: (round(math.dist(one, goal), 6), one))
+    return np.array(found).reshape(-1, 2)
+
+
+def _fits(
+    spots: Floats, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
+) -> Bools:
+    """Return of each place whether a rectangle there is in reach and away from all others."""
+    x_m, y_m = np.abs(spots).T
+    corners = [np.hypot(x_m + sign * half[0], y_m + half[1]) for sign in (-1, 1)]
+    near = np.hypot(np.maximum(spots[:, 0] - half[0], 0), np.maximum(y_m - half[1], 0))
+    fits: Bools = (np.maximum(*corners) <= farthest_m + 0.05) & (near >= _NEAREST_M - 0.08)
+    for one in taken:
+        fits &= ~one.is_near(spots, half, room)
+    return fits
+
+
+def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, str]:
+    """Return by the names of parts and screws why `check` refuses a task; nothing if it does not.
+
+    What is about no part goes by an empty name.
+
+    Parameters
+    ----------
+    document
+        What stands in the task file.
+    files
+        Contents of its meshes by their path within the folder.
+    """
+    found: dict[str, str] = {}
+    with TemporaryDirectory(prefix="skillplan-cad-") as folder:
+        for name, content in files.items():
+            path = Path(folder, name)
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(content, "utf-8")
+        for issue in _issues(document, folder):
+            of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
+            about = str(issue.path[1]) if of_part else ""
+            found.setdefault(about, issue.message)
+    return found
+
+
+def _issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
+    domain = AssemblyDomain()
+    try:
+        config = domain.Config.model_validate(document, context={"folder": Path(folder)})
+    except ValidationError as error:
+        return list(schema_issues(error, domain.Config))
+    return list(domain.issues(config))
+
 
 DRIVER = "screwdriver"
 

@@ -15,7 +15,7 @@ from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import Place, Task
 from skillplan_swarmitfix.base.goal_choice import LeastSwings
 from skillplan_swarmitfix.base.goals import GoalSet
-from skillplan_swarmitfix.base.task import STEPS
+from skillplan_swarmitfix.base.locomotion import STEPS
 from skillplan_swarmitfix.bench.bench import Bench
 
 

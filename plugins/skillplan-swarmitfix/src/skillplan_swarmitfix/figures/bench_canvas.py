@@ -15,6 +15,8 @@ from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import Circle, FancyArrow, Polygon
 from numpy.typing import NDArray
 
+from skillplan.domains.domain import Account
+from skillplan.views.figures.figure_request import FigureRequest
 from skillplan.views.figures.figure_style import (
     FAINT,
     LEAST_PT,
@@ -223,3 +225,28 @@ def bench_canvas(
     return BenchCanvas(
         bench, figure, axes, inch_per_m, (float(low[0]), float(low[1])), (axes_w, axes_h)
     )
+
+
+def requested_bench(request: FigureRequest, account: Account | None = None) -> Bench:
+    """Return the lattice of a request's file.
+
+    Parameters
+    ----------
+    request
+        What the user wants drawn.
+    account
+        What the domain derives from a solved file; None for what it derives from the file alone.
+
+    Raises
+    ------
+    OptionError
+        If the file is of another kind.
+    """
+    known = request.problem.account({}) if account is None else account
+    shape = known.document.get("bench")
+    if shape is None:
+        raise request.unfit(
+            f"it shows a bench, but the file is of kind {request.problem.kind}. Figures of any "
+            "kind are rewards, learning and q-values"
+        )
+    return Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])

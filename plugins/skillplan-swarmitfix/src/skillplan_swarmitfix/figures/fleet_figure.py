@@ -26,8 +26,7 @@ from skillplan.views.figures.figure_style import (
 )
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
-from skillplan_swarmitfix.figures.requested_bench import requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
 
 SOLVER = "fleet"
 _ASIDE = 0.095

@@ -31,7 +31,7 @@ from skillplan.views.figures.figure_style import (
     sheet,
     text_width_in,
 )
-from skillplan_swarmitfix.figures.requested_bench import requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import requested_bench
 
 SOLVER = "exact"
 STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}

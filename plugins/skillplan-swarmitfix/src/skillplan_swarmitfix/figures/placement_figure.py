@@ -5,7 +5,9 @@ Veeramani and Muthuswamy 2022, Fig. 11.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -17,28 +19,245 @@ from numpy.typing import NDArray
 
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import (
+    BLUE,
     GREEN,
     INK,
+    LEAST_PT,
     MUTED,
+    OLIVE,
     ORANGE,
     PAPER,
+    PURPLE,
+    RED,
+    SKY,
     Heading,
     in_house_style,
+    text_colour,
 )
+from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
-from skillplan_swarmitfix.figures.placement_labels import draw_labels
-from skillplan_swarmitfix.figures.placement_marks import (
-    RADIUS,
-    BaseGoal,
-    HeadMark,
-    Point2,
-    colours_of,
-    holds_of,
-    links_m,
-    visits_of,
-)
-from skillplan_swarmitfix.figures.requested_bench import requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
+
+Point2 = tuple[float, float]
+RADIUS = 0.2
+"""Radius of the circle that marks a base, in pitches."""
+_COLOURS = (GREEN, BLUE, RED, PURPLE, OLIVE, SKY)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadMark:
+    """A head on paper.
+
+    Parameters
+    ----------
+    position_m
+        Its centroid [m].
+    yaw_rad
+        Heading of its first corner, counter-clockwise from x [rad].
+    side_m
+        Side of the equilateral triangle [m], > 0.
+    at_vertex
+        Whether it stands at a vertex of the trajectory.
+
+    Raises
+    ------
+    ValueError
+        If the side is not > 0.
+    """
+
+    position_m: Point2
+    yaw_rad: float
+    side_m: float
+    at_vertex: bool
+
+    def __post_init__(self) -> None:
+        if not self.side_m > 0:
+            raise ValueError(f"A head's side must be > 0, not {self.side_m} m.")
+
+    def corners_m(self) -> NDArray[np.float64]:
+        """Return its corners [m], shape (3, 2)."""
+        angles = self.yaw_rad + np.arange(3) * (2 * math.pi / 3)
+        radius_m = self.side_m / math.sqrt(3)
+        return np.array(self.position_m) + radius_m * np.stack(
+            [np.cos(angles), np.sin(angles)], axis=1
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class BaseGoal:
+    """A goal position of the base, and the supports that it holds (x, y) [m]."""
+
+    position: int
+    supports_m: tuple[Point2, ...]
+
+
+def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
+    """Return the numbers of the goals, from 1, by the position where they are."""
+    visits: dict[int, list[int]] = {}
+    for number, goal in enumerate(goals, start=1):
+        visits.setdefault(goal.position, []).append(number)
+    return visits
+
+
+def colours_of(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
+    """Return a colour by the position of goals; those of one colour are far from each other."""
+    found: dict[int, str] = {}
+    for position in visits_of(goals):
+        at_m = bench.centroids_m[position]
+        apart_m = dict.fromkeys(_COLOURS, math.inf)
+        for other, colour in found.items():
+            apart_m[colour] = min(apart_m[colour], math.dist(at_m, bench.centroids_m[other]))
+        found[position] = max(_COLOURS, key=apart_m.__getitem__)
+    return found
+
+
+def ranges_text(numbers: Sequence[int]) -> str:
+    """Return ascending numbers as text, such as ``1, 3-5``."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ", ".join(
+        str(first) if first == last else f"{first}\N{EN DASH}{last}" for first, last in runs
+    )
+
+
+def holds_of(goals: Sequence[BaseGoal]) -> list[tuple[int, Point2]]:
+    """Return the positions of goals, each with the supports held from there, once each [m]."""
+    return list(dict.fromkeys((goal.position, at) for goal in goals for at in goal.supports_m))
+
+
+def links_m(bench: Bench, goals: Sequence[BaseGoal]) -> list[tuple[Point2, Point2]]:
+    """Return the lines from the circles of goals to the supports that they hold [m]."""
+    lines = []
+    for position, (x_m, y_m) in holds_of(goals):
+        from_x, from_y = map(float, bench.centroids_m[position])
+        long_m = math.dist((from_x, from_y), (x_m, y_m))
+        share = min(1.0, RADIUS * bench.pitch_m / long_m) if long_m else 1.0
+        edge = (from_x + share * (x_m - from_x), from_y + share * (y_m - from_y))
+        lines.append((edge, (x_m, y_m)))
+    return lines
+
+
+def draw_labels(
+    canvas: BenchCanvas,
+    points_m: NDArray[np.float64],
+    heads: Sequence[HeadMark],
+    goals: Sequence[BaseGoal],
+    visits: Mapping[int, Sequence[int]],
+    between: Sequence[int],
+    home: int | None,
+) -> None:
+    """Write names into the circles, and numbers beside them and beside the heads.
+
+    Parameters
+    ----------
+    canvas
+        Where everything else is drawn already.
+    points_m
+        Points of the trajectory [m], shape (n, 2).
+    heads, goals
+        The heads in order along the trajectory, and the goals.
+    visits
+        The numbers of the goals by position.
+    between
+        Positions that the base passes.
+    home
+        Where the base is at first; None if it is nowhere.
+    """
+    bench = canvas.bench
+    name_pt, number_pt = canvas.font_pt(6.4, 8.0), canvas.font_pt(5.6, 7.0)
+    if name_pt is None:
+        return
+    number_pt = number_pt or LEAST_PT
+    placer = _placer(canvas, points_m, heads, goals)
+    radius_in = RADIUS * canvas.pitch_in
+    rings = sorted({*visits, *between, *(() if home is None else (home,))})
+    centres = {position: canvas.to_inches(bench.centroids_m[position]) for position in rings}
+    inside = {p for p in rings if placer.is_free(centres[p], bench.name(p), name_pt)}
+    for position in rings:
+        if position in inside:
+            x_m, y_m = bench.centroids_m[position].tolist()
+            _write(canvas, (x_m, y_m), bench.name(position), name_pt, INK, bold=True)
+    for centre in centres.values():
+        placer.avoid_disc(centre, radius_in + 0.02)
+    beside_in = [radius_in + extra for extra in (0.04, 0.1, 0.18, 0.28)]
+    for position in rings:
+        if position not in inside:
+            name = bench.name(position)
+            place = placer.place(centres[position], name, name_pt, beside_in)
+            _write(canvas, canvas.to_metres(place), name, name_pt, INK, bold=True)
+    colours = colours_of(canvas.bench, goals)
+    for position, numbers in sorted(visits.items()):
+        text = f"b{ranges_text(numbers)}"
+        place = placer.place(centres[position], text, number_pt, beside_in)
+        _write(canvas, canvas.to_metres(place), text, number_pt, text_colour(colours[position]))
+    if home is not None and home not in visits:
+        place = placer.place(centres[home], "home", number_pt, beside_in)
+        _write(canvas, canvas.to_metres(place), "home", number_pt, "#8a5a00")
+    _number_heads(canvas, placer, np.mean(points_m, axis=0), heads, number_pt)
+
+
+def _number_heads(
+    canvas: BenchCanvas,
+    placer: LabelPlacer,
+    middle_m: NDArray[np.float64],
+    heads: Sequence[HeadMark],
+    size_pt: float,
+) -> None:
+    """Write the numbers of the heads, outside of the trajectory where there is room."""
+    for number, head in enumerate(heads, start=1):
+        beside_in = [_corner_in(canvas, head) + extra for extra in (0.03, 0.08, 0.15, 0.25)]
+        outward = np.array(head.position_m) - middle_m
+        angle_rad = math.atan2(outward[1], outward[0])
+        anchor, text = canvas.to_inches(head.position_m), f"h{number}"
+        place = placer.place(anchor, text, size_pt, beside_in, angle_rad)
+        _write(canvas, canvas.to_metres(place), text, size_pt, MUTED)
+
+
+def _placer(
+    canvas: BenchCanvas,
+    points_m: NDArray[np.float64],
+    heads: Sequence[HeadMark],
+    goals: Sequence[BaseGoal],
+) -> LabelPlacer:
+    """Return what keeps labels off the trajectory, the heads and the lines to them."""
+    placer = LabelPlacer(*canvas.size_in)
+    placer.avoid_line([canvas.to_inches(point) for point in points_m.tolist()])
+    for link in links_m(canvas.bench, goals):
+        placer.avoid_line([canvas.to_inches(end) for end in link])
+    for head in heads:
+        placer.avoid_disc(canvas.to_inches(head.position_m), _corner_in(canvas, head))
+    return placer
+
+
+def _corner_in(canvas: BenchCanvas, head: HeadMark) -> float:
+    """Return how far the corners of a head are from its centroid, on paper [in]."""
+    return head.side_m / math.sqrt(3) * canvas.inch_per_m
+
+
+def _write(
+    canvas: BenchCanvas,
+    point_m: Point2,
+    text: str,
+    size_pt: float,
+    colour: str,
+    *,
+    bold: bool = False,
+) -> None:
+    canvas.axes.text(
+        *point_m,
+        text,
+        ha="center",
+        va="center_baseline",
+        size=size_pt,
+        color=colour,
+        weight="bold" if bold else "normal",
+        zorder=8,
+    )
+
 
 SOLVER = "exact"
 _TRAJECTORY = "#3c4043"

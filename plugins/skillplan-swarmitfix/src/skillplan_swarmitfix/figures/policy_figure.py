@@ -31,8 +31,7 @@ from skillplan.views.figures.figure_style import (
     in_house_style,
 )
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas
-from skillplan_swarmitfix.figures.requested_bench import requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
 
 SOLVER = "sarsa"
 _SHADES = LinearSegmentedColormap.from_list("steps", ["#f2f7fb", "#8fb8d8"])

@@ -16,7 +16,7 @@ from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Condition, Facts, State
 from skillplan.task.task import Metric, Place, Task
-from skillplan_swarmitfix.bench.step_timings import Timings
+from skillplan_swarmitfix.bench.bench import Timings
 from skillplan_swarmitfix.heads.grid import HeadGrid
 from skillplan_swarmitfix.heads.heads import Head, HeadRules
 from skillplan_swarmitfix.trajectory.plane_point import Point2

@@ -15,11 +15,12 @@ from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task import back_end
-from skillplan_swarmitfix.multiagent.configuration_search import search_with_restarts
-from skillplan_swarmitfix.multiagent.joint_search import Objective, search_jointly
+from skillplan_swarmitfix.multiagent.configuration_search import (
+    ScheduleImprovement,
+    search_with_restarts,
+)
+from skillplan_swarmitfix.multiagent.joint_search import Objective, ParallelSchedule, search_jointly
 from skillplan_swarmitfix.multiagent.multi_agent import Move, MultiAgentProblem, NotMultiAgent
-from skillplan_swarmitfix.multiagent.parallel_schedule import ParallelSchedule
-from skillplan_swarmitfix.multiagent.schedule_improvement import ScheduleImprovement
 
 _TOLERANCE = 1e-9
 _JOINT_UP_TO = 2

@@ -33,10 +33,12 @@ from skillplan_swarmitfix.pkm.kinematics import (
     LEGS,
     OutsideWorkspace,
     PkmGeometry,
+    Point3,
+    Pose6,
     forward,
     inverse,
+    zyz_matrix,
 )
-from skillplan_swarmitfix.pkm.pose6 import Point3, Pose6, zyz_matrix
 
 Range = tuple[float, float]
 Point2 = tuple[float, float]

@@ -12,8 +12,7 @@ from skillplan.views.report.markup import Markup
 from skillplan.views.report.plan_sections import figure
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.report.bench_picture import bench_picture
-from skillplan_swarmitfix.report.bench_playback import bench_playback
-from skillplan_swarmitfix.report.fleet_playback import fleet_playback, swings_of
+from skillplan_swarmitfix.report.bench_playback import bench_playback, fleet_playback, swings_of
 
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 

@@ -61,7 +61,7 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     content = _content(path)
     if suffix == ".dxf":
         # Takes ezdxf, which takes half a second to import.
-        from skillplan_swarmitfix.trajectory.dxf import dxf_trajectory
+        from skillplan_swarmitfix.trajectory.dxf_entities import dxf_trajectory
 
         return dxf_trajectory(path, content, unit)
     text = _text(path, content)
