@@ -9,7 +9,7 @@ import pytest
 from situations import assembly, config_content, fake_back_end
 from skillplan.collision import AabbDetector
 from skillplan.physics import Engine, KinematicEngine
-from skillplan.records import decisive, detectors_document, wrong_verdicts
+from skillplan.records import detectors_document, find_decisive, list_wrong
 from skillplan.task import Verdict, VerdictStatus
 from skillplan.trials import CHART, OBSTACLE, Truth, try_detectors
 
@@ -125,17 +125,17 @@ class TestCounting:
             wrong = one["wrong_rulings"]
             assert one["false_alarms"] + one["misses"] + one["undecided"] == len(wrong)
             assert all(checked["state"] for checked in wrong)
-        assert 40 <= len(wrong_verdicts(trials, "seer"))
+        assert 40 <= len(list_wrong(trials, "seer"))
 
     def test_the_figures_that_decide_are_the_nearest_to_a_wrong_verdict(self, trials) -> None:
         """The largest on right executions, the smallest on collisions."""
-        right = decisive(trials, "seer", Truth.LEGITIMATE)
-        wrong = decisive(trials, "seer", Truth.COLLISION)
+        right = find_decisive(trials, "seer", Truth.LEGITIMATE)
+        wrong = find_decisive(trials, "seer", Truth.COLLISION)
         assert right is not None
         assert wrong is not None
         assert {"mass_g": 2.0} == right["readings"]
         assert {"mass_g": 0.0} == wrong["readings"]
-        assert decisive(trials, "blind", Truth.COLLISION) is None
+        assert find_decisive(trials, "blind", Truth.COLLISION) is None
 
     @pytest.mark.slow(reason="tries two back ends on the board; the other counts in every run")
     def test_what_is_unknown_is_neither_a_miss_nor_an_alarm(self, board) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks import check, introduce
-from skillplan.records import decisive
+from skillplan.records import find_decisive
 from skillplan.task import VerdictStatus
 from skillplan.trials import Truth, injected_collisions, try_detectors
 from skillplan_pybullet import ContactForceDetector, PybulletEngine
@@ -194,6 +194,9 @@ def test_pairs_tell_right_from_wrong_on_the_whole_board(task) -> None:
     assert trials.count(wrong, "contact-pairs", VerdictStatus.FEASIBLE) == 0
     assert trials.count(wrong, "contact-force", VerdictStatus.FEASIBLE) >= 30
     assert len(trials.of(right)) == trials.count(right, "pybullet", VerdictStatus.FEASIBLE)
-    gap = decisive(trials, "contact-pairs", right), decisive(trials, "contact-pairs", wrong)
+    gap = (
+        find_decisive(trials, "contact-pairs", right),
+        find_decisive(trials, "contact-pairs", wrong),
+    )
     assert gap[0]["readings"]["force_n"] < 0.001
     assert gap[1]["readings"]["force_n"] > 1.0

@@ -5,9 +5,9 @@ from .chain_result import ChainPart as ChainPart
 from .chain_result import ChainResult as ChainResult
 from .chart import chart_document as chart_document
 from .evaluation import Evaluation as Evaluation
-from .execution.comparisons import decisive as decisive
 from .execution.comparisons import detectors_document as detectors_document
-from .execution.comparisons import wrong_verdicts as wrong_verdicts
+from .execution.comparisons import find_decisive as find_decisive
+from .execution.comparisons import list_wrong as list_wrong
 from .execution.simulation import PlannedTimes as PlannedTimes
 from .execution.simulation import Simulation as Simulation
 from .interval import Estimate as Estimate
@@ -142,14 +142,15 @@ __all__ = [
     "chart_document",
     "check_finished",
     "copy_name",
-    "decisive",
     "detectors_document",
     "differences",
+    "find_decisive",
     "fingerprint",
     "group_path",
     "interquartile_mean",
     "is_relational",
     "is_run_folder",
+    "list_wrong",
     "mean",
     "metrics_line",
     "parse_metrics",
@@ -171,5 +172,4 @@ __all__ = [
     "what_changed",
     "write_network",
     "write_relational",
-    "wrong_verdicts",
 ]

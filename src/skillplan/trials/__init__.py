@@ -1,7 +1,4 @@
-"""Detectors and engines compared on executions known to be right or wrong, and with each other.
-
-Never a part of solving.
-"""
+"""Comparison of detectors and engines on executions that are known to be right or wrong."""
 
 import lazy_loader as _lazy
 

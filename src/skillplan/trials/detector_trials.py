@@ -1,9 +1,9 @@
-"""Detectors tried on executions of which it is known whether they are right.
+"""Trials of collision detectors on executions that are known to be right or wrong.
 
-Right are those that the hand-made chart allows or, where a task has none, those that more than
-half of the back ends accept. Wrong ones have an injected fault, see
-:mod:`skillplan.trials.fault_injection`, or an order in which a part is put through another or
-set down on nothing, see :mod:`skillplan.trials.detector_trials`.
+An execution is right if the hand-made chart allows it or, without a chart, if more than half of the
+back ends accept it. Wrong executions have an injected fault
+(:mod:`skillplan.trials.fault_injection`), or an order in which a part passes through another or is
+set down without support.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ from skillplan.trials.fault_injection import (
     standing_boxes,
 )
 
-# What has this gap beneath it, and this room around it, touches nothing [m].
+# A part with this gap below it, and this room around it, touches nothing [m].
 _GAP_M = 0.001
 _ROOM_M = 0.005
 
 
 def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
-    """Yield executions that go wrong because of what was done, or not done, before.
+    """Yield executions that go wrong because of earlier or missing operations.
 
-    Where something else is done already, the part in the hand may come down on it. Where nothing
-    supports what is set down, it falls without touching anything.
+    After another operation, the held part may come down on a part. Without a support, it falls
+    without contact.
     """
     hypothetical = HypotheticalStates(task)
     seen: set[tuple[str, str, frozenset[str]]] = set()
     for trial in legitimate:
         skill = trial.skill
-        visit = _last_visit(skill, trial.state)
+        visit = _get_last_visit(skill, trial.state)
         if visit is None or visit.event not in (Event.RELEASE, Event.DRIVE):
             continue
-        done = {one for one, fact in task.operations.items() if fact in trial.state}
-        fewer = [frozenset(done - {one}) for one in sorted(done)]
+        done = {operation for operation, fact in task.operations.items() if fact in trial.state}
+        fewer = [frozenset(done - {operation}) for operation in sorted(done)]
         more = [
             frozenset(done | {operation})
             for operation in task.operations
@@ -66,7 +66,7 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
             standing = standing_boxes(task, state)
             if not is_possible(standing):
                 continue
-            fault = _fault(task, skill, visit, standing)
+            fault = _find_fault(task, skill, visit, standing)
             key = (skill.name, fault[1] if fault else "", frozenset(standing))
             if fault is None or key in seen or not skill.applicable(state):
                 continue
@@ -75,35 +75,35 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
             yield Trial(task, skill, state, truth, kind, words)
 
 
-def _fault(
+def _find_fault(
     task: Task, skill: Skill, visit: Visit, standing: dict[str, tuple[WorldBox, ...]]
 ) -> tuple[Truth, str, str] | None:
-    """Return what is certain to go wrong, in words, as far as geometry alone says."""
+    """Return truth, words and kind of a fault that geometry alone proves; None without one."""
     assert skill.motion is not None
     safe_m = task.scene.robot(skill.motion.robot).safe_height_m
     body = task.scene.body(visit.subject)
     boxes = world_boxes(body, Pose.upright(visit.position, visit.yaw_rad))
     by = (0.0, 0.0, safe_m - visit.position[2])
-    others = {name: found for name, found in standing.items() if name != body.name}
+    others = {name: solids for name, solids in standing.items() if name != body.name}
     for name, obstacles in others.items():
-        if any(sweep_hits(one, by, other, LEAST_HIT_M) for one in boxes for other in obstacles):
+        if any(sweep_hits(box, by, other, LEAST_HIT_M) for box in boxes for other in obstacles):
             return Truth.COLLISION, f"{name} stands in the way of {body.name}", "wrong order"
     floor_m = min(box.low[2] for box in boxes)
     solids = [box for obstacles in others.values() for box in obstacles]
     supported = floor_m <= _GAP_M or any(
-        contact_area(one, top, _GAP_M) for one in boxes for top in solids
+        contact_area(box, top, _GAP_M) for box in boxes for top in solids
     )
-    crowded = any(sweep_hits(_grown(one), by, other, 0.0) for one in boxes for other in solids)
+    crowded = any(sweep_hits(_grow(box), by, other, 0.0) for box in boxes for other in solids)
     if supported or crowded:
         return None
-    # It may fall on the table only: anything else that it lands on would be hit.
+    # It must fall on the table: a body below it would be hit.
     drop = (0.0, 0.0, -floor_m)
-    if any(sweep_hits(_grown(one), drop, other, 0.0) for one in boxes for other in solids):
+    if any(sweep_hits(_grow(box), drop, other, 0.0) for box in boxes for other in solids):
         return None
     return Truth.OUTCOME, f"{body.name} has nothing beneath it", "no support"
 
 
-def _grown(box: WorldBox) -> WorldBox:
+def _grow(box: WorldBox) -> WorldBox:
     low, high = box.low, box.high
     return WorldBox(
         (low[0] - _ROOM_M, low[1] - _ROOM_M, low[2]),
@@ -111,7 +111,7 @@ def _grown(box: WorldBox) -> WorldBox:
     )
 
 
-def _last_visit(skill: Skill, state: State) -> Visit | None:
+def _get_last_visit(skill: Skill, state: State) -> Visit | None:
     return None if skill.motion is None else skill.motion.visits(state)[-1]
 
 
@@ -120,15 +120,7 @@ CHART = "the hand-made chart"
 
 @dataclass(frozen=True)
 class CheckedTrial:
-    """A trial and the verdicts of the back ends on it.
-
-    Parameters
-    ----------
-    trial
-        The execution.
-    verdicts
-        By the back end's name.
-    """
+    """A trial and the verdicts on it, by back end."""
 
     trial: Trial
     verdicts: dict[str, Verdict] = field(hash=False)
@@ -136,22 +128,20 @@ class CheckedTrial:
 
 @dataclass(frozen=True)
 class DetectorTrials:
-    """Trials and their verdicts, as far as they were checked.
+    """Checked trials of a task.
 
     Parameters
     ----------
-    task
-        What the trials are made of.
     engine
-        The engine's name. It gives verdicts, too, on what detectors leave to it.
+        Name of the engine; it also gives verdicts on cases that detectors leave to it.
     detectors
-        Their names.
+        Names of the detectors.
     reference
-        What says that an execution is right, in words.
+        Criterion of right executions, as text.
     checked
-        In the order of the checks.
+        The trials in the order of the checks.
     stopped
-        Whether the checks were ended early.
+        True if the checks ended early.
     """
 
     task: Task
@@ -162,11 +152,11 @@ class DetectorTrials:
     stopped: bool = False
 
     def of(self, truth: Truth) -> list[CheckedTrial]:
-        """Return the checked trials of one truth."""
+        """Return the checked trials with a given truth."""
         return [checked for checked in self.checked if checked.trial.truth is truth]
 
     def count(self, truth: Truth, name: str, status: VerdictStatus) -> int:
-        """Return on how many trials of one truth a back end gives this verdict."""
+        """Return the number of trials with a given truth on which a back end has this verdict."""
         return sum(checked.verdicts[name].status is status for checked in self.of(truth))
 
 
@@ -183,17 +173,17 @@ def try_detectors(
     Parameters
     ----------
     task
-        With bodies.
+        A task with bodies.
     make
-        Returns engine and detectors for a task, the engine first. Called again for every task
+        Makes the engine and the detectors for a task, the engine first. Called again for every task
         with an injected fault.
     faults
-        How many collisions are injected at most, >= 0, of all kinds and skills in turn; and how
-        many near misses.
+        Largest number of injected collisions, and of near misses, >= 0, spread over kinds and
+        skills.
     note
         Called after every trial.
     stopped
-        Called before every trial; once true, what is known is returned.
+        Called before every trial; returns True to stop.
 
     Raises
     ------
@@ -202,7 +192,7 @@ def try_detectors(
     """
     back_ends = list(make(task))
     introduce(back_ends)
-    found: list[CheckedTrial] = []
+    results: list[CheckedTrial] = []
     legitimate: list[Trial] = []
     interrupted = False
 
@@ -210,12 +200,12 @@ def try_detectors(
         verdicts = {
             checker.name: check(checker, trial.skill, trial.state).verdict for checker in checkers
         }
-        found.append(CheckedTrial(trial, verdicts))
+        results.append(CheckedTrial(trial, verdicts))
         note()
         return not stopped()
 
-    for checked in _legitimate(task, back_ends):
-        found.append(checked)
+    for checked in _check_right_executions(task, back_ends):
+        results.append(checked)
         legitimate.append(checked.trial)
         note()
         if stopped():
@@ -223,9 +213,9 @@ def try_detectors(
             break
     if not interrupted:
         for trial in chain(
-            _chosen(legitimate, near_misses, faults),
+            _choose_faults(legitimate, near_misses, faults),
             wrong_orders(task, legitimate),
-            _chosen(legitimate, injected_collisions, faults),
+            _choose_faults(legitimate, injected_collisions, faults),
         ):
             checkers = back_ends
             if trial.task is not task:
@@ -236,13 +226,13 @@ def try_detectors(
                 break
     reference = CHART if task.chart else "more than half of the back ends grant"
     names = tuple(back_end.name for back_end in back_ends[1:])
-    return DetectorTrials(task, back_ends[0].name, names, reference, tuple(found), interrupted)
+    return DetectorTrials(task, back_ends[0].name, names, reference, tuple(results), interrupted)
 
 
-def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTrial]:
-    """Yield a checked trial for every class of right executions, breadth first.
+def _check_right_executions(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTrial]:
+    """Yield a checked trial for every class of right executions, breadth-first.
 
-    Of executions that agree on all facts that a back end's verdict rests on, one is enough.
+    Executions belong to one class if they agree on all facts that the verdicts rest on.
     """
     chart = PrecedenceDetector(task) if task.chart else None
     cache = VerdictCache()
@@ -250,20 +240,20 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTri
     while level:
         following = []
         for state in level:
-            for skill in (one for one in task.skills if one.applicable(state)):
+            for skill in task.skills:
+                if not skill.applicable(state):
+                    continue
                 if chart is not None and not chart.check(skill, state).is_feasible:
                     continue
-                for one in [skill.by(way) for way in skill.ways] or [skill]:
-                    new, verdicts = _asked(cache, back_ends, one, state)
-                    most = 2 * sum(verdict.is_feasible for verdict in verdicts.values()) > len(
-                        back_ends
-                    )
-                    if most or (chart is not None and not skill.ways):
+                for variant in [skill.by(way) for way in skill.ways] or [skill]:
+                    new, verdicts = _query(cache, back_ends, variant, state)
+                    accepted = sum(verdict.is_feasible for verdict in verdicts.values())
+                    if 2 * accepted > len(back_ends) or (chart is not None and not skill.ways):
                         break
                 else:
                     continue
                 if new:
-                    yield CheckedTrial(Trial(task, one, state, Truth.LEGITIMATE), verdicts)
+                    yield CheckedTrial(Trial(task, variant, state, Truth.LEGITIMATE), verdicts)
                 after = skill.prediction_in(state).apply(state)
                 if after not in seen and not task.goal.holds(state):
                     seen.add(after)
@@ -271,10 +261,10 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTri
         level = following
 
 
-def _asked(
+def _query(
     cache: VerdictCache, back_ends: Sequence[BackEnd], skill: Skill, state: State
 ) -> tuple[bool, dict[str, Verdict]]:
-    """Return whether a back end had to be queried, and what each says by its name."""
+    """Return True if a back end had to be queried, and the verdicts by back end."""
     new = False
     verdicts = dict[str, Verdict]()
     for back_end in back_ends:
@@ -288,20 +278,20 @@ def _asked(
     return new, verdicts
 
 
-def _chosen(
+def _choose_faults(
     legitimate: Sequence[Trial],
     inject: Callable[[Task, Skill, State], Iterator[Trial]],
     most: int,
 ) -> Iterator[Trial]:
-    """Yield injected faults of all kinds in turn, and of a kind those of all skills in turn."""
+    """Yield injected faults of all kinds in turn, and within a kind of all skills in turn."""
     by_kind: dict[str, dict[str, list[Trial]]] = {}
     for trial in legitimate:
         for injected in inject(trial.task, trial.skill, trial.state):
             skills = by_kind.setdefault(injected.kind, {})
             skills.setdefault(injected.skill.name, []).append(injected)
     queues = {
-        # Every kind begins with another skill, so that few trials show many skills.
-        kind: _in_turn(skills, begin)
+        # Each kind begins with another skill, so that few trials cover many skills.
+        kind: _alternate(skills, begin)
         for begin, (kind, skills) in enumerate(sorted(by_kind.items()))
     }
     given = 0
@@ -318,19 +308,19 @@ def _chosen(
         yield following
 
 
-def _in_turn(skills: dict[str, list[Trial]], begin: int) -> Iterator[Trial]:
-    """Yield one trial of every skill, then the next of every skill, with other words each time."""
-    said: set[tuple[str, str]] = set()
+def _alternate(skills: dict[str, list[Trial]], begin: int) -> Iterator[Trial]:
+    """Yield one trial per skill, then the next per skill, each time with a new description."""
+    used: set[tuple[str, str]] = set()
     names = list(skills)
     begin %= len(names)
     remaining = {name: list(skills[name]) for name in (*names[begin:], *names[:begin])}
     while remaining:
         for name in list(remaining):
             trials = remaining[name]
-            new = next((trial for trial in trials if (name, trial.fault) not in said), None)
+            new = next((trial for trial in trials if (name, trial.fault) not in used), None)
             if new is None:
                 del remaining[name]
                 continue
-            said.add((name, new.fault))
+            used.add((name, new.fault))
             trials.remove(new)
             yield new

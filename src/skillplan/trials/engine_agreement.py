@@ -1,4 +1,4 @@
-"""Engines asked the same: every applicable skill in every state that any of them leads to."""
+"""Comparison of engines: every applicable skill in every state that any engine can reach."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Contradiction:
     Parameters
     ----------
     skill, state
-        What was asked, and where it was asked first.
+        The skill, and the first such state.
     verdicts
-        By the engine's name.
+        Verdicts by engine.
     stages
-        By the engine's name, the verdicts of all that was asked of it, also beyond what decided.
+        By engine, the verdicts of all its back ends, also beyond the deciding one.
     states
-        In how many states engines differ by the same verdicts on this skill.
+        Number of states with the same verdicts on this skill.
     """
 
     skill: Skill
@@ -40,28 +40,26 @@ class Contradiction:
 
 @dataclass(frozen=True)
 class EngineAgreement:
-    """What engines say of a task, as far as they were asked.
+    """Result of a comparison of engines.
 
     Parameters
     ----------
-    task
-        Whose skills were checked.
     back_ends
-        By the engine's name, the names of all that was asked of it, in that order.
+        By engine, the names of its back ends in order.
     states
-        States in which skills were checked.
+        Number of states in which skills were checked.
     questions
-        Pairs of such a state and a skill that is applicable there.
+        Number of pairs of such a state and an applicable skill.
     agree
-        Those on which all engines give the same verdict.
+        Number of pairs with the same verdict of all engines.
     contradictions
-        The others, in the order in which they were met.
+        The other pairs, in the order of the search.
     executions
-        By the engine's name, how many of its verdicts were worked out; the others were reused.
+        Number of computed verdicts by engine; others were reused.
     seconds
-        By the engine's name, how long that took [s].
+        Duration by engine [s].
     complete
-        Whether it came to its end.
+        True if the comparison was not stopped.
     """
 
     task: Task
@@ -83,23 +81,23 @@ def compare_engines(
     note: Callable[[], None] = lambda: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> EngineAgreement:
-    """Ask engines about every applicable skill in every state that any of them leads to.
+    """Compare engines on every applicable skill in every state that any of them can reach.
 
-    Breadth first, within the task's step limit; a skill that only one of them grants is followed,
-    too. Where the task is done, nothing is asked any more.
+    The search is breadth-first within the task's step limit. It also follows skills that only one
+    engine grants, and ends in goal states.
 
     Parameters
     ----------
     task
-        With bodies.
+        A task with bodies.
     engines
-        The checks of each, by its name, fresh.
+        Feasibility checkers by engine, without verdicts.
     at_once
-        How many queries an engine is given at a time, >= 1.
+        Number of queries per batch, >= 1.
     note
         Called after every query.
     stopped
-        Called before every few queries; once true, what is known is returned.
+        Called before every batch; returns True to stop.
 
     Raises
     ------
@@ -119,14 +117,15 @@ def compare_engines(
         ]
         following: dict[State, None] = {}
         for begin in range(0, len(queries), at_once):
-            few = queries[begin : begin + at_once]
+            batch = queries[begin : begin + at_once]
             if stopped():
                 complete = False
                 break
-            for (skill, state), granted in zip(few, findings.ask(few), strict=True):
+            for (skill, state), granted in zip(batch, findings.check(batch), strict=True):
                 note()
                 if granted:
-                    following |= {one.apply(state): None for one in skill.outcomes_in(state)}
+                    for outcome in skill.outcomes_in(state):
+                        following[outcome.apply(state)] = None
         findings.states += len({state for _, state in queries}) if complete else 0
         level = [state for state in following if state not in seen]
         seen.update(level)
@@ -136,7 +135,7 @@ def compare_engines(
 
 
 class _Findings:
-    """What engines said so far."""
+    """Verdicts of the engines so far."""
 
     def __init__(self, task: Task, engines: Mapping[str, Feasibility]) -> None:
         self.task, self.engines = task, engines
@@ -145,23 +144,23 @@ class _Findings:
         self._first: dict[object, Contradiction] = {}
         self._count: dict[object, int] = {}
 
-    def ask(self, queries: Sequence[Query]) -> list[bool]:
-        """Return whether any engine grants each of some queries; note where they differ."""
-        said = dict[str, list[Verdict]]()
+    def check(self, queries: Sequence[Query]) -> list[bool]:
+        """Return a flag per query, true if any engine grants it; record contradictions."""
+        verdicts_by_engine = dict[str, list[Verdict]]()
         for name, engine in self.engines.items():
             begin_s = time.perf_counter()
-            said[name] = engine.verdicts(queries)
+            verdicts_by_engine[name] = engine.verdicts(queries)
             self.seconds[name] += time.perf_counter() - begin_s
-        every = zip(*said.values(), strict=True)
-        found = []
+        every = zip(*verdicts_by_engine.values(), strict=True)
+        granted = []
         for (skill, state), verdicts in zip(queries, every, strict=True):
             self.questions += 1
             if len({verdict.status for verdict in verdicts}) == 1:
                 self.agree += 1
             else:
-                self._note(skill, state, dict(zip(said, verdicts, strict=True)))
-            found.append(any(verdict.is_feasible for verdict in verdicts))
-        return found
+                self._note(skill, state, dict(zip(verdicts_by_engine, verdicts, strict=True)))
+            granted.append(any(verdict.is_feasible for verdict in verdicts))
+        return granted
 
     def _note(self, skill: Skill, state: State, verdicts: Mapping[str, Verdict]) -> None:
         words = [
@@ -177,9 +176,9 @@ class _Findings:
         self._count[key] = self._count.get(key, 0) + 1
 
     def agreement(self, complete: bool) -> EngineAgreement:
-        """Return it."""
+        """Return the result."""
         contradictions = tuple(
-            replace(one, states=self._count[key]) for key, one in self._first.items()
+            replace(first, states=self._count[key]) for key, first in self._first.items()
         )
         names = {
             name: tuple(back_end.name for back_end in engine.back_ends)

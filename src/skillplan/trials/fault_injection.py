@@ -1,9 +1,8 @@
-"""Collisions injected into right executions of a task, so that detectors can be tried on them.
+"""Trials of detectors: right executions with an injected fault, or with a near miss.
 
-A block is put where a finger, the palm, the tool or the part in the hand must hit it, at least
-3 mm deep; or a part stands where another belongs; or the hand reaches too deep. Near misses are
-right: a block stands close, but clear of everything. Where that is so follows from the geometry
-of the scene, never from a detector.
+A fault is a block in the way of a finger, the palm, the tool or the held part, at least 3 mm deep;
+a part in the place of another; or a hand that reaches too deep. In a near miss a block stands
+close, but nothing touches it. The geometry of the scene decides this, never a detector.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from skillplan.task.task import Task
 
 
 class Truth(StrEnum):
-    """What is true of an execution, whatever a detector says of it."""
+    """The known truth about an execution."""
 
     LEGITIMATE = "legitimate"
     COLLISION = "collision"
@@ -38,15 +37,15 @@ class Trial:
     Parameters
     ----------
     task
-        The task, or one with an injected fault.
+        The task, possibly with an injected fault.
     skill, state
-        What is executed, and where it starts.
+        The executed skill, and the state before it.
     truth
-        Legitimate; a collision; or nothing touches, but what is set down ends elsewhere.
+        Legitimate; a collision; or a wrong outcome, without contact.
     kind
-        How it goes wrong, in a word or two, or that it is a near miss; else empty.
+        Kind of the fault, or near miss; else empty.
     fault
-        What goes wrong, in words, or where the obstacle of a near miss stands; else empty.
+        Description of the fault, or place of the block of a near miss; else empty.
     """
 
     task: Task
@@ -57,10 +56,10 @@ class Trial:
     fault: str = ""
 
 
-# Jaws open a little wider than what they grasp: a finger is sure to pass at this distance [m].
+# Jaws open a little wider than the part: a finger passes at this distance from it [m].
 _BEHIND_JAW_M = 0.008
 _BLOCK_M = 0.010
-# At this distance beside the part in the hand, or beneath the jaws, nothing touches [m].
+# At this distance from the held part, or below the jaws, nothing touches [m].
 _CLEAR_OF_PART_M = 0.002
 _CLEAR_BENEATH_M = 0.002
 _NEAR_MISS = "near miss"
@@ -70,20 +69,20 @@ _LIGHT_KG = 0.002
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A block to be put into a scene as an obstacle.
+    """A block that becomes an obstacle in a scene.
 
     Parameters
     ----------
     kind, words
-        What it is for, in short, and where it stands.
+        Kind of fault, and description of the place.
     x_m, y_m
-        Its centre in the plane [m].
+        Centre in the plane [m].
     yaw_rad
-        How it is turned about the vertical [rad].
+        Rotation about the vertical [rad].
     size_xy
         Extents in its own frame [m].
     top_m
-        Height of its top above the table [m]; it stands on what is beneath it.
+        Height of its top above the table [m]; it stands on the body below.
     mass_kg
         Mass [kg].
     """
@@ -99,7 +98,7 @@ class Block:
 
 
 def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield blocks that one motion must hit; none where the hand does not go straight down."""
+    """Yield blocks that a motion must hit; none if the hand does not move straight down."""
     if not motion.is_vertical:
         return
     event = motion.visit.event
@@ -107,11 +106,11 @@ def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
         body = task.scene.body(motion.visit.subject)
         grasp = visited_grasp(body, motion.visit)
         if grasp.kind is GraspKind.JAWS:
-            yield from _beside_jaws(motion, grasp)
+            yield from _block_jaws(motion, grasp)
         elif event is Event.GRASP:
             yield _on_axis(motion, "on top", f"on {body.name}, under the cup", 0.010, 0.010)
         if event is Event.RELEASE:
-            yield from _under_part(motion, body)
+            yield from _block_place(motion, body)
     elif event is Event.DRIVE:
         name = motion.visit.subject
         for height_m in (0.004, 0.008):
@@ -119,14 +118,14 @@ def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
     elif event in (Event.LOAD, Event.OFFLOAD):
         x_m, y_m, z_m = motion.tip
         words = f"in the holder of {motion.visit.subject}"
-        # As wide as the hand opens: its jaws do not straddle it.
+        # As wide as the open hand, so that its jaws cannot straddle it.
         size_xy = (0.100, 0.030)
         yaw_rad = motion.closing_yaw_rad
         yield Block("in the holder", words, x_m, y_m, yaw_rad, size_xy, z_m + 0.015, _HEAVY_KG)
 
 
 def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield low blocks that a motion straight down, and the hand, pass without contact."""
+    """Yield low blocks that the hand passes without contact on its way straight down."""
     if not motion.is_vertical or motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(motion.visit.subject)
@@ -136,37 +135,37 @@ def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
     for side in (1, -1):
         if jaws:
             words = f"{1000 * _CLEAR_BENEATH_M:.0f} mm beneath a finger"
-            yield _passed(motion, side * beneath_m, 0.0, -_CLEAR_BENEATH_M, words)
+            yield _make_near_miss(motion, side * beneath_m, 0.0, -_CLEAR_BENEATH_M, words)
         for axis in (0, 1):
             along = ("x", "y")[axis] == grasp.closing_axis
             if along and jaws:
                 continue
-            reach_m = _reach_m(body, grasp, axis, side)
+            reach_m = _measure_reach(body, grasp, axis, side)
             if jaws:
                 reach_m = max(reach_m, max(row[1] for row in STANDARD_HAND.jaw_m))
             clear_m = side * (reach_m + _CLEAR_OF_PART_M + _BLOCK_M / 2)
             words = f"{1000 * _CLEAR_OF_PART_M:.0f} mm clear of the part"
-            # Beside a suction cup low blocks only: its surroundings are not known here.
+            # Only low blocks near a suction cup, because its surroundings are not known here.
             above_m = 0.010 if jaws else -0.001
-            # Turned by the yaw of a closing axis y, the body's x axis points backwards.
+            # With a closing axis y, the body's x axis points backwards.
             sign = -1 if grasp.closing_axis == "y" else 1
             offset = (clear_m, 0.0) if along else (0.0, sign * clear_m)
-            yield _passed(motion, *offset, above_m, words)
+            yield _make_near_miss(motion, *offset, above_m, words)
 
 
-def _reach_m(body: Body, grasp: Grasp, axis: int, side: int) -> float:
-    """Return how far a body extends from the tip of the hand towards one side [m]."""
+def _measure_reach(body: Body, grasp: Grasp, axis: int, side: int) -> float:
+    """Return the extent of a body from the tip of the hand towards one side [m]."""
     edges = [box.centre[axis] + side * box.size[axis] / 2 for box in body.boxes]
     return max(side * (edge - grasp.tip[axis]) for edge in edges)
 
 
-def _passed(
+def _make_near_miss(
     motion: LinearMotion, along_m: float, across_m: float, above_m: float, words: str
 ) -> Block:
-    """Return a light block beside a motion whose top is so far above the tip of the hand."""
+    """Return a light block near a motion, with its top above the tip of the hand by `above_m`."""
     yaw_rad = motion.closing_yaw_rad
-    x_m, y_m = _offset(motion.tip, yaw_rad, along_m, across_m)
-    towards = _towards(
+    x_m, y_m = _shift(motion.tip, yaw_rad, along_m, across_m)
+    towards = _name_direction(
         yaw_rad,
         round(math.copysign(1, along_m)) if along_m else 0,
         round(math.copysign(1, across_m)) if across_m else 0,
@@ -177,31 +176,31 @@ def _passed(
     return Block(_NEAR_MISS, where, x_m, y_m, yaw_rad, size_xy, top_m, _LIGHT_KG)
 
 
-def _beside_jaws(motion: LinearMotion, grasp: Grasp) -> Iterator[Block]:
-    """Yield blocks that a finger or the palm comes down on."""
+def _block_jaws(motion: LinearMotion, grasp: Grasp) -> Iterator[Block]:
+    """Yield blocks below a finger or the palm."""
     name, yaw_rad = motion.visit.subject, motion.closing_yaw_rad
     for side in (1, -1):
-        towards = _towards(yaw_rad, along=side)
+        towards = _name_direction(yaw_rad, along=side)
         for depth_m, mass_kg in ((0.004, _HEAVY_KG), (0.010, _HEAVY_KG), (0.006, _LIGHT_KG)):
             light = mass_kg == _LIGHT_KG
-            # A light one is hit near its edge, so that it may tip and be swept aside.
+            # A light block is hit near its edge, so that it may tip and be swept aside.
             along_m = _BEHIND_JAW_M + _BLOCK_M / 2 + (0.0025 if light else 0.0)
-            x_m, y_m = _offset(motion.tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
+            x_m, y_m = _shift(motion.tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
             words = f"{towards} of {name}, {1000 * depth_m:.0f} mm into a finger's way"
             words += ", light" if light else ""
             kind = "light, beside" if light else "beside"
             top_m = motion.tip[2] + depth_m
             yield Block(kind, words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, mass_kg)
-        # The palm is rounded: well within its outline, and deeper than a finger's.
+        # The palm is rounded: the block is well within its outline, and deeper than for a finger.
         top_m = motion.tip[2] + STANDARD_HAND.tip_m - STANDARD_HAND.underside_m + 0.008
         along_m = grasp.width_m / 2 + _BEHIND_JAW_M
-        x_m, y_m = _offset(motion.tip, yaw_rad, along_m, side * 0.018)
-        words = f"{_towards(yaw_rad, across=side)} of {name}, 8 mm into the palm's way"
+        x_m, y_m = _shift(motion.tip, yaw_rad, along_m, side * 0.018)
+        words = f"{_name_direction(yaw_rad, across=side)} of {name}, 8 mm into the palm's way"
         yield Block("tall", words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, _HEAVY_KG)
 
 
-def _under_part(motion: LinearMotion, body: Body) -> Iterator[Block]:
-    """Yield blocks that stand 5 mm under the edge of where a part is put down."""
+def _block_place(motion: LinearMotion, body: Body) -> Iterator[Block]:
+    """Yield blocks under the edge of a part that is put down, by 5 mm."""
     x_m, y_m, z_m = motion.visit.position
     yaw_rad = motion.visit.yaw_rad
     feet = [box for box in body.boxes if box.centre[2] - box.size[2] / 2 < 1e-6]
@@ -214,9 +213,9 @@ def _under_part(motion: LinearMotion, body: Body) -> Iterator[Block]:
     ):
         offset = [foot.centre[0], foot.centre[1]]
         offset[axis] += side * foot.size[axis] / 2
-        at_x, at_y = _offset((x_m, y_m, z_m), yaw_rad, offset[0], offset[1])
+        at_x, at_y = _shift((x_m, y_m, z_m), yaw_rad, offset[0], offset[1])
         light = mass_kg == _LIGHT_KG
-        towards = _towards(yaw_rad, **{("along", "across")[axis]: side})
+        towards = _name_direction(yaw_rad, **{("along", "across")[axis]: side})
         words = f"where {body.name} goes, 5 mm under its edge at {towards}"
         words += ", light" if light else ""
         kind = "light, under the part" if light else "under the part"
@@ -225,64 +224,64 @@ def _under_part(motion: LinearMotion, body: Body) -> Iterator[Block]:
 
 
 def _on_axis(motion: LinearMotion, kind: str, where: str, side_m: float, height_m: float) -> Block:
-    """Return a block on the axis of a motion, on what the motion ends at."""
+    """Return a block on the axis of a motion, at its end."""
     x_m, y_m, z_m = motion.tip if motion.visit.event is Event.GRASP else motion.visit.position
     words = f"{where}, {1000 * height_m:.0f} mm high"
     yaw_rad = motion.closing_yaw_rad
     return Block(kind, words, x_m, y_m, yaw_rad, (side_m, side_m), z_m + height_m, _HEAVY_KG)
 
 
-def _towards(yaw_rad: float, along: int = 0, across: int = 0) -> str:
-    """Return the axis of the world nearest to a direction turned about the vertical."""
-    x, y = _offset((0.0, 0.0, 0.0), yaw_rad, along, across)
+def _name_direction(yaw_rad: float, along: int = 0, across: int = 0) -> str:
+    """Return the axis of the world nearest to a direction that is rotated about the vertical."""
+    x, y = _shift((0.0, 0.0, 0.0), yaw_rad, along, across)
     axis, value = ("x", x) if abs(x) > abs(y) else ("y", y)
     return f"{'+' if value > 0 else '-'}{axis}"
 
 
-def _offset(origin: Point, yaw_rad: float, along_m: float, across_m: float) -> tuple[float, float]:
-    """Return a point beside another, in directions turned about the vertical."""
+def _shift(origin: Point, yaw_rad: float, along_m: float, across_m: float) -> tuple[float, float]:
+    """Return a point offset from another, in directions rotated about the vertical."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return origin[0] + cos * along_m - sin * across_m, origin[1] + sin * along_m + cos * across_m
 
 
 OBSTACLE = "obstacle"
 
-# What collides does so by this much at least [m].
+# Least depth of a collision [m].
 LEAST_HIT_M = 0.003
-# Bodies this close touch rather than overlap [m].
+# Bodies within this distance touch and do not overlap [m].
 _TOUCH_M = 1e-5
 
 
 def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
-    """Yield executions of a skill in which something collides.
+    """Yield executions of a skill with a collision.
 
     Parameters
     ----------
     task
-        With bodies.
+        A task with bodies.
     skill, state
-        An execution in which nothing does.
+        An execution without a collision.
     """
     if skill.motion is None:
         return
     standing = standing_boxes(task, state)
     for motion in linear_motions(task, skill, state):
         for block in blocks_on_path(task, motion):
-            scene = _with_block(task, skill, state, motion, block, standing)
+            scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.COLLISION, block.kind, block.words)
-        for kind, words, scene in _changed(task, skill, state, motion, standing):
+        for kind, words, scene in _make_other_faults(task, skill, state, motion, standing):
             yield Trial(scene, skill, state, Truth.COLLISION, kind, words)
 
 
 def near_misses(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
-    """Yield right executions of a skill with a block close to what moves; see above."""
+    """Yield right executions of a skill with a block close to its path."""
     if skill.motion is None:
         return
     standing = standing_boxes(task, state)
     for motion in linear_motions(task, skill, state):
         for block in blocks_close_by(task, motion):
-            scene = _with_block(task, skill, state, motion, block, standing)
+            scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.LEGITIMATE, block.kind, block.words)
 
@@ -299,7 +298,7 @@ def standing_boxes(task: Task, state: State) -> dict[str, tuple[WorldBox, ...]]:
 
 
 def is_possible(standing: dict[str, tuple[WorldBox, ...]]) -> bool:
-    """Whether every body stands on the table or on another one."""
+    """Return True if every body stands on the table or on another body."""
     return all(
         min(box.low[2] for box in feet) <= _TOUCH_M
         or any(
@@ -313,7 +312,7 @@ def is_possible(standing: dict[str, tuple[WorldBox, ...]]) -> bool:
     )
 
 
-def _with_block(
+def _add_block(
     task: Task,
     skill: Skill,
     state: State,
@@ -326,58 +325,58 @@ def _with_block(
     footprint = world_boxes(
         Body(OBSTACLE, (shape,), (), 1.0), Pose.upright((block.x_m, block.y_m, 0.0), block.yaw_rad)
     )[0]
-    floor_m = _floor(footprint, block.top_m, standing)
+    floor_m = _find_floor(footprint, block.top_m, standing)
     if floor_m is None or block.top_m - floor_m < LEAST_HIT_M:
         return None
-    # What reaches the safe height would be hit by the transfer motion, or before it begins.
+    # A block at the safe height would be hit by the transfer motion, or before it.
     if block.top_m > motion.above[2] - (motion.tip[2] - motion.visit.position[2]) - 0.02:
         return None
     height_m = block.top_m - floor_m
     pose = Pose.upright((block.x_m, block.y_m, floor_m), block.yaw_rad)
-    placements = tuple(Placement(fact, pose) for fact in _lasting(skill, state))
+    placements = tuple(Placement(fact, pose) for fact in _find_lasting_facts(skill, state))
     size: Point = (*block.size_xy, height_m)
     shape = Box(size, (0.0, 0.0, height_m / 2))
-    return _with_body(task, Body(OBSTACLE, (shape,), placements, block.mass_kg))
+    return _add_body(task, Body(OBSTACLE, (shape,), placements, block.mass_kg))
 
 
-def _floor(
+def _find_floor(
     footprint: WorldBox, top_m: float, standing: dict[str, tuple[WorldBox, ...]]
 ) -> float | None:
-    """Return the height of what supports a whole footprint; None if nothing does or it clashes."""
+    """Return the height of the support of a whole footprint; None without one, or with a clash."""
     floor_m = 0.0
     below = [
         box for boxes in standing.values() for box in boxes if _overlap(footprint, box) > _TOUCH_M
     ]
-    supports = [box for box in below if _inside(footprint, box) and box.high[2] < top_m]
+    supports = [box for box in below if _is_inside(footprint, box) and box.high[2] < top_m]
     if supports:
         floor_m = max(box.high[2] for box in supports)
     clash = any(box.high[2] > floor_m + _TOUCH_M and box.low[2] < top_m for box in below)
     return None if clash else floor_m
 
 
-def _overlap(one: WorldBox, other: WorldBox) -> float:
-    """Return how far two boxes overlap in the plane [m]; below 0 their distance."""
+def _overlap(box: WorldBox, other: WorldBox) -> float:
+    """Return the overlap of two boxes in the plane [m]; below 0 it is their distance."""
     return min(
-        min(one.high[axis], other.high[axis]) - max(one.low[axis], other.low[axis])
+        min(box.high[axis], other.high[axis]) - max(box.low[axis], other.low[axis])
         for axis in (0, 1)
     )
 
 
-def _inside(one: WorldBox, other: WorldBox) -> bool:
+def _is_inside(box: WorldBox, other: WorldBox) -> bool:
     return all(
-        other.low[axis] <= one.low[axis] and one.high[axis] <= other.high[axis] for axis in (0, 1)
+        other.low[axis] <= box.low[axis] and box.high[axis] <= other.high[axis] for axis in (0, 1)
     )
 
 
-def _lasting(skill: Skill, state: State) -> list[str]:
-    """Return facts of which one holds before the skill and one after; a single fact if any does."""
+def _find_lasting_facts(skill: Skill, state: State) -> list[str]:
+    """Return facts that cover the states before and after a skill: a single one if possible."""
     after = skill.prediction_in(state).apply(state)
     both = [fact for fact in state if fact in after]
     return both[:1] or [next(iter(state)), next(iter(after))]
 
 
-def _with_body(task: Task, body: Body) -> Task:
-    """Return a task with one more body, or with this body instead of the one of its name."""
+def _add_body(task: Task, body: Body) -> Task:
+    """Return a task with a further body, or with this body in place of its namesake."""
     others = task.scene.bodies
     if any(other.name == body.name for other in others):
         bodies = tuple(body if other.name == body.name else other for other in others)
@@ -386,14 +385,14 @@ def _with_body(task: Task, body: Body) -> Task:
     return task.replace(scene=replace(task.scene, bodies=bodies))
 
 
-def _changed(
+def _make_other_faults(
     task: Task,
     skill: Skill,
     state: State,
     motion: LinearMotion,
     standing: dict[str, tuple[WorldBox, ...]],
 ) -> Iterator[tuple[str, str, Task]]:
-    """Yield tasks in which a part stands in the wrong place, or a grasp is too deep."""
+    """Yield tasks with a part in the wrong place, or with a grasp that is too deep."""
     visit = motion.visit
     if visit.event not in (Event.GRASP, Event.RELEASE):
         return
@@ -402,7 +401,7 @@ def _changed(
     if grasp.kind is GraspKind.JAWS and motion.is_vertical and visit.grasp is None:
         too_deep = replace(grasp, tip=(grasp.tip[0], grasp.tip[1], -0.004))
         words = f"the hand reaches 4 mm below {body.name}"
-        yield "too deep", words, _with_body(task, replace(body, grasps=(too_deep,)))
+        yield "too deep", words, _add_body(task, replace(body, grasps=(too_deep,)))
     if visit.event is not Event.RELEASE:
         return
     assert skill.motion is not None
@@ -419,19 +418,19 @@ def _changed(
         pose = Pose(visit.position, placement.pose.orientation)
         moved = world_boxes(other, pose)
         rest = {name: boxes for name, boxes in standing.items() if name != other.name}
-        floors = {_floor(box, box.high[2], rest) for box in moved}
-        hit = any(sweep_hits(one, by, box, LEAST_HIT_M) for one in carried for box in moved)
+        floors = {_find_floor(box, box.high[2], rest) for box in moved}
+        hit = any(sweep_hits(held, by, box, LEAST_HIT_M) for held in carried for box in moved)
         if hit and floors == {visit.position[2]}:
             placements = tuple(
-                replace(one, pose=pose) if one == placement else one for one in other.placements
+                replace(own, pose=pose) if own == placement else own for own in other.placements
             )
             words = f"{other.name} stands where {body.name} belongs"
             changed = replace(other, placements=placements)
-            yield "place taken", words, _with_body(task, changed)
+            yield "place taken", words, _add_body(task, changed)
 
 
 def _supports_any(name: str, standing: dict[str, tuple[WorldBox, ...]]) -> bool:
-    """Whether something stands on a body, which would fall if it were elsewhere."""
+    """Return True if a body supports another one, which would fall without it."""
     return any(
         contact_area(foot, top, _TOUCH_M) is not None
         for other, feet in standing.items()

@@ -1,1 +1,1 @@
-"""Records of executions in simulation and of detectors tried on them; never how they are shown."""
+"""Records of simulations and of comparisons of back ends; never tables."""

@@ -1,4 +1,4 @@
-"""Engines side by side: the document ``skillplan.agreement/1``."""
+"""Comparisons of back ends: ``skillplan.agreement/1`` and ``skillplan.detectors/1``."""
 
 from __future__ import annotations
 
@@ -15,14 +15,12 @@ Pictures = Sequence[Mapping[str, str]]
 
 
 def agreement_document(agreement: EngineAgreement, pictures: Pictures = ()) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.agreement/1``.
+    """Return the document ``skillplan.agreement/1``.
 
     Parameters
     ----------
-    agreement
-        What engines said.
     pictures
-        By the engine's name, what was drawn of every contradiction, and where; none by default.
+        For every contradiction the picture files by engine. Default: none.
     """
     task = agreement.task
     drawn = pictures or [{}] * len(agreement.contradictions)
@@ -44,14 +42,17 @@ def agreement_document(agreement: EngineAgreement, pictures: Pictures = ()) -> d
     }
 
 
-def _contradiction(found: Contradiction, files: Mapping[str, str]) -> dict[str, Any]:
+def _contradiction(contradiction: Contradiction, files: Mapping[str, str]) -> dict[str, Any]:
     return {
-        "skill": found.skill.name,
-        "facts": list(found.state),
-        "states": found.states,
+        "skill": contradiction.skill.name,
+        "facts": list(contradiction.state),
+        "states": contradiction.states,
         "verdicts": {
-            name: {**_verdict(verdict), "stages": [_verdict(one) for one in found.stages[name]]}
-            for name, verdict in found.verdicts.items()
+            name: {
+                **_verdict(verdict),
+                "stages": [_verdict(stage) for stage in contradiction.stages[name]],
+            }
+            for name, verdict in contradiction.verdicts.items()
         },
         "pictures": dict(files),
     }
@@ -69,7 +70,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
 
 
 def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.detectors/1``."""
+    """Return the document ``skillplan.detectors/1``."""
     task = trials.task
     return {
         "schema": schemas.DETECTORS,
@@ -83,31 +84,31 @@ def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
     }
 
 
-def wrong_verdicts(trials: DetectorTrials, name: str) -> list[CheckedTrial]:
-    """Return the false alarms, misses and undecided of a detector, in the order of the trials."""
+def list_wrong(trials: DetectorTrials, name: str) -> list[CheckedTrial]:
+    """Return the false alarms, misses and undecided trials of a detector, in order."""
     return [
         checked
         for checked in trials.checked
         if checked.trial.truth is not Truth.OUTCOME
-        and checked.verdicts[name].status is not _right(checked.trial.truth)
+        and checked.verdicts[name].status is not _get_right_status(checked.trial.truth)
     ]
 
 
-def decisive(trials: DetectorTrials, name: str, truth: Truth) -> Mapping[str, Any] | None:
-    """Return the readings and limits nearest to a wrong verdict; None if it gives no readings.
+def find_decisive(trials: DetectorTrials, name: str, truth: Truth) -> Mapping[str, Any] | None:
+    """Return the readings and limits closest to a wrong verdict; None without readings.
 
-    That is the largest on right executions and the smallest on collisions, as a fraction of
-    the limit; of several readings of one execution the largest counts.
+    These are the largest readings on right executions and the smallest on collisions, relative to
+    the limit. Of several readings on one execution the largest counts.
     """
-    found = [
+    readings = [
         (strength, checked)
         for checked in trials.of(truth)
-        if (strength := _strength(checked.verdicts[name])) is not None
+        if (strength := _measure(checked.verdicts[name])) is not None
     ]
-    if not found:
+    if not readings:
         return None
     pick = min if truth is Truth.COLLISION else max
-    _, checked = pick(found, key=lambda one: one[0])
+    _, checked = pick(readings, key=lambda reading: reading[0])
     evidence = checked.verdicts[name].evidence
     return {
         "skill": checked.trial.skill.name,
@@ -118,7 +119,7 @@ def decisive(trials: DetectorTrials, name: str, truth: Truth) -> Mapping[str, An
 
 
 def _detector(trials: DetectorTrials, name: str) -> dict[str, Any]:
-    false_alarms, misses, undecided = counts(trials, name)
+    false_alarms, misses, undecided = count_errors(trials, name)
     outcomes = trials.count(Truth.OUTCOME, name, VerdictStatus.INFEASIBLE)
     return {
         "name": name,
@@ -126,8 +127,8 @@ def _detector(trials: DetectorTrials, name: str) -> dict[str, Any]:
         "misses": misses,
         "undecided": undecided,
         "outcomes_seen": outcomes,
-        "largest_where_right": decisive(trials, name, Truth.LEGITIMATE),
-        "smallest_where_wrong": decisive(trials, name, Truth.COLLISION),
+        "largest_where_right": find_decisive(trials, name, Truth.LEGITIMATE),
+        "smallest_where_wrong": find_decisive(trials, name, Truth.COLLISION),
         "wrong_rulings": [
             {
                 "truth": checked.trial.truth.value,
@@ -138,26 +139,26 @@ def _detector(trials: DetectorTrials, name: str) -> dict[str, Any]:
                 "reason": checked.verdicts[name].reason or None,
                 "evidence": dict(checked.verdicts[name].evidence),
             }
-            for checked in wrong_verdicts(trials, name)
+            for checked in list_wrong(trials, name)
         ],
     }
 
 
-def counts(trials: DetectorTrials, name: str) -> tuple[int, int, int]:
-    """Return false alarms, misses and how often the detector could not decide."""
+def count_errors(trials: DetectorTrials, name: str) -> tuple[int, int, int]:
+    """Return the numbers of false alarms, misses and undecided trials."""
     undecided = sum(trials.count(truth, name, VerdictStatus.UNKNOWN) for truth in Truth)
     false_alarms = trials.count(Truth.LEGITIMATE, name, VerdictStatus.INFEASIBLE)
     misses = trials.count(Truth.COLLISION, name, VerdictStatus.FEASIBLE)
     return false_alarms, misses, undecided
 
 
-def _right(truth: Truth) -> VerdictStatus:
+def _get_right_status(truth: Truth) -> VerdictStatus:
     legitimate = truth is Truth.LEGITIMATE
     return VerdictStatus.FEASIBLE if legitimate else VerdictStatus.INFEASIBLE
 
 
-def _strength(verdict: Verdict) -> float | None:
-    """Return the largest reading as a fraction of its limit; None where there is none."""
+def _measure(verdict: Verdict) -> float | None:
+    """Return the largest reading relative to its limit; None without one."""
     readings, limits = verdict.evidence.get("readings"), verdict.evidence.get("limits")
     if not isinstance(readings, Mapping) or not isinstance(limits, Mapping):
         return None

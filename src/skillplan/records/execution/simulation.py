@@ -1,4 +1,4 @@
-"""A plan executed in one continuous world: how each skill went, and where all bodies ended."""
+"""Simulation of a plan in one continuous world: its skills, the final poses, and its trace."""
 
 from __future__ import annotations
 
@@ -29,21 +29,18 @@ _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 def trace_file(
     path: Path, bodies: Sequence[str], option: str
 ) -> Iterator[Callable[[Sample], None]]:
-    """Yield what writes a row of the trace; what was there is replaced in the end.
+    """Open a CSV file and yield a function that writes a row per sample; an old file is replaced.
 
-    Columns are ``time_s``, ``skill``, ``phase`` (what the robot is at in it), tip and target [m],
-    joint angles [rad], the opening of the
-    jaws [m], the contact force between bodies that are not expected to touch [N], and of every
-    body its position [m] and orientation; empty where a body is nowhere.
+    Columns are ``time_s``, ``skill``, ``phase`` (of the skill), tip and target [m], joint angles
+    [rad], the opening of the jaws [m], the force between bodies that should not touch [N], and of
+    every body its position [m] and orientation, empty for a body that is nowhere.
 
     Parameters
     ----------
-    path
-        Where to.
     bodies
-        Their names, in the order of the columns.
+        Names of the bodies, in the order of the columns.
     option
-        Which names the file, for messages.
+        Option that names the file, for messages.
 
     Raises
     ------
@@ -66,7 +63,7 @@ def trace_file(
 
 
 class _Trace:
-    """Writes the heading with the first row, when the number of joints is known."""
+    """Writes rows, and the heading with the first one, when the number of joints is known."""
 
     def __init__(self, writer: Any, bodies: Sequence[str]) -> None:
         self._writer = writer
@@ -80,13 +77,13 @@ class _Trace:
             self._writer.writerow(self._heading(len(sample.joints_rad)))
         cells = [f"{sample.time_s:.6f}", sample.skill, sample.phase]
         figures = (*sample.tip, *sample.target, *sample.joints_rad)
-        cells += [_cell(value) for value in (*figures, sample.opening_m, sample.contact_n)]
+        cells += [_format(value) for value in (*figures, sample.opening_m, sample.contact_n)]
         for name in self._bodies:
             pose = sample.bodies.get(name)
             cells += (
                 [""] * len(_POSE)
                 if pose is None
-                else [_cell(value) for value in (*pose.position, *pose.orientation)]
+                else [_format(value) for value in (*pose.position, *pose.orientation)]
             )
         self._writer.writerow(cells)
 
@@ -98,21 +95,21 @@ class _Trace:
         return heading + [f"{name}_{figure}" for name in self._bodies for figure in _POSE]
 
 
-def _cell(value: float) -> str:
-    # Rounded to nothing, a figure below zero has no sign.
+def _format(value: float) -> str:
+    # Adding 0.0 removes the sign of a rounded negative zero.
     return f"{round(value, 6) + 0.0:.6f}"
 
 
 @dataclass(frozen=True)
 class PlannedTimes:
-    """Times of a plan as it was planned.
+    """Planned times of a plan.
 
     Parameters
     ----------
     durations_s
-        Of every skill [s].
+        Duration of every skill [s].
     timed_by
-        The back ends that planned the trajectories; empty if travel is by the task's speed.
+        Back ends that planned the trajectories; empty if travel is by the task's speed.
     """
 
     durations_s: Sequence[float]
@@ -126,15 +123,15 @@ class TimeDifference:
     Parameters
     ----------
     simulated_s, planned_s
-        Times of those skills [s].
+        Durations of these skills [s].
     settling_s
         Time before the first skill, in which the world comes to rest [s].
     acting_s
         Time at targets beyond the dwells [s]; None if the engine does not measure it.
     moving_s
-        Travels and strokes, less those that were planned [s]; None with `acting_s`.
+        Travels and strokes minus the planned ones [s]; None with `acting_s`.
     timed_by
-        As of `PlannedTimes`.
+        As in `PlannedTimes`.
     """
 
     simulated_s: float
@@ -146,11 +143,11 @@ class TimeDifference:
 
     @property
     def difference_s(self) -> float:
-        """Simulated less planned time [s]."""
+        """Simulated minus planned time [s]."""
         return self.simulated_s - self.planned_s
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the JSON values."""
         return {
             "simulated_s": self.simulated_s,
             "planned_s": self.planned_s,
@@ -165,31 +162,21 @@ class TimeDifference:
 def time_difference(
     task: Task, skills: Sequence[Skill], planned: PlannedTimes, performance: Performance
 ) -> TimeDifference | None:
-    """Return the difference of simulated and planned time; None if no skill succeeded.
-
-    Parameters
-    ----------
-    task, skills
-        The plan.
-    planned
-        Its planned times.
-    performance
-        Its simulation.
-    """
+    """Return the difference of simulated and planned time; None if no skill succeeded."""
     state, dwells_s = task.initial, 0.0
     done = []
-    for skill, one in zip(skills, performance.skills, strict=False):
-        if not one.verdict.is_feasible:
+    for skill, done_skill in zip(skills, performance.skills, strict=False):
+        if not done_skill.verdict.is_feasible:
             break
         visits = () if skill.motion is None else skill.motion.visits(state)
         dwells_s += sum(visit.dwell_s for visit in visits)
         state = skill.prediction_in(state).apply(state)
-        done.append(one)
+        done.append(done_skill)
     if not done:
         return None
     planned_s = sum(planned.durations_s[: len(done)])
-    acted = [one.acting_s for one in done if one.acting_s is not None]
-    acting_s = sum(acted) - dwells_s if len(acted) == len(done) else None
+    acting_times = [done_skill.acting_s for done_skill in done if done_skill.acting_s is not None]
+    acting_s = sum(acting_times) - dwells_s if len(acting_times) == len(done) else None
     settling_s = done[0].begin_s
     difference_s = done[-1].end_s - planned_s
     moving_s = None if acting_s is None else difference_s - settling_s - acting_s
@@ -201,12 +188,10 @@ def time_difference(
 def simulation_outcome(
     task: Task, skills: Sequence[Skill], engine: str, performance: Performance
 ) -> SimulationOutcome:
-    """Return the outcome of a simulation of a whole plan.
+    """Summarise the simulation of a whole plan.
 
     Parameters
     ----------
-    task, skills
-        The task and the plan.
     engine
         Name of the engine.
     performance
@@ -228,26 +213,24 @@ def simulation_outcome(
 
 @dataclass(frozen=True)
 class Simulation:
-    """What became of a plan in simulation.
+    """Simulation of a plan.
 
     Parameters
     ----------
-    task, skills
-        What was to be executed.
     physics
-        The engine's name.
+        Name of the engine.
     performance
-        What was measured.
+        Its measurements.
     wall_s
-        How long that took [s], >= 0.
+        Duration [s], >= 0.
     stopped
-        Whether it was ended early.
+        True if it ended early.
     files
-        What was written besides, by option.
+        Further files that were written, by option.
     obstacle
-        Why the plan cannot be gone through, by its preconditions alone; None where it can.
+        Precondition that stops the plan, if any.
     planned
-        Planned times; None if they are not known.
+        Planned times, if known.
     """
 
     task: Task
@@ -262,12 +245,12 @@ class Simulation:
 
     @property
     def feasible(self) -> bool:
-        """Whether no skill of the plan failed, and each is applicable when its turn comes."""
+        """True if no skill failed and every skill was applicable in its turn."""
         return self.performance.failed is None and self.obstacle is None
 
     @property
     def complete(self) -> bool:
-        """Whether the goal holds in the end, by the predictions of the skills that succeeded."""
+        """True if the goal holds at the end, by the predictions of the skills that succeeded."""
         state = self.task.initial
         for skill, done in zip(self.skills, self.performance.skills, strict=False):
             if done.verdict.is_feasible:
@@ -276,19 +259,19 @@ class Simulation:
 
     @property
     def steps_per_s(self) -> float | None:
-        """How many simulated steps were made a second [1/s]; None where no time has passed."""
+        """Simulated steps per second [1/s]; None if no time has passed."""
         return self.performance.steps / self.wall_s if self.wall_s > 0 else None
 
     @property
     def times(self) -> TimeDifference | None:
-        """Difference of simulated and planned time; None if it is not known."""
+        """Difference of simulated and planned time, if known."""
         if self.planned is None:
             return None
         return time_difference(self.task, self.skills, self.planned, self.performance)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.simulation/1``."""
-        task, made, times = self.task, self.performance, self.times
+        task, performance, times = self.task, self.performance, self.times
         return {
             "schema": schemas.SIMULATION,
             "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
@@ -298,10 +281,10 @@ class Simulation:
             "complete": self.complete,
             "stopped": self.stopped,
             "obstacle": self.obstacle,
-            "simulated_s": made.simulated_s,
-            "held_s": made.held_s,
+            "simulated_s": performance.simulated_s,
+            "held_s": performance.held_s,
             "times": None if times is None else times.document(),
-            "steps": made.steps,
+            "steps": performance.steps,
             "wall_s": self.wall_s,
             "steps_per_s": self.steps_per_s,
             "skills": [
@@ -309,16 +292,18 @@ class Simulation:
                     "index": index,
                     "skill": skill.name,
                     "action": task.action(skill),
-                    **({"way": way_of(skill, one)} if skill.ways else {}),
-                    "status": one.verdict.status.value,
-                    "reason": one.verdict.reason or None,
-                    "begin_s": one.begin_s,
-                    "end_s": one.end_s,
-                    "acting_s": one.acting_s,
+                    **({"way": way_of(skill, entry)} if skill.ways else {}),
+                    "status": entry.verdict.status.value,
+                    "reason": entry.verdict.reason or None,
+                    "begin_s": entry.begin_s,
+                    "end_s": entry.end_s,
+                    "acting_s": entry.acting_s,
                     "planned_s": None if self.planned is None else self.planned.durations_s[index],
-                    "evidence": dict(one.verdict.evidence),
+                    "evidence": dict(entry.verdict.evidence),
                 }
-                for index, (skill, one) in enumerate(zip(self.skills, made.skills, strict=False))
+                for index, (skill, entry) in enumerate(
+                    zip(self.skills, performance.skills, strict=False)
+                )
             ],
             "arrivals": [
                 {
@@ -328,33 +313,33 @@ class Simulation:
                     "offset_mm": 1000 * arrival.offset_m,
                     "tilt_deg": math.degrees(arrival.tilt_rad),
                 }
-                for arrival in made.arrivals
+                for arrival in performance.arrivals
             ],
             "largest_offset_mm": self.largest_mm,
             "largest_tilt_deg": self.largest_deg,
-            "figures": dict(made.figures),
+            "figures": dict(performance.figures),
             "files": dict(self.files or {}),
         }
 
     @property
     def largest_mm(self) -> float | None:
-        """How far off its goal the body farthest off ended [mm]; None without arrivals."""
+        """Largest distance of a body from its goal [mm]; None without arrivals."""
         return max((1000 * arrival.offset_m for arrival in self.performance.arrivals), default=None)
 
     @property
     def largest_deg(self) -> float | None:
-        """How far the body most turned away from its goal ended [deg]; None without arrivals."""
+        """Largest rotation of a body from its goal [deg]; None without arrivals."""
         arrivals = self.performance.arrivals
         return max((math.degrees(arrival.tilt_rad) for arrival in arrivals), default=None)
 
 
 def way_of(skill: Skill, done: PerformedSkill) -> str | None:
-    """Return the way in words that a skill with several took; None of a skill with one."""
+    """Return the variant that a skill took; None for a skill without variants."""
     return done.skill.removeprefix(f"{skill.name} ") if skill.ways else None
 
 
 def applicable_part(task: Task, skills: Sequence[Skill]) -> tuple[Sequence[Skill], str | None]:
-    """Return how far a plan can be gone through by its preconditions, and why no further."""
+    """Return the part of a plan that preconditions allow, and why it ends there."""
     state = task.initial
     for index, skill in enumerate(skills):
         if not skill.applicable(state):

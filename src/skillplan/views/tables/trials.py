@@ -7,7 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from skillplan.physics.performance import PerformedSkill
-from skillplan.records.execution.comparisons import Pictures, counts, decisive, wrong_verdicts
+from skillplan.records.execution.comparisons import (
+    Pictures,
+    count_errors,
+    find_decisive,
+    list_wrong,
+)
 from skillplan.records.execution.simulation import Simulation, TimeDifference
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trials import CHART, DetectorTrials
@@ -80,7 +85,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
     """Return the wrong verdicts of each detector, and below them their numbers and readings."""
     rows = []
     for name in trials.detectors:
-        false_alarms, misses, undecided = counts(trials, name)
+        false_alarms, misses, undecided = count_errors(trials, name)
         rows.append(
             (
                 name,
@@ -88,8 +93,8 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
                 f"{misses}/{len(trials.of(Truth.COLLISION))}",
                 f"{undecided}/{len(trials.checked)}",
                 _share_detected(trials, name),
-                _reading_text(decisive(trials, name, Truth.LEGITIMATE)),
-                _reading_text(decisive(trials, name, Truth.COLLISION)),
+                _reading_text(find_decisive(trials, name, Truth.LEGITIMATE)),
+                _reading_text(find_decisive(trials, name, Truth.COLLISION)),
             )
         )
     columns = [
@@ -123,7 +128,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
             evidence_text(checked.verdicts[name].evidence) or "-",
         )
         for name in trials.detectors
-        for checked in wrong_verdicts(trials, name)
+        for checked in list_wrong(trials, name)
     ]
     if not wrong:
         return [summary]
