@@ -1,9 +1,9 @@
-"""Axis-aligned boxes along a skill's motion, and a support under what it leaves behind.
+"""The detector ``aabb``: swept axis-aligned boxes, and supports of placed parts.
 
-The motion is a transfer at safe height and, at every via point, an approach and a retreat. They are
-vertical, with a stretch along the direction in which a part goes in, or from which the hand comes.
-A skill is infeasible where a moving box runs into a body, or where what it places or fastens
-has nothing beneath it: a part left in the air drops and ends elsewhere than predicted.
+A motion is a transfer at safe height, and an approach and a retreat at every via point. They are
+vertical, with a stretch in the direction of the insertion or of the hand. A skill is infeasible if
+a moving box hits a body, or if a placed or fastened body has no support: it would drop and end
+elsewhere than predicted.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
-# What is left between a hand and a part that it comes to from the side, or pushes in [m].
+# Clearance between a hand and a part that it approaches from the side or inserts [m].
 _STANDOFF_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A straight displacement of some boxes, and what moves in words."""
+    """A straight displacement of some boxes, and the name of the moving object."""
 
     label: str
     mover: str
@@ -52,7 +52,7 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class _Load:
-    """What moves at a visit, where the visit acts: by how much its origin is above its bottom."""
+    """Objects that move at a visit, and the height of their origin above their bottom."""
 
     body: Body | None
     tool: Tool | None
@@ -67,22 +67,22 @@ def sweeps_of(
     visits: tuple[Visit, ...],
     carries: str | None,
 ) -> Iterator[Sweep]:
-    """Yield what moves where, at every visit, in order.
+    """Yield the sweeps at every visit, in order.
 
     Parameters
     ----------
     scene
-        Where all this is.
+        Scene of the task.
     robot
-        Whose tip moves.
+        Robot that moves.
     place
-        Where that stands at first [m].
+        Place of its tip at the beginning [m].
     tool
-        What is attached at first.
+        Tool attached at the beginning.
     visits
-        Where it goes.
+        Visits in order.
     carries
-        The body in the hand at first.
+        Body in the hand at the beginning.
     """
     here = place
     for visit in visits:
@@ -106,7 +106,7 @@ def sweeps_of(
 
 
 def hand_direction(scene: Scene, visit: Visit) -> Point:
-    """Return in which direction of the world the hand points at a visit."""
+    """Return the direction of the hand in the world at a visit."""
     grasp = _grasp(scene, visit)
     if grasp is not None:
         return unit(visit.pose.rotate(grasp.approach))
@@ -116,7 +116,7 @@ def hand_direction(scene: Scene, visit: Visit) -> Point:
 def _comes(
     scene: Scene, visit: Visit, load: _Load, safe_height_m: float, here: Point, into: Point
 ) -> Iterator[Sweep]:
-    """Yield the travel at safe height, the way down, and the stretch into place."""
+    """Yield the travel at safe height, the way down, and the insertion."""
     x_m, y_m, z_m = before = plus(visit.position, into, -1.0)
     safe_m = max(safe_height_m, z_m - load.lift_m) + load.lift_m
     transfer: Point = (x_m - here[0], y_m - here[1], 0.0)
@@ -131,7 +131,7 @@ def _comes(
 def _leaves(
     scene: Scene, visit: Visit, load: _Load, safe_height_m: float, out: Point
 ) -> Iterator[Sweep]:
-    """Yield the stretch back and the way up."""
+    """Yield the retreat and the way up."""
     if any(out):
         yield from _moving(scene, "the retreat", visit, load, visit.position, out)
     after = plus(visit.position, out)
@@ -188,7 +188,7 @@ def _load(scene: Scene, visit: Visit, tool: Tool | None, carries: str | None) ->
 
 
 def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
-    """Return the straight ways of the hand right before and right after it acts [m]."""
+    """Return the straight stretches of the hand before and after it acts [m]."""
     none: Point = (0.0, 0.0, 0.0)
     if visit.event not in (Event.GRASP, Event.RELEASE, Event.DRIVE):
         return none, none
@@ -201,7 +201,7 @@ def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
         return none, none
     length_m = visit.insert_m or _extent_m(scene, visit, visit.along) + _STANDOFF_M
     into = plus(none, visit.along, length_m)
-    # Jaws that close along the direction of insertion have the part between them on it.
+    # Jaws that close along the insertion cannot retreat along it, because the part is between them.
     if grasp is not None and grasp.kind is GraspKind.JAWS:
         across = dot(visit.along, visit.pose.rotate(grasp.closing))
         if abs(across) > 1e-6:
@@ -210,7 +210,7 @@ def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
 
 
 def _extent_m(scene: Scene, visit: Visit, direction: Point) -> float:
-    """Return the extent of what is handled along a direction [m]."""
+    """Return the extent of the handled body along a direction [m]."""
     body, back = scene.body(visit.subject), (-direction[0], -direction[1], -direction[2])
     return body.reach_m(visit.pose, direction) + body.reach_m(visit.pose, back)
 
@@ -222,13 +222,13 @@ def _grasp(scene: Scene, visit: Visit) -> Grasp | None:
 
 
 _QUARTER_RAD = math.pi / 2
-# So little does not show in a box: 1 mm of a metre [rad].
+# Rotation that is negligible for a box: 1 mm for 1 m [rad].
 _TURNED_RAD = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class _Hit:
-    """A possible collision: it happens where the fact holds."""
+    """A collision in all states with the fact."""
 
     fact: str
     obstacle: str
@@ -237,7 +237,7 @@ class _Hit:
 
 @dataclass(frozen=True, slots=True)
 class _Ground:
-    """What would support a placed body: the facts of its supporters and where they touch."""
+    """Possible supports of a placed body: their facts and contact areas."""
 
     body: str
     on_table: bool
@@ -247,7 +247,7 @@ class _Ground:
 
 @dataclass(frozen=True, slots=True)
 class _SweptMotion:
-    """Everything that can befall a skill on one path, worked out once."""
+    """All possible collisions and supports of a skill on one path."""
 
     present: State
     absent: State
@@ -272,7 +272,7 @@ class AabbDetector(Detector):
         )
         check_support: bool = Field(
             default=True,
-            description="require something beneath what is placed or fastened [-]",
+            description="require a support below placed or fastened bodies [-]",
         )
 
     options: Options
@@ -296,20 +296,20 @@ class AabbDetector(Detector):
             )
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Note whether another back end checks the arm."""
+        """Check for a back end that checks the arm."""
         self._arm_is_checked = any(
             other.expensive or (isinstance(other, Detector) and other.checks_arm)
             for other in others
         )
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return that the arm is not checked, unless another back end does."""
+        """Return that the arm is not checked, unless another back end checks it."""
         if self._arm_is_checked:
             return ()
         return ("the arm's links, fingers and postures: aabb checks boxes of parts and tools",)
 
     def refuses(self) -> str | None:
-        """Return what is not parallel to the axes: a box about it would be too large."""
+        """Refuse bodies and directions oblique to the axes, whose boxes are too large."""
         for body, placement, _ in self._placed:
             turned = _off_axes(placement.pose)
             if turned is not None:
@@ -329,7 +329,7 @@ class AabbDetector(Detector):
         return self._cannot_judge_support() if self.options.check_support else None
 
     def _cannot_judge_support(self) -> str | None:
-        """Return what round or slanted faces have to hold, where boxes about them do not."""
+        """Refuse supports by round or slanted faces, which boxes cannot represent."""
         for skill, visit in _visits(self.task):
             if visit.event is Event.GRASP:
                 continue
@@ -341,7 +341,7 @@ class AabbDetector(Detector):
                 about = [
                     body
                     for body, _, there in self._solids(frozenset({own.name}))
-                    if any(_overlap(one, other) for one in boxes for other in there)
+                    if any(_overlap(box, other) for box in boxes for other in there)
                 ]
                 if not all(_is_of_boxes(body) for body in (own, *about)):
                     return (
@@ -429,7 +429,7 @@ class AabbDetector(Detector):
         return swept
 
     def _hits(self, sweeps: tuple[Sweep, ...]) -> Iterator[_Hit]:
-        """Yield every collision that some state would cause, in the order of the motion."""
+        """Yield the collisions in any state, in the order of the motion."""
         seen = set()
         for sweep in sweeps:
             for body, placement, boxes in self._solids(sweep.spares):
@@ -450,13 +450,13 @@ class AabbDetector(Detector):
         return (placed for placed in self._placed if placed[0].name not in spares)
 
     def _grounds(self, visits: tuple[Visit, ...]) -> Iterator[_Ground]:
-        """Yield what has to support each body that the motion leaves behind."""
+        """Yield the possible supports of each body that the motion leaves behind."""
         tolerance_m = self.options.tolerance_m
         for visit in visits:
             if visit.event not in (Event.RELEASE, Event.DRIVE):
                 continue
             body = self.task.scene.body(visit.subject)
-            # What a screw is pressed on is beneath it along its axis.
+            # The support of a screw is below it along its axis.
             sideways = visit.event is Event.DRIVE and not same_direction(visit.along, DOWN)
             level = visit.pose.inverse() if sideways else None
             boxes = world_boxes(body, visit.pose if level is None else level.then(visit.pose))
@@ -478,7 +478,7 @@ class AabbDetector(Detector):
 
 
 def _off_axes(pose: Pose) -> str | None:
-    """Return by how much a pose is turned where that is not by quarters, in degrees."""
+    """Return the rotation of a pose in degrees, unless it is by quarters."""
     if pose.is_upright:
         yaw_rad = pose.yaw_rad
         if abs(yaw_rad - round(yaw_rad / _QUARTER_RAD) * _QUARTER_RAD) <= _TURNED_RAD:
@@ -491,7 +491,7 @@ def _off_axes(pose: Pose) -> str | None:
 
 
 def _is_axis(direction: Point) -> bool:
-    """Whether a unit vector is parallel to an axis of the world."""
+    """Return True if a unit vector is parallel to an axis of the world."""
     return sum(abs(value) <= _TURNED_RAD for value in direction) == 2
 
 
@@ -507,7 +507,7 @@ def _overlap(one: WorldBox, other: WorldBox) -> bool:
 
 
 def _visits(task: Task) -> Iterator[tuple[str, Visit]]:
-    """Yield every visit of a task that handles something, with the name of its skill."""
+    """Yield every visit of a task that handles a body, with the name of its skill."""
     for skill in task.skills:
         motions = [way.motion for way in skill.ways]
         if not motions and skill.motion is not None:
@@ -523,7 +523,7 @@ def _bears(
     ground: _Ground,
     bearers: Sequence[tuple[str, str, tuple[tuple[float, float, float, float], ...]]],
 ) -> bool:
-    """Whether the body's centre lies within the hull rectangle of its contacts."""
+    """Return True if the body's centre lies within the hull rectangle of its contacts."""
     areas = [area for _, _, touching in bearers for area in touching]
     if not areas:
         return False

@@ -1,4 +1,4 @@
-"""Axis-aligned boxes: where bodies are, what a moving box sweeps, what a box rests on."""
+"""Axis-aligned boxes: boxes of bodies, sweeps and contact areas."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def world_boxes(body: Body, pose: Pose) -> tuple[WorldBox, ...]:
 
 
 def box_at(box: Box, pose: Pose) -> WorldBox:
-    """Return the axis-aligned hull of a body's box, the body at a pose."""
+    """Return the axis-aligned hull of a box for a body at a pose."""
     if pose.is_upright:
         return world_box(box, pose.position, pose.yaw_rad)
     centre = pose.apply(box.centre)
@@ -53,14 +53,15 @@ def world_box(box: Box, origin: Point, yaw_rad: float = 0.0) -> WorldBox:
 
 
 def sweep_hits(moving: WorldBox, by: Point, obstacle: WorldBox, tolerance_m: float) -> bool:
-    """Whether `moving`, displaced along `by`, runs into `obstacle` deeper than the tolerance.
+    """Return True if `moving`, displaced by `by`, penetrates `obstacle` beyond the tolerance.
 
-    Exact for a straight line: the obstacle, grown by the moving box, is met by the path of
-    the moving box's centre (slab method).
+    Exact for a straight line: the path of the centre meets the obstacle grown by the moving box
+    (slab
+    method).
     """
     first, last = 0.0, 1.0
     for axis in range(3):
-        # The displacements t * by[axis] for which the two overlap along this axis.
+        # Range of displacements t * by[axis] with an overlap along this axis.
         low = obstacle.low[axis] - moving.high[axis] + tolerance_m
         high = obstacle.high[axis] - moving.low[axis] - tolerance_m
         step = by[axis]
@@ -93,7 +94,7 @@ def contact_area(
 
 
 def centroid(boxes: Sequence[WorldBox]) -> tuple[float, float]:
-    """Return the planar centre of volume of some boxes [m]."""
+    """Return the planar centre of volume of boxes [m]."""
     total = x = y = 0.0
     for box in boxes:
         volume = math.prod(high - low for low, high in zip(box.low, box.high, strict=True))

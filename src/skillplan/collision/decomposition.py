@@ -1,4 +1,4 @@
-"""Convex pieces of meshes that are not convex: made by a plugin, measured and kept here."""
+"""Convex pieces of concave meshes: made by a plugin, then measured and cached."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ _LOG = logging.getLogger(__name__)
 _STILL = Pose((0.0, 0.0, 0.0))
 _DECIMALS = 9
 _MOST_BYTES = 64 * 1024 * 1024
-# Points at which pieces and mesh are compared, on the surface of either.
+# Number of points on either surface at which pieces and mesh are compared.
 _SAMPLES = 3_000
 
 
 class NoPieces(PluginError):
-    """Nothing takes a mesh apart, or what is installed for it fails."""
+    """No plugin decomposes meshes, or the plugin failed."""
 
 
 @dataclass(frozen=True)
 class Decomposition:
-    """A mesh in convex pieces.
+    """Convex pieces of a mesh.
 
     Parameters
     ----------
     pieces
         At least one.
     outside_m
-        How far they stand out of the mesh [m], measured at points of their surfaces.
+        Greatest distance of the pieces outside the mesh [m], at points of their surfaces.
     missing_m
-        How far the mesh stands out of them [m], measured at points of its surface.
+        Greatest distance of the mesh outside the pieces [m], at points of its surface.
     """
 
     pieces: tuple[Mesh, ...]
@@ -57,29 +57,29 @@ class Decomposition:
 
     @property
     def error_m(self) -> float:
-        """How far apart the surfaces of the mesh and of the pieces are [m]."""
+        """Greatest distance between the surfaces of mesh and pieces [m]."""
         return max(self.outside_m, self.missing_m)
 
 
 def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
-    """Return the convex pieces of a mesh, from the user's cache or freshly made.
+    """Return the convex pieces of a mesh, from the user's cache or newly made.
 
-    New pieces take seconds to minutes, which a line on stderr announces.
-
-    A plugin makes them: a function under an entry point of the group ``skillplan.decomposition``
-    that is given corners [m] and faces as arrays and returns corners and faces of every piece.
+    New pieces take seconds to minutes, which a line on stderr announces. A plugin makes them: a
+    function under an entry point of the group ``skillplan.decomposition``, from arrays of corners
+    [m]
+    and faces to corners and faces of each piece.
 
     Parameters
     ----------
     mesh
-        Closed, not convex.
+        Closed and concave.
     label
         Name of the mesh in that line.
 
     Raises
     ------
     NoPieces
-        If no plugin does, or it raises or returns what are no pieces.
+        If no plugin is installed, or it raises or returns invalid pieces.
     """
     pieces = _pieces_of(mesh)
     if not pieces:
@@ -89,12 +89,12 @@ def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
 
 @lru_cache(maxsize=64)
 def _pieces_of(mesh: Mesh) -> list[Decomposition]:
-    """Return the place in memory for the pieces of a mesh: a list, empty until they are known."""
+    """Return the cached list for the pieces of a mesh, empty until they are known."""
     return []
 
 
 def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
-    entry = next(iter(sorted(decompositions(), key=lambda one: one.name)), None)
+    entry = next(iter(sorted(decompositions(), key=lambda decomposition: decomposition.name)), None)
     if entry is None:
         raise NoPieces(
             "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio, or "
@@ -104,7 +104,7 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
     kept = _kept(path)
     if kept is not None:
         return kept
-    # Shown on stderr by default, as warnings of the logging module are.
+    # logging prints warnings on stderr by default.
     _LOG.warning(
         "skillplan: making convex pieces of %s (%s faces), once on this machine ...",
         label,
@@ -113,9 +113,9 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
     try:
         made = _measured(mesh, _made(mesh, entry))
     except Exception as error:
-        # A plugin raises whatever it likes.
+        # Plugins may raise any exception.
         raise NoPieces(f"{entry.name} could not take it apart: {error!r}") from error
-    # What cannot be kept is made again.
+    # Pieces that cannot be cached are made again.
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(_document(made)))
@@ -124,12 +124,12 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
 
 @lru_cache(maxsize=64)
 def given_decomposition(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
-    """Return convex pieces that a task file gives for a mesh, measured."""
+    """Return measured convex pieces from a task file."""
     return _measured(mesh, pieces)
 
 
 def _key(mesh: Mesh, entry: EntryPoint) -> str:
-    """Return a hash of everything that could change the pieces."""
+    """Return a hash of everything that affects the pieces."""
     distribution = "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
     version = getattr(_loaded(entry), "version", "")
     parts = [entry.value, distribution, version, repr(mesh.corners), repr(mesh.faces), _SAMPLES]
@@ -180,11 +180,11 @@ def _measured(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
 
 
 def _samples(triangles: Floats, count: int) -> Floats:
-    """Return points on triangles, evenly spread: corners, and a number of them in between."""
+    """Return evenly spread points on triangles: corners, and `count` points in between."""
     a, b, c = (triangles[:, i] for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     steps = np.cumsum(areas) / max(areas.sum(), 1e-30)
-    # Halton's sequence in the bases 2 and 3: the same points whenever it is asked.
+    # Halton sequence in bases 2 and 3: the same points in every run.
     numbers = np.arange(1, count + 1)
     which = np.minimum(np.searchsorted(steps, (numbers - 0.5) / count), len(triangles) - 1)
     u, v = _halton(numbers, 2), _halton(numbers, 3)
@@ -209,7 +209,7 @@ def _document(made: Decomposition) -> dict[str, Any]:
 
 
 def _kept(path: Path) -> Decomposition | None:
-    """Return what a file holds; None where there is none, or none that is exactly as written."""
+    """Return the pieces in a file; None if it is missing or damaged."""
     try:
         document = parse_json(read_bytes(path, _MOST_BYTES))
         pieces = tuple(

@@ -8,12 +8,12 @@ from skillplan.task.back_end import BackEnd
 
 
 class Detector(BackEnd):
-    """Rules on whether a skill's motion is free of collision and what it places stays put.
+    """Checks that a skill's motion is free of collisions and that placed bodies stay in place.
 
     Attributes
     ----------
     checks_arm
-        Whether it checks links and fingers of the arm, and whether postures exist.
+        True if it checks links and fingers of the arm, and the existence of postures.
     """
 
     checks_arm: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""What a detector compares, as convex hulls to be looked at: what moves, and what stands about."""
+"""Convex hulls that a detector compares, for pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skillplan.task.state import State
 
 
 class HullRole(StrEnum):
-    """What a hull stands for."""
+    """Role of a hull in a check."""
 
     MOVING = "moving"
     STANDING = "standing"
@@ -27,19 +27,18 @@ class Hull:
     Parameters
     ----------
     name
-        Of the body, or of the part of the arm.
+        Name of the body, or of the part of the arm.
     role
-        Whether it is swept by something that moves, stands there, or stands there and is named by
-        the verdict.
+        Moving, standing, or standing and named by the verdict.
     vertices
-        Its corners [m].
+        Corners [m].
     triangles
-        Its surface, three indices of vertices each.
+        Three indices of vertices for each face.
 
     Raises
     ------
     ValueError
-        If a triangle names a vertex that there is not.
+        If a triangle has an unknown vertex.
     """
 
     name: str
@@ -55,18 +54,18 @@ class Hull:
 
 @dataclass(frozen=True, slots=True)
 class HullScene:
-    """A skill's swept motion in a state.
+    """The swept motion of a skill in a state.
 
     Parameters
     ----------
     hulls
-        All that is compared, in no order.
+        All compared hulls, in no order.
     touches
-        Where something runs into something [m]; empty where the motion is free.
+        Points of collision [m]; empty for a free motion.
     reason
         Reason of an infeasible verdict; empty if the motion is feasible.
     subjects
-        Names of the bodies in that reason, moving ones included.
+        Names of the bodies in that reason, including moving ones.
     """
 
     hulls: Sequence[Hull]
@@ -82,10 +81,10 @@ class HullDetector(Protocol):
     name: str
 
     def hulls(self, skill: Skill, state: State) -> HullScene:
-        """Return what `skill` sweeps in a state, and what stands in its path or beside it.
+        """Return the hulls of `skill` in a state: swept hulls and the bodies around them.
 
         Raises
         ------
         ValueError
-            If there is nothing to be seen; the message says why.
+            If there are none; the message gives the reason.
         """

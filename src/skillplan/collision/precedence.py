@@ -1,7 +1,7 @@
-"""The hand-made precedence chart of the task file, as a detector.
+"""The detector ``precedence``: the hand-made chart of the task file.
 
-Moller et al. fell back on such a chart in their experiments (section 5): place the PCB first,
-the transformer before the brace, the brace before the screws.
+Moller et al. used such a chart in their experiments (section 5): the PCB first, the transformer
+before the brace, the brace before the screws.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ class PrecedenceDetector(Detector):
         self._is_alone = True
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Note whether another back end checks geometry."""
+        """Check for another back end that checks geometry."""
         self._is_alone = not any(other.expensive or isinstance(other, Detector) for other in others)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return that geometry is not checked, if only the chart is."""
+        """Return that geometry is not checked, if there is only the chart."""
         if not self._is_alone or not self.task.scene.bodies:
             return ()
         return ("geometry (collisions, support, the arm's motion): only the chart is checked",)
 
     def refuses(self) -> str | None:
-        """Return why not, where the task has no chart."""
+        """Refuse tasks without a chart."""
         if not self.task.chart:
             return "the task file has no 'chart:'. Add one, or use --collision aabb."
         return None
@@ -94,7 +94,7 @@ class PrecedenceDetector(Detector):
         return Verdict.feasible(needed, blocked)
 
     def _element(self, skill: Skill) -> str | None:
-        """Return the component of the chart whose operation `skill` performs."""
+        """Return the component of the chart whose operation `skill` completes."""
         added = skill.prediction.add
         for component, fact in self.task.operations.items():
             if fact in added:

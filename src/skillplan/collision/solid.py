@@ -1,4 +1,8 @@
-"""Convex polygons in the plane: what two have in common, how deep they overlap, what some cover."""
+"""Bodies at poses: gaps, penetration depths, contact areas and supports.
+
+Upright boxes and cylinders are prisms, compared exactly and without numpy. Other shapes are
+surfaces (see `surface`).
+"""
 
 from __future__ import annotations
 
@@ -31,12 +35,12 @@ def area(polygon: Sequence[Planar]) -> float:
 
 
 def intersection(one: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
-    """Return what two convex polygons have in common (Sutherland and Hodgman); or nothing.
+    """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty.
 
     Parameters
     ----------
     one, other
-        Their corners, anticlockwise.
+        Corners, anticlockwise.
     """
     left = list(one)
     for begin, end in _sides(other):
@@ -46,7 +50,7 @@ def intersection(one: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
 
 
 def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Planar]:
-    """Return what of a convex polygon lies where normal . point <= offset."""
+    """Return the part of a convex polygon with normal . point <= offset."""
     beyond = [normal[0] * x + normal[1] * y - offset for x, y in polygon]
     kept: list[Planar] = []
     for i, here in enumerate(polygon):
@@ -63,12 +67,14 @@ def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Plan
 
 
 def overlap(one: Sequence[Planar], other: Sequence[Planar]) -> float:
-    """Return how far one must move to be beside the other; below 0 where it is (separating axes).
+    """Return the least shift that separates two convex polygons (separating axes).
+
+    It is negative if they are disjoint.
 
     Parameters
     ----------
     one, other
-        Corners of convex polygons, anticlockwise.
+        Corners, anticlockwise.
     """
     least = math.inf
     for polygon in (one, other):
@@ -85,7 +91,7 @@ def overlap(one: Sequence[Planar], other: Sequence[Planar]) -> float:
 
 
 def inwards(polygon: Sequence[Planar], point: Planar) -> float:
-    """Return how far a point lies inside a convex polygon; below 0 how far it is from it."""
+    """Return the distance of a point from the border of a convex polygon; negative outside."""
     distance, inside = math.inf, True
     for begin, end in _sides(polygon):
         dx, dy = end[0] - begin[0], end[1] - begin[1]
@@ -97,7 +103,7 @@ def inwards(polygon: Sequence[Planar], point: Planar) -> float:
 
 
 def covered(polygons: Sequence[Sequence[Planar]]) -> float:
-    """Return the area that convex polygons cover together, counting what several cover once."""
+    """Return the area of the union of convex polygons."""
     if len(polygons) < 2:
         return sum(area(polygon) for polygon in polygons)
     sides = [side for polygon in polygons for side in _sides(polygon)]
@@ -106,7 +112,7 @@ def covered(polygons: Sequence[Sequence[Planar]]) -> float:
         x for i, one in enumerate(sides) for other in sides[:i] for x in _crossing(one, other)
     }
     ordered = sorted(stops)
-    # Between two stops no sides cross, so that what is covered changes evenly.
+    # No sides cross between two stops, so the covered length changes linearly.
     return sum(
         (right - left) * _covered_at(polygons, (left + right) / 2)
         for left, right in pairwise(ordered)
@@ -150,28 +156,26 @@ def _extent(polygon: Sequence[Planar], normal: Planar) -> tuple[float, float]:
     return min(along), max(along)
 
 
-# An axis whose cosine with the vertical is this near to 1 is vertical: 5 micrometres of 100 mm.
+# Tolerance of the cosine of a vertical axis: 5 micrometres at 100 mm.
 _VERTICAL = 1e-9
-# A point on the rim counts; rounding may put it so far out [m].
+# Points on the rim count as inside; rounding may put them this far outside [m].
 _RIM_M = 1e-9
-# Corners of the polygon that has a circle's area.
+# Corners of the polygon that replaces a circle of equal area.
 _CIRCLE = 180
 
 
 @dataclass(frozen=True, slots=True)
 class Prism:
-    """A polygon or a circle, from one height to another.
+    """An upright prism over a polygon or a circle.
 
     Parameters
     ----------
     low_m, high_m
         Heights of bottom and top [m].
     outline
-        Seen from above, corners anticlockwise [m]; empty for a circle.
-    centre
-        Of the circle [m].
-    radius_m
-        Of the circle [m].
+        Corners seen from above, anticlockwise [m]; empty for a circle.
+    centre, radius_m
+        Centre and radius of the circle [m].
     """
 
     low_m: float
@@ -182,7 +186,7 @@ class Prism:
 
     @property
     def width_m(self) -> float:
-        """Its least extent in the plane [m]."""
+        """Least extent in the plane [m]."""
         if not self.outline:
             return 2 * self.radius_m
         a, b, c = self.outline[:3]
@@ -190,7 +194,7 @@ class Prism:
 
     @property
     def face(self) -> Polygon:
-        """Its top and bottom, seen from above; of a circle a polygon of the same area."""
+        """Outline of top and bottom; for a circle a polygon of the same area."""
         if self.outline:
             return self.outline
         step = 2 * math.pi / _CIRCLE
@@ -202,7 +206,7 @@ class Prism:
         )
 
     def beside_m(self, other: Prism) -> float:
-        """Return how far it must move in the plane to be beside another [m]; below 0 if it is."""
+        """Return the least planar shift that separates two prisms [m]; negative if disjoint."""
         if self.outline and other.outline:
             return overlap(self.outline, other.outline)
         if self.outline:
@@ -212,23 +216,23 @@ class Prism:
         return self.radius_m + other.radius_m - math.dist(self.centre, other.centre)
 
     def depth_m(self, other: Prism) -> float:
-        """Return how deep it is in another [m]: the least way out; below 0 if they are apart."""
+        """Return the least shift that separates two prisms [m]; negative if they are disjoint."""
         upright = min(self.high_m - other.low_m, other.high_m - self.low_m)
         return upright if upright <= 0 else min(upright, self.beside_m(other))
 
     def holds(self, x_m: float, y_m: float) -> bool:
-        """Whether a point of the plane is in its outline or on the rim."""
+        """Return True if a point of the plane is in the outline or on the rim."""
         if self.outline:
             return inwards(self.outline, (x_m, y_m)) >= -_RIM_M
         return math.dist(self.centre, (x_m, y_m)) <= self.radius_m + _RIM_M
 
     def shared(self, other: Prism) -> Polygon:
-        """Return what both cover, seen from above."""
+        """Return the intersection of both outlines."""
         return intersection(self.face, other.face)
 
 
 def prism_of(shape: Shape, pose: Pose) -> Prism | None:
-    """Return a shape at a pose as an upright prism, or None where it is none."""
+    """Return a shape at a pose as an upright prism, or None if it is another shape."""
     if not isinstance(shape, Box | Cylinder):
         return None
     size = shape.box.size
@@ -261,9 +265,9 @@ _ROUNDING_M = 1e-9
 
 
 def centre_of(shapes: Sequence[Shape], pose: Pose) -> Planar:
-    """Return the centre of volume of some shapes at a pose, seen from above [m].
+    """Return the centre of volume of shapes at a pose, seen from above [m].
 
-    What several of them share counts several times.
+    Overlaps of shapes count several times.
     """
     measured = [_volume(shape) for shape in shapes]
     total = sum(volume for volume, _ in measured)
@@ -273,7 +277,7 @@ def centre_of(shapes: Sequence[Shape], pose: Pose) -> Planar:
 
 
 def stands(centre: Planar, corners: Iterable[Planar]) -> bool:
-    """Whether a point lies within the hull of others: whether they surround it."""
+    """Return True if a point lies within the convex hull of other points."""
     angles = []
     for x, y in corners:
         dx, dy = x - centre[0], y - centre[1]
@@ -300,7 +304,7 @@ def _volume_within(mesh: Mesh) -> tuple[float, Point]:
     total, x, y, z = 0.0, 0.0, 0.0, 0.0
     for face in mesh.faces:
         a, b, c = (mesh.corners[index] for index in face)
-        # Of the tetrahedron with the origin as its fourth corner.
+        # Tetrahedron with the origin as its fourth corner.
         volume = dot(a, cross(b, c)) / 6
         total += volume
         x += volume * (a[0] + b[0] + c[0]) / 4
@@ -313,19 +317,19 @@ TOUCH_M = 2e-4
 """Gap and overlap that still count as touching [m]."""
 
 _PRECISION_M = 1e-4
-# A height that is told from those of narrower ones may be less than that between boxes by so much.
+# Heights derived from narrowed surfaces may be less than the gap of the boxes by this length.
 _SLOPE_M = 5e-3
 
 
 class Piece:
-    """One shape at a pose: a prism where it is one, else a surface.
+    """One shape at a pose: a prism if possible, else a surface.
 
     Parameters
     ----------
     shape
-        In the frame of its body.
+        Shape in the frame of its body.
     pose
-        Of the body.
+        Pose of the body.
     """
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
@@ -334,19 +338,19 @@ class Piece:
 
     @cached_property
     def box(self) -> WorldBox:
-        """The smallest upright box about it, exactly."""
+        """Smallest upright box about the shape, exactly."""
         return _box_about(self._shape, self._pose)
 
     @cached_property
     def surface(self) -> Polyhedron:
-        """Its surface."""
-        # Takes numpy, which boards of upright boxes and cylinders do without.
+        """Surface of the shape."""
+        # Imports numpy, which boards of upright boxes and cylinders do not need.
         from skillplan.collision.surface import polyhedron_of
 
         return polyhedron_of(self._shape, self._pose)
 
     def height_above_m(self, lower: Piece, at_least_m: float) -> float:
-        """Return how far it may fall onto another [m]; infinity where it is not over it."""
+        """Return the gap to fall onto another piece [m]; infinity if it is not above it."""
         if not _over(self.box, lower.box):
             return math.inf
         if self.prism is None or lower.prism is None:
@@ -354,17 +358,17 @@ class Piece:
 
             if not (self.surface.convex and lower.surface.convex):
                 return height_above(self.surface, lower.surface, at_least_m)
-            # What is convex is above or beneath as a whole.
+            # A convex piece is above or below as a whole.
             height_m = height_above(self.surface, lower.surface)
             return height_m if height_m >= at_least_m else math.inf
-        # Walls that touch, or nearly do, carry nothing.
+        # Walls that touch or nearly touch do not bear.
         grazing_m = min(TOUCH_M, self.prism.width_m / 4, lower.prism.width_m / 4)
         height_m = self.prism.low_m - lower.prism.high_m
         carries = height_m >= at_least_m and self.prism.beside_m(lower.prism) > grazing_m
         return height_m if carries else math.inf
 
     def depth_m(self, other: Piece) -> float:
-        """Return how deep it is in another [m]; 0 where they are apart."""
+        """Return the penetration depth in another piece [m]; 0 if they are disjoint."""
         if not _meet(self.box, other.box, TOUCH_M):
             return 0.0
         if self.prism is None or other.prism is None:
@@ -374,7 +378,7 @@ class Piece:
         return max(0.0, self.prism.depth_m(other.prism))
 
     def touching(self, lower: Piece) -> Iterator[Polygon]:
-        """Yield where it stands on another, seen from above."""
+        """Yield the contact areas on another piece, seen from above."""
         if not _over(self.box, lower.box):
             return
         if self.prism is None or lower.prism is None:
@@ -387,7 +391,7 @@ class Piece:
                 yield shared
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
-        """Return the height of its highest surface at a point of its plan [m]; None beside it."""
+        """Return the height of the highest surface at a point in plan [m], or None."""
         if self.prism is None:
             from skillplan.collision.surface import top_at
 
@@ -402,9 +406,9 @@ class Solid:
     Parameters
     ----------
     shapes
-        At least one, in the body's frame.
+        At least one shape in the body's frame.
     pose
-        Of the body.
+        Pose of the body.
     """
 
     shapes: Sequence[Shape]
@@ -412,30 +416,30 @@ class Solid:
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
-        """Its shapes in the world."""
+        """Shapes in the world."""
         return tuple(Piece(shape, self.pose) for shape in self.shapes)
 
     @cached_property
     def box(self) -> WorldBox:
-        """The smallest upright box about it."""
+        """Smallest upright box about the body."""
         lows, highs = zip(*((piece.box.low, piece.box.high) for piece in self.pieces), strict=True)
         x0, y0, z0 = (min(values) for values in zip(*lows, strict=True))
         x1, y1, z1 = (max(values) for values in zip(*highs, strict=True))
         return WorldBox((x0, y0, z0), (x1, y1, z1))
 
     def fall_m(self, lower: Solid) -> float | None:
-        """Return how far it may be let down from far above until it meets another [m].
+        """Return the distance to lower the body from far above onto another [m].
 
-        Below 0 how far it has to rise to lie on it. None where it is not over it.
+        The distance is negative if the body has to rise to lie on it. None if it is not above it.
         """
         return self._height_m(lower, -math.inf)
 
     def gap_m(self, lower: Solid) -> float | None:
-        """Return how far it may fall from where it is until it meets another [m], or None."""
+        """Return the gap below the body to another body [m]; None if it is not above it."""
         return self._height_m(lower, -TOUCH_M)
 
     def narrowed_fall_m(self, lower: Solid, by_m: float) -> float:
-        """Return how far it may fall, its walls shifted inwards by a length [m], or infinity."""
+        """Return the distance to fall with walls shifted inwards by a length [m], or infinity."""
         from skillplan.collision.surface import narrowed_height_above
 
         return min(
@@ -444,21 +448,22 @@ class Solid:
         )
 
     def depth_m(self, other: Solid) -> float:
-        """Return how deep it is in another [m], at the deepest pair of shapes; 0 if apart."""
+        """Return the penetration depth of the deepest pair of shapes [m]; 0 if disjoint."""
         if not _meet(self.box, other.box, TOUCH_M):
             return 0.0
         return max(one.depth_m(two) for one, two in product(self.pieces, other.pieces))
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
-        """Return the height of its highest surface at a point of its plan [m]; None beside it."""
-        tops_m = [top_m for one in self.pieces if (top_m := one.top_m(x_m, y_m)) is not None]
+        """Return the height of the highest surface at a point in plan [m], or None."""
+        tops_m = [top_m for piece in self.pieces if (top_m := piece.top_m(x_m, y_m)) is not None]
         return max(tops_m, default=None)
 
     def way_out_m(self, other: Solid) -> float:
-        """Return how far it would have to move to be out of another [m]; 0 if they are apart.
+        """Return the shift that separates two bodies [m]; 0 if they are disjoint.
 
-        Exact for upright boxes and cylinders; of others the least along the axes of the world, to
-        0.1 mm.
+        Exact for upright boxes and cylinders. For other shapes it is the least shift along the axes
+        of the
+        world, to 0.1 mm.
         """
         depth_m = self.depth_m(other)
         upright = all(piece.prism is not None for piece in (*self.pieces, *other.pieces))
@@ -474,24 +479,24 @@ class Solid:
         return max(depth_m, least_m)
 
     def _out_m(self, other: Solid, direction: Point, most_m: float) -> float:
-        """Return how far it moves along a direction until it is out, `most_m` at most [m]."""
+        """Return the shift along a direction that separates the bodies, at most `most_m` [m]."""
         moved_m = 0.0
         while moved_m < most_m:
             by = plus((0.0, 0.0, 0.0), direction, moved_m)
             depth_m = Solid(self.shapes, self.pose.moved(by)).depth_m(other)
             if depth_m <= TOUCH_M:
-                # What is so deep counts as out.
+                # A depth below the tolerance counts as separated.
                 return moved_m + depth_m
-            # It comes out by no more than it moves.
+            # The depth decreases by at most the shift.
             moved_m += max(depth_m - TOUCH_M, _PRECISION_M)
         return most_m
 
     def contact_m2(self, lower: Solid) -> float:
-        """Return the area by which it stands on another, seen from above [m2]."""
+        """Return the contact area on another body, seen from above [m2]."""
         return covered(self.contacts(lower))
 
     def contacts(self, lower: Solid) -> list[Polygon]:
-        """Return where it stands on another, seen from above [m]."""
+        """Return the contact polygons on another body, seen from above [m]."""
         if not _meet(self.box, lower.box, -TOUCH_M):
             return []
         return [
@@ -508,7 +513,7 @@ class Solid:
             for one, two in product(self.pieces, lower.pieces)
         ]
         least_m = math.inf
-        # Those whose boxes are closest first: no piece is above another by less than its box.
+        # Closest boxes first: the gap between pieces is at least that between their boxes.
         for bound_m, one, two in sorted(pairs, key=lambda pair: pair[0]):
             if bound_m > least_m:
                 break

@@ -1,4 +1,4 @@
-"""Closed triangulated surfaces in the world: of turned shapes, and of meshes."""
+"""Closed triangulated surfaces in the world: gaps, contact areas and penetration depths."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Sides of the prism about a cylinder that lies or leans: it stands out by 0.03 % of the radius at
-# most, and not at all where it is lowest.
+# Number of sides of the prism about an inclined cylinder. The prism stands out by at most 0.03 % of
+# the radius, and not at the lowest line.
 _SIDES = 128
-# Of the normal of a wall, by its upright part.
+# Greatest vertical component of the normal of a wall.
 _UPRIGHT = 1e-6
 _CORNERS = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float) / 2
 _BOX_FACES = np.array(
@@ -38,13 +38,13 @@ class Polyhedron:
     Parameters
     ----------
     corners
-        In the world [m], shape (corners, 3).
+        Corners in the world [m], shape (corners, 3).
     faces
         Three indices of corners each, anticlockwise from outside, shape (faces, 3).
     flat
-        Of every face, whether it stands for a plane and not for a part of a curve.
+        True for faces of planes, False for faces of curved surfaces, shape (faces,).
     convex
-        Whether it is.
+        Convexity of the surface.
     """
 
     corners: Floats
@@ -54,12 +54,12 @@ class Polyhedron:
 
     @cached_property
     def triangles(self) -> Floats:
-        """Corners of its faces [m], shape (faces, 3, 3)."""
+        """Corners of the faces [m], shape (faces, 3, 3)."""
         return np.asarray(self.corners[self.faces])
 
     @cached_property
     def normals(self) -> Floats:
-        """Outward unit normals of its faces, shape (faces, 3); zero of what has no area."""
+        """Outward unit normals of the faces, shape (faces, 3); zero for faces without area."""
         a, b, c = (self.triangles[:, i] for i in range(3))
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -77,7 +77,7 @@ class Polyhedron:
 
     @cached_property
     def planes(self) -> tuple[Floats, Floats]:
-        """Outward normals of its faces and how far they are from the origin [m], each once."""
+        """Distinct outward normals of the faces, and offsets of their planes [m]."""
         sound = np.abs(self.normals).max(axis=1) > 0
         normals = self.normals[sound]
         offsets = np.einsum("ij,ij->i", normals, self.triangles[sound, 0])
@@ -86,17 +86,17 @@ class Polyhedron:
         return np.asarray(normals[first]), np.asarray(offsets[first])
 
     def edges_of(self, faces: npt.NDArray[np.intp]) -> Floats:
-        """Return the ends of all edges of some faces [m], each once, shape (edges, 2, 3)."""
+        """Return the ends of the distinct edges of faces [m], shape (edges, 2, 3)."""
         chosen = self.faces[faces]
         pairs = np.concatenate([chosen[:, [0, 1]], chosen[:, [1, 2]], chosen[:, [2, 0]]])
-        # Numbers are told apart far quicker than rows.
+        # np.unique is far faster for numbers than for rows.
         count = len(self.corners)
         numbers = np.unique(pairs.min(axis=1) * count + pairs.max(axis=1))
         return np.asarray(self.corners[np.stack(np.divmod(numbers, count), axis=1)])
 
     @cached_property
     def edges(self) -> Floats:
-        """Ends of its edges [m], without those between faces of one plane, (edges, 2, 3)."""
+        """Ends of the edges between faces of different planes [m], shape (edges, 2, 3)."""
         sides = np.concatenate(
             [self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]
         )
@@ -104,13 +104,13 @@ class Polyhedron:
         pairs, index = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
         total = np.zeros((len(pairs), 3))
         np.add.at(total, index.reshape(-1), self.normals[owners])
-        # The normals of two faces of one plane add up to the length 2.
+        # The normals of two coplanar faces add up to length 2.
         return np.asarray(self.corners[pairs[np.linalg.norm(total, axis=1) < 2 - 1e-12]])
 
     def narrowed(self, by_m: float) -> Polyhedron:
-        """Return it with every wall shifted inwards in the plane by a length [m].
+        """Return the surface with all walls and slopes shifted inwards in plan by a length [m].
 
-        Of a slope, too, by as much in the plane; to first order, where more than three faces meet.
+        To first order at corners with more than three faces.
         """
         flat = self.normals[:, :2]
         lengths = np.linalg.norm(flat, axis=1)
@@ -145,14 +145,14 @@ def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
 
 
 def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:
-    """Return the prism about a cylinder with the middle of a side where it is lowest.
+    """Return the prism about a cylinder with the middle of a side at its lowest line.
 
     Parameters
     ----------
     cylinder
-        In the frame of its body.
+        Cylinder in the frame of its body.
     up
-        The vertical of the world in that frame.
+        Vertical of the world in that frame.
     """
     step = 2 * math.pi / _SIDES
     angles = math.atan2(up[1], up[0]) + step * (np.arange(_SIDES) + 0.5)
@@ -184,25 +184,25 @@ def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray
     return corners, faces, np.arange(len(faces)) >= len(sides)
 
 
-# How precisely the deepest point of an edge is sought, and what is not worth a search [m].
+# Precision of the deepest point of an edge, and least depth worth a search [m].
 _PRECISION_M = 5e-5
 _LEAST_M = 2e-4
-# Most pairs of points and faces at a time: their arrays stay in the cache of a core.
+# Greatest number of pairs of points and faces in one array, which fits the cache of a core.
 _PAIRS = 30_000
 _FEWEST = 16
 
 
 def depths(surface: Polyhedron, points: Floats) -> Floats:
-    """Return how deep points are in a surface [m]; below 0 how far they are from it."""
+    """Return the depths of points in a surface [m]; negative outside."""
     faces = _Faces(surface)
     distances = faces.distances(points)
     return np.where(faces.inside(points), distances, -distances)
 
 
 def outermost(surface: Polyhedron, points: Floats) -> float:
-    """Return how far the outermost of some points is from a surface [m]; 0 where all are inside.
+    """Return the distance of the outermost point from a surface [m]; 0 if all are inside.
 
-    Those that are farthest from it are looked at first, until one is outside.
+    The points with the largest distances come first, until one is outside.
     """
     faces = _Faces(surface)
     distances = faces.distances(points)
@@ -218,11 +218,10 @@ def outermost(surface: Polyhedron, points: Floats) -> float:
 
 
 def deepest_within(surface: Polyhedron, edges: Floats) -> float:
-    """Return how deep any point of some edges is in a surface [m]; 0 where none is.
+    """Return the greatest depth of edges in a surface [m]; 0 if all are outside.
 
-    No point of an edge is farther from a triangle, which is convex, than the farther of its ends;
-    and the depth changes by no more than the way along it. Halves that can have nothing deeper are
-    left out.
+    A triangle is convex, so no point of an edge is farther from it than the farther end. The depth
+    changes by at most the distance along the edge. Halves that cannot be deeper are dropped.
     """
     faces = _Faces(surface)
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
@@ -255,11 +254,12 @@ def _clipped(edges: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 
 class _Faces:
-    """Triangles of a surface, with what all points are compared with.
+    """Triangles of a surface with constants for distances to many points.
 
-    Every distance is a sum of products of a point's coordinates and constants of a face, so that a
-    product of two matrices has it for all pairs. About the surface's middle, these sums lose
-    nothing above a nanometre.
+    Every distance is a sum of products of a point's coordinates and constants of a face, so one
+    matrix
+    product yields all pairs. Relative to the middle of the surface, rounding stays below a
+    nanometre.
     """
 
     def __init__(self, surface: Polyhedron) -> None:
@@ -276,7 +276,7 @@ class _Faces:
         self._chunk = max(1, _PAIRS // max(1, len(corners)))
 
     def distances(self, points: Floats) -> Floats:
-        """Return how far points are from the nearest face [m]."""
+        """Return the distances of points from the nearest face [m]."""
         found = np.empty(len(points))
         for first in range(0, len(points), self._chunk):
             some = slice(first, first + self._chunk)
@@ -284,7 +284,7 @@ class _Faces:
         return np.asarray(np.sqrt(np.maximum(found, 0.0)))
 
     def farthest(self, begins: Floats, ends: Floats) -> Floats:
-        """Return of edges what no point of them is farther from a face than [m]."""
+        """Return upper bounds on the distance of any point of an edge from the nearest face [m]."""
         found = np.empty(len(begins))
         for first in range(0, len(begins), self._chunk):
             some = slice(first, first + self._chunk)
@@ -293,7 +293,7 @@ class _Faces:
         return np.asarray(np.sqrt(np.maximum(found, 0.0)))
 
     def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which points a surface goes round (Van Oosterom and Strackee 1983)."""
+        """Return True for points inside the surface (Van Oosterom and Strackee 1983)."""
         found = np.empty(len(points), dtype=bool)
         for first in range(0, len(points), self._chunk):
             some = slice(first, first + self._chunk)
@@ -301,7 +301,7 @@ class _Faces:
         return found
 
     def _squares_from(self, points: Floats) -> Floats:
-        """Return squares of the distances of points from faces [m2], shape (points, faces)."""
+        """Return the squared distances of points from faces [m2], shape (points, faces)."""
         points = points - self._middle
         own = np.einsum("ij,ij->i", points, points)[:, None]
         nearest = np.full((len(points), len(self._height)), math.inf)
@@ -318,7 +318,7 @@ class _Faces:
     def _turns(self, points: Floats) -> Floats:
         points = points - self._middle
         own = np.einsum("ij,ij->i", points, points)[:, None]
-        to = [points @ one.T for one in self._corners]
+        to = [points @ corner.T for corner in self._corners]
         x, y, z = (
             np.sqrt(np.maximum(own - 2 * one + square, 0.0))
             for one, square in zip(to, self._squares, strict=True)
@@ -332,7 +332,7 @@ class _Faces:
 
 
 class _Side:
-    """What points are compared with at one side of all triangles."""
+    """Constants of one side of all triangles."""
 
     def __init__(self, begin: Floats, way: Floats, normal: Floats) -> None:
         inwards = np.cross(normal, way)
@@ -343,42 +343,44 @@ class _Side:
         self.per_square = 1 / np.maximum(self.square, 1e-30)
 
 
-# Walls that touch, or overlap by less than this in the plane, carry nothing [m].
+# Walls that overlap by less than this in the plane do not bear [m].
 _GRAZING_M = 2e-4
-# A height that changes by more than so often the difference of two widths is that of a wall.
+# A height that changes by more than this multiple of the change of width is that of a wall.
 _STEEPEST = 20.0
-# By how much more than in proportion height may be lost where another edge is met first.
+# Greatest ratio of height loss to width loss on a slope, if another edge is met first.
 _GENTLE = 3.0
 _ROUNDING, _ROUNDING_M = 1e-12, 1e-9
-# Most pairs that are compared at a time.
+# Greatest number of pairs in one array.
 _PAIRS_FALLING = 500_000
 
 
 def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math.inf) -> float:
-    """Return how far `upper` is above `lower` where that is least [m].
+    """Return the least gap between `upper` and `lower` [m].
 
-    So far it may fall onto `lower`; below 0 it would have to rise. Both surfaces are compared at
-    all corners and all crossings of edges as seen from above, so that nothing is missed. What
-    overlaps by less than 0.2 mm in the plane is beside it: twice, the upper one is made
-    narrower, and the height of its full width follows from both.
+    This is the distance that `upper` may fall; a negative gap means that it has to rise. The
+    surfaces are compared at all corners and all crossings of edges in plan, which is exact.
+    Overlaps
+    below 0.2 mm in plan do not count: the gap is computed for two narrowed surfaces and
+    extrapolated to
+    the full width.
 
     Parameters
     ----------
     upper, lower
         The surfaces.
     at_least_m
-        Heights below are left out: those of what is not beneath `upper`, but above or in it.
+        Smaller gaps are ignored: such faces are not below `upper`, but above it or inside.
 
     Returns
     -------
     float
-        Infinity where it is not above it.
+        Infinity if `upper` is not above `lower`.
     """
     extent = upper.corners[:, :2].max(axis=0) - upper.corners[:, :2].min(axis=0)
     width_m = min(_GRAZING_M, float(extent.min()) / 4)
     at_full_width = _all_heights(upper, lower)
     if not len(at_full_width):
-        # No more than its box is above the other: narrower, it is not either.
+        # Only the bounding boxes overlap in plan, so the narrowed surfaces do not overlap either.
         return math.inf
     narrow, wide, full = (
         float(heights[heights >= at_least_m].min(initial=math.inf))
@@ -390,18 +392,18 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
     )
     if math.isinf(narrow) or math.isinf(wide) or narrow - wide > _STEEPEST * width_m:
         return narrow
-    # On a slope, height is lost in proportion to width; at a wall, at once.
+    # On a slope the gap changes in proportion to the width, at a wall it jumps.
     gentle = wide - full <= _GENTLE * abs(narrow - wide) + _ROUNDING_M
     return full if gentle else 2 * wide - narrow
 
 
 def narrowed_height_above(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
-    """Return how far `upper` is above `lower` [m] once its walls are shifted in by a length [m]."""
+    """Return the least gap with the walls of `upper` shifted inwards by a length [m]."""
     return float(_all_heights(upper.narrowed(by_m), lower).min(initial=math.inf))
 
 
 def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
-    """Return the height of a surface at a point of its plan [m]; None beside it."""
+    """Return the height of a surface at a point in plan [m]; None outside its outline."""
     point = np.array([[x_m, y_m, 0.0]])
     faces = _within(surface, surface.upper, point)
     heights = [*_over(point, surface.triangles[faces], surface.normals[faces])]
@@ -410,12 +412,12 @@ def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
 
 
 def _all_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
-    """Return heights of `upper` above `lower`; none where it is not over it."""
+    """Return gaps between `upper` and `lower`; empty if they do not overlap in plan."""
     return np.concatenate([np.empty(0), *_heights(upper, lower)])
 
 
 def _heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:
-    """Yield heights of `upper` above `lower`, at all points where one may be least."""
+    """Yield gaps at all points that may have the least one."""
     if not (len(upper.lower) and len(lower.upper)):
         return
     bottom = _within(upper, upper.lower, lower.corners)
@@ -433,7 +435,7 @@ def _heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:
 def _within(
     surface: Polyhedron, faces: npt.NDArray[np.intp], corners: Floats
 ) -> npt.NDArray[np.intp]:
-    """Return the faces that may lie over or beneath what lies between some corners."""
+    """Return the faces that may overlap the bounding box of corners in plan."""
     triangles = surface.triangles[faces][:, :, :2]
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
@@ -441,7 +443,7 @@ def _within(
 
 
 def _over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats]:
-    """Yield how far points are above the triangles that they lie over."""
+    """Yield heights of points above the triangles below or above them."""
     chunk = max(1, _PAIRS_FALLING // max(1, len(points)))
     for first in range(0, len(triangles), chunk):
         corners, normal = triangles[first : first + chunk], normals[first : first + chunk]
@@ -459,7 +461,7 @@ def _over(points: Floats, triangles: Floats, normals: Floats) -> Iterator[Floats
 
 
 def _crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
-    """Yield how far edges are above the edges that they cross as seen from above."""
+    """Yield height differences at crossings of edges in plan."""
     chunk = max(1, _PAIRS_FALLING // max(1, len(lower)))
     c = lower[:, 0]
     s = lower[:, 1] - c
@@ -479,12 +481,12 @@ def _crossings(upper: Floats, lower: Floats) -> Iterator[Floats]:
         yield (a[i, 0, 2] + t * r[i, 0, 2]) - (c[j, 2] + u * s[j, 2])
 
 
-# Faces whose directions differ by more touch along a line at most [-].
+# Least angle between faces that touch along a line at most [rad].
 _PARALLEL = 1e-3
 
 
 def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterator[Polygon]:
-    """Yield where flat faces lie on each other, seen from above [m].
+    """Yield the contact areas of flat faces, seen from above [m].
 
     Parameters
     ----------
@@ -505,7 +507,7 @@ def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterat
     ).all(axis=2)
     meets &= upper.normals[feet] @ lower.normals[tops].T < -1 + _PARALLEL**2 / 2
     for i, j in zip(*np.nonzero(meets), strict=True):
-        # Seen from above, a face that looks down turns the other way round.
+        # Seen from above, the corners of a downward face are clockwise.
         common = intersection(_seen(above[i][::-1]), _seen(beneath[j]))
         common = _near(common, above[i], beneath[j], tolerance_m)
         if len(common) > 2 and area(common) > 0:
@@ -513,7 +515,7 @@ def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterat
 
 
 def _near(common: Polygon, above: Floats, beneath: Floats, tolerance_m: float) -> Polygon:
-    """Return the part of a polygon where two planes are within the tolerance of each other."""
+    """Return the part of a polygon with two planes within the tolerance of each other."""
     (ax, ay, az), (bx, by, bz) = _slopes(above), _slopes(beneath)
     dx, dy, dz = ax - bx, ay - by, az - bz
     kept = below(common, (dx, dy), tolerance_m - dz)
@@ -521,7 +523,7 @@ def _near(common: Polygon, above: Floats, beneath: Floats, tolerance_m: float) -
 
 
 def _slopes(triangle: Floats) -> tuple[float, float, float]:
-    """Return the height of a plane: how it changes along x and y, and over the origin."""
+    """Return slopes of a plane along x and y, and its height at the origin."""
     a, b, c = triangle
     normal = np.cross(b - a, c - a)
     x, y = -normal[0] / normal[2], -normal[1] / normal[2]
@@ -532,18 +534,19 @@ def _seen(triangle: Floats) -> Polygon:
     return tuple((float(x), float(y)) for x, y, _ in triangle)
 
 
-# How precisely the deepest point of an edge is sought, by halving the rest of its length.
+# Iterations of the golden-section search for the deepest point of an edge.
 _HALVINGS = 40
 _GOLDEN = (5**0.5 - 1) / 2
-# Most pairs of points and planes at a time.
+# Greatest number of pairs of points and planes in one array.
 _PAIRS_PENETRATION = 1_000_000
 
 
 def depth_m(one: Polyhedron, other: Polyhedron) -> float:
-    """Return how deep an edge of one surface is in the other [m]; 0 where none is.
+    """Return the greatest depth of an edge of either surface in the other [m]; 0 if disjoint.
 
-    Two polyhedra that have a volume in common have an edge of one in the other; how deep is its
-    distance to the nearest face. In what is not convex that is found to 0.05 mm.
+    Polyhedra with a common volume have an edge of one in the other. The depth is the distance to
+    the
+    nearest face, found to 0.05 mm in concave surfaces.
     """
     return max(_deepest(one, other), _deepest(other, one))
 
@@ -562,7 +565,7 @@ def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
     chunk = max(1, _PAIRS_PENETRATION // len(normals))
     for first in range(0, len(edges), chunk):
         begins, ends = edges[first : first + chunk, 0], edges[first : first + chunk, 1]
-        # How far the ends lie beneath every plane; between them that is linear.
+        # Depths of the ends below every plane; they are linear in between.
         a, b = offsets - begins @ normals.T, offsets - ends @ normals.T
         inside = (np.maximum(a, b) > deepest).all(axis=1)
         if inside.any():
@@ -571,12 +574,12 @@ def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
 
 
 def _highest_least(a: Floats, b: Floats) -> float:
-    """Return the greatest of the least of linear functions, by their values at both ends.
+    """Return the greatest minimum of linear functions on [0, 1].
 
     Parameters
     ----------
     a, b
-        Values at 0 and at 1, a row for each set of functions; searched by golden section.
+        Values at 0 and at 1, one row for each set of functions; the search is by golden section.
     """
     low, high = np.zeros(len(a)), np.ones(len(a))
 

@@ -1,4 +1,4 @@
-"""The base class of domains."""
+"""The base class of domains, and the values that its methods return."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from skillplan.task.task import Task
 class Strict(BaseModel):
     """Base of all schema models: unknown keys, numbers in quotes and infinities are faults."""
 
-    # A validator is built when a file is read, and then one for all: most models are parts.
+    # Validators are built when a file is read, once for all models: most models are parts of
+    # another.
     model_config = ConfigDict(
         extra="forbid",
         strict=True,
@@ -34,12 +35,12 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 @dataclass(frozen=True)
 class Listing:
-    """A table that a domain has to show: cells are texts, rows as long as the columns.
+    """A table of a domain.
 
     Raises
     ------
     ValueError
-        If a row has another number of cells than there are columns.
+        If a row and the columns differ in length.
     """
 
     title: str
@@ -55,31 +56,32 @@ class Listing:
 
 @dataclass(frozen=True)
 class Account:
-    """What a domain has to say of a file beyond the plans of its tasks.
+    """Results of a domain beyond the plans of its tasks.
 
     Parameters
     ----------
     document
         Keys added to the result's JSON document; JSON values only.
     listings
-        Tables shown before that of the plans.
+        Tables printed before the table of plans.
     appendix
-        Tables that are saved but not shown, by the name of the file.
+        Tables that are saved but not printed, by file name.
     lower_bound
-        No path through the file's main tasks costs less in all, however the stages before are
-        planned; None where nothing is proved.
+        Proved lower bound on the total cost of the main tasks, for any plans of earlier stages;
+        None
+        if there is no proof.
     bound_given
-        The same, but given the plans of the stages before.
+        The same bound for the given plans of earlier stages.
     not_checked
-        Sentences about what the file leaves unchecked of its plans.
+        Sentences on properties of the plans that were not checked.
     caveat
-        What a user must know before executing the plans; empty where nothing is amiss.
+        Warning to read before executing the plans; may be empty.
     makespan_s
-        Time of the whole [s], where that is more than the skills'; None otherwise.
+        Total time [s], if it exceeds the time of the skills.
     parallel_steps
-        Steps in which the skills of several robots are executed side by side; None for one robot.
+        Number of steps if robots act in parallel; None for one robot.
     parallel_bound
-        Lower bound of any plan's parallel steps, proved; None for one robot.
+        Proved lower bound on that number; None for one robot.
     """
 
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -101,13 +103,13 @@ class Recheck:
     Parameters
     ----------
     claim
-        The property, such as ``reach``.
+        Name of the property, such as ``reach``.
     holds
-        Whether the plans have it; None if the file does not require it.
+        True if the plans have it; None if the file does not require it.
     detail
-        The figures, or the first plan without it.
+        Figures, or the first plan without the property.
     method
-        How it was checked.
+        Method of the check, in words.
     """
 
     claim: str
@@ -118,14 +120,14 @@ class Recheck:
 
 @dataclass(frozen=True)
 class Overview:
-    """What there is to see of a valid file before anything is solved.
+    """Summary of a valid file before it is solved.
 
     Parameters
     ----------
     document
         Keys added to the JSON document of ``check``; JSON values only.
     lines
-        The same in words, a line each: a name, spaces, and what is said.
+        The same in words: a name, blanks and a clause in each line.
     """
 
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -138,20 +140,19 @@ class Domain(ABC):
     Attributes
     ----------
     kind
-        What the file's key ``kind`` says.
+        Value of the file's key ``kind``.
     Config
-        The schema of the file: a model derived from `Strict`.
+        Schema of the file: a model derived from `Strict`.
     stages
-        The stages that a chain of its tasks may have, in order.
+        Stages of a chain of tasks, in order.
     suffixes
-        Ends of the names of files that it reads by `read`, such as ``.sop``, in small letters;
-        other files are YAML.
+        Suffixes of files that `read` parses, such as ``.sop``, in small letters; others are YAML.
     max_bytes
-        Greatest size of such a file.
+        Greatest size of such a file [B].
     starter_suffix
-        End of the name of the file that `starter` returns.
+        Suffix of the file that `starter` returns.
     former_defaults
-        Values of keys left out that earlier versions took, by key path, for stored results.
+        Defaults of earlier versions by key path, for stored results.
     """
 
     kind: ClassVar[str]
@@ -168,116 +169,96 @@ class Domain(ABC):
         Parameters
         ----------
         text
-            What the file holds.
+            Content of the file.
         source
-            The file as the user named it.
+            Path as the user gave it.
 
         Returns
         -------
         Document
-            Data with the keys of `Config`, ``kind`` among them, and where they stand.
+            Data with the keys of `Config` and ``kind``, and their positions.
 
         Raises
         ------
         TaskError
-            With every fault for which the data cannot be had.
+            With every fault that prevents reading.
         """
         return parse(text, source)
 
     def issues(self, config: Any) -> Iterable[Issue]:
-        """Return every fault that the schema cannot see, each with the path of its key."""
+        """Return the faults that the schema cannot find, each with the path of its key."""
         return ()
 
     def warnings(self, config: Any) -> Iterable[Issue]:
-        """Return what is valid, but hardly meant, each with the path of its key.
+        """Return suspicious entries of a valid file, each with the path of its key.
 
         Every command prints them on stderr.
-
-        Parameters
-        ----------
-        config
-            An instance of `Config` without issues.
         """
         return ()
 
     def hints(self, config: Any) -> Iterable[Issue]:
-        """Return what may be meant, but is found out late; only ``check`` reports it.
-
-        Parameters
-        ----------
-        config
-            An instance of `Config` without issues.
-        """
+        """Return entries that may cause trouble later; only ``check`` prints them."""
         return ()
 
     def overview(self, config: Any) -> Overview:
-        """Return what ``check`` shows of a file besides its tasks, such as its extent."""
+        """Return the summary for ``check``, such as extents and supports."""
         return Overview()
 
     @abstractmethod
     def ground(self, config: Any, sha256: str) -> list[Task]:
-        """Return the tasks of a faultless content, in the order in which they are solved.
+        """Return the tasks of a file without issues, in the order of solving.
 
         Parameters
         ----------
         config
             An instance of `Config` without issues.
         sha256
-            Hash of the content, to be carried by the tasks.
+            Hash of the content, stored in the tasks.
         """
 
     def follow(
         self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
     ) -> list[Task]:
-        """Return the tasks of a chain as they stand once some of them have been solved.
+        """Return the tasks of a chain after some of them have been solved.
 
-        Tasks that are solved, and those of their stage, stay as they are.
+        Solved tasks and tasks of their stages stay the same.
 
         Parameters
         ----------
         config, sha256
-            As in `ground`.
+            See `ground`.
         plans
-            Names of skills by the name of the task that they solve.
+            Names of skills by the name of the solved task.
         refinement
-            How often the upper levels made a finer plan since a solver that does not
-            search them failed below; empty is returned where there is none finer.
+            Number of times that a finer plan of the upper stages was needed because a lower stage
+            failed.
+            The result is empty if there is no finer plan.
 
         Raises
         ------
         ChainBroken
-            If the plans leave the next stage nothing to choose from.
+            If the plans leave no choice for the next stage.
         """
         return self.ground(config, sha256) if refinement == 0 else []
 
     def account(
         self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
     ) -> Account:
-        """Return what is to be said of the file beyond the plans of its tasks."""
+        """Return results beyond the plans of the tasks."""
         return Account()
 
     def recheck(
         self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
     ) -> Iterable[Recheck]:
-        """Return properties that the file requires of its plans and the replay does not check.
-
-        Parameters
-        ----------
-        config, plans, refinement
-            As in `follow`.
-        """
+        """Return properties that the file requires and the replay does not check."""
         return ()
 
     def second_bound(self, task: Task) -> tuple[float, str] | None:
-        """Return a lower bound on the cost of all plans of a task, and its method in words.
+        """Return a lower bound on the cost of a task, and its method in words.
 
-        ``verify`` compares it with the bound of a stored result. The method must share no code
-        with solvers and must not depend on back ends. By default there is none.
-
-        Parameters
-        ----------
-        task
-            A task that this domain grounded.
+        ``verify`` compares it with the bound of a stored result. The method must not share code
+        with
+        solvers or depend on back ends. By default there is none.
 
         Returns
         -------
@@ -287,21 +268,22 @@ class Domain(ABC):
         return None
 
     def default_solver(self, config: Any) -> str:
-        """Return the solver that serves a file best where the user names none."""
+        """Return the default solver of a file."""
         return "auto"
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
-        """Return contents like the given one: other layouts of the same product.
+        """Return random layouts of the same product.
 
         Parameters
         ----------
         config
             An instance of `Config` without issues.
         seed
-            Governs what is drawn, >= 0. The i-th depends on the seed and i alone, so that more
-            of them begin with the same ones.
+            Random seed, >= 0. Layout i depends on the seed and i alone, so longer lists begin with
+            the
+            shorter ones.
         count
-            How many, >= 1.
+            Number of layouts, >= 1.
 
         Returns
         -------
@@ -316,43 +298,38 @@ class Domain(ABC):
         raise OptionError(f"Tasks of kind {self.kind!r} have no families of layouts.")
 
     def has_family(self, config: Any) -> bool:
-        """Return whether a file describes a family of layouts, of which its task is one."""
+        """Return True if the file describes a family of layouts."""
         return False
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
-        """Return the path of the file's entry that a fact comes from; the root by default."""
+        """Return the path of the entry that a fact comes from; the root by default."""
         return ()
 
     def locate_skill(self, config: Any, skill: str, *, reach: bool) -> tuple[str | int, ...]:
-        """Return the path of the file's key to change where a skill is never feasible.
+        """Return the path of the key to change if a skill is never feasible; the root by default.
 
         Parameters
         ----------
         config
             An instance of `Config` without issues.
         skill
-            Its name.
+            Name of the skill.
         reach
-            Whether it fails by how the robot gets there; else by where things are.
-
-        Returns
-        -------
-        tuple
-            The root by default.
+            True if the robot cannot get there; otherwise objects are in the way.
         """
         return ()
 
     def starter(self) -> str:
-        """Return a commented file to begin one's own from: valid, soon solved, its keys explained.
+        """Return a commented file to start from: valid, quick to solve, with explained keys.
 
-        By default it is the file ``starter.yaml`` in the package that holds the domain's class.
+        The default is ``starter.yaml`` in the package of the domain's class.
 
         Raises
         ------
         OptionError
-            If there is none.
+            If there is no such file.
         """
-        from importlib import resources  # only a starter pays for importing this
+        from importlib import resources  # needed for starters only
 
         package = sys.modules[type(self).__module__].__package__
         file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"

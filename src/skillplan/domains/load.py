@@ -1,7 +1,6 @@
-"""From a path to a problem: the file's content, validated, and the tasks grounded from it.
+"""Task files: reading, validation and grounding.
 
-All faults of a file are reported at once. What a kind of task looks like is the business of
-its domain; which domains there are, the caller says.
+All faults of a file are reported at once. The caller provides the domains.
 """
 
 from __future__ import annotations
@@ -25,26 +24,26 @@ from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task, unreachable_facts
 
-# As deep as a task file may be nested.
+# Greatest depth of a key path, as for task files.
 _MOST_STEPS = 32
 
 
 def overridden(document: Document, changes: Mapping[str, str]) -> Document:
-    """Return the document with some values changed.
+    """Return the document with changed values.
 
     Parameters
     ----------
     document
-        A task file's content: a mapping.
+        Content of a task file: a mapping.
     changes
-        YAML value by key path, such as ``base.goal_choice`` or ``trajectory.vertices_m.0``.
-        Mappings that are missing on the path are made.
+        YAML values by key path, such as ``base.goal_choice`` or ``trajectory.vertices_m.0``.
+        Missing
+        mappings on the path are created.
 
     Raises
     ------
     OptionError
-        If a path leads through something that is neither mapping nor list, or a value is not
-        YAML.
+        If a path leads through a scalar, or a value is not YAML.
     """
     if not changes or not isinstance(document.data, dict):
         return document
@@ -54,7 +53,7 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
     for key, text in changes.items():
         path = _put(data, key, _value(key, text))
         given.append(path)
-        # What stands in the file there is not what counts.
+        # Positions in the file no longer apply to changed values.
         for known in list(values):
             if known[: len(path)] == path:
                 del values[known]
@@ -109,8 +108,8 @@ def _put(data: Any, key: str, value: Any) -> tuple[str | int, ...]:
 
 
 def _index(step: str, length: int) -> int | None:
-    """Return the index that a step names; None where it is none of a list of this length."""
-    # No list is as long as a number of ten digits, and int() refuses very long ones.
+    """Return the index of a step in a list of a given length, or None."""
+    # No list has ten digits of entries, and int() refuses very long numbers.
     if not (step.isascii() and step.isdigit() and len(step) < 10):
         return None
     return int(step) if int(step) < length else None
@@ -120,7 +119,7 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# What a reader of the task may want to change without making it another task.
+# Keys that a user may change without creating another task.
 _NOT_HASHED = ("description", "expect", "family")
 
 
@@ -131,22 +130,23 @@ class Problem:
     Parameters
     ----------
     name, kind
-        As the file says.
+        As given in the file.
     source
-        The file as the user named it.
+        Path as the user gave it.
     sha256
         Hash of the content, in hexadecimal.
     config
-        The validated content.
+        Validated content.
     tasks
-        One, or a chain of several that are solved in turn.
+        One task, or a chain of several.
     domain
-        What grounded them.
+        Domain of the file.
     document
-        The file's content as it was read, and where everything stands in it.
+        Content as read, with positions.
     spare_back_ends
-        Back ends that loading constructed to see whether they serve the tasks. Whoever uses one
-        takes it out, so that none serves two solvers.
+        Back ends constructed during loading to check that they accept the tasks. A user of one
+        takes
+        it out of the list, because a back end serves one solver only.
     """
 
     name: str
@@ -170,27 +170,27 @@ class Problem:
         Raises
         ------
         TaskError
-            If the file describes a chain of several.
+            If the file describes a chain.
         """
         return self.part(None)
 
     @property
     def is_chain(self) -> bool:
-        """Whether its tasks are stages of a hierarchy, to be solved in turn."""
+        """True if the tasks are stages of a chain."""
         return len(self.tasks) > 1 or bool(self.tasks[0].stage)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is valid, but hardly meant: ``file:line:column: key: what, and what instead``."""
+        """Suspicious entries of the file: ``file:line:column: key: message``."""
         return self.told(self.domain.warnings(self.config))
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """What may be meant, but is found out late, in the same form."""
+        """Entries that may cause trouble later, in the same form."""
         return self.told(self.domain.hints(self.config))
 
     def told(self, issues: Iterable[Issue]) -> tuple[str, ...]:
-        """Return issues in the form of `warnings`, with their places in the file."""
+        """Return issues as `warnings` formats them, with their positions."""
         located = [self.document.locate(issue) for issue in issues]
         return tuple(TaskError(self.source, located).lines())
 
@@ -216,27 +216,28 @@ class Problem:
         return self.tasks[names.index(name)]
 
     def follow(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> tuple[Task, ...]:
-        """Return the tasks as they stand once some of them have been solved."""
+        """Return the tasks of a chain after some of them have been solved."""
         return tuple(self.domain.follow(self.config, self.sha256, plans, refinement))
 
     def variants(self, seed: int, count: int) -> tuple[Task, ...]:
-        """Return tasks of the same family: the same facts and skills, laid out otherwise.
+        """Return tasks of the same family: the same facts and skills in other layouts.
 
-        They are named after the file's task, with a number from 0, and have hashes of their own.
+        They have the name of the file's task with a number from 0, and their own hashes.
 
         Parameters
         ----------
         seed
-            Governs what is drawn, >= 0.
+            Random seed, >= 0.
         count
-            How many, >= 1. More of the same seed begin with the same ones, so that the first may
-            be learned on and the others kept unseen.
+            Number of tasks, >= 1. Longer lists begin with the shorter ones, so training and test
+            layouts
+            can be separated.
 
         Raises
         ------
         OptionError
-            If a number is out of range, the file describes no family, or too few of its layouts
-            are faultless.
+            If a number is out of range, the file describes no family, or too few of its layouts are
+            faultless.
         TaskError
             If the file describes a chain of tasks.
         """
@@ -252,15 +253,15 @@ class Problem:
         return tuple(made)
 
     def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
-        """Return what the domain has to say beyond the plans."""
+        """Return the domain's results beyond the plans."""
         return self.domain.account(self.config, plans, refinement)
 
 
 class FileChecks:
-    """What is checked of a file beyond its domain; these find no fault."""
+    """Checks of a file beyond those of its domain; these do nothing."""
 
     def content_issues(self, content: Mapping[str, Any]) -> Iterable[Issue]:
-        """Return faults of a content that is not validated yet."""
+        """Return faults of a content before validation."""
         return ()
 
     def task_issues(self, task: Task, domain: Domain) -> Iterable[Issue]:
@@ -281,17 +282,18 @@ def load_task(
     path
         A YAML file, or one with a suffix that a domain reads.
     domains
-        By kind. Only the domain of the file is looked up, so that the others need not be
-        imported; a look-up may raise `PluginError`, and raises `KeyError` for an unknown kind.
+        Domains by kind. Only the domain of the file is looked up; the look-up may import it, and
+        may
+        raise `PluginError`, or `KeyError` for an unknown kind.
     checks
-        What is checked besides.
+        Additional checks.
     changes
-        Key path to YAML value: what the file is read as if it held.
+        YAML values by key path that replace those of the file.
 
     Raises
     ------
     TaskError
-        With every fault of the file: its place, what is wrong and what to write instead.
+        With every fault of the file: position, problem and remedy.
     OptionError
         If a change does not fit the file.
     """
@@ -308,7 +310,7 @@ def load_task(
 def _grounded(
     source: str, document: Document, kind: str, domain: Domain, checks: FileChecks
 ) -> Problem:
-    """Validate and ground what was read."""
+    """Validate and ground a document."""
     issues = list(checks.content_issues(document.data))
     config, faults = _validated(document, domain, {"folder": Path(source).parent})
     issues += faults
@@ -326,7 +328,7 @@ def _grounded(
         ]
         issues += checks.task_issues(task, domain)
     if issues:
-        # Of tasks in a chain, what is wrong with one is often wrong with all.
+        # A fault of one task in a chain is often a fault of all.
         raise document.error(dict.fromkeys(issues))
     name = getattr(config, "name", None) or Path(source).stem
     return Problem(name, kind, source, sha256, config, tuple(tasks), domain, document)
@@ -337,12 +339,13 @@ def _read(source: str, domains: Mapping[str, Domain]) -> Document:
     path = Path(source)
     suffix = path.suffix.lower()
     if suffix and suffix not in YAML_SUFFIXES:
-        # The kind of that name first: to look a domain up is to import it.
+        # A domain with the name of the suffix is tried first, because each look-up imports a
+        # domain.
         for kind in sorted(domains, key=lambda kind: f".{kind}" != suffix):
             try:
                 domain = domains[kind]
             except PluginError:
-                continue  # a broken one is reported where it is named
+                continue  # reported if it is named
             if suffix in domain.suffixes:
                 return domain.read(read_text(path, source, domain.max_bytes), source)
     return parse(read_text(path, source), source)
@@ -374,15 +377,14 @@ def _domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Dom
 def _validated(
     document: Document, domain: Domain, context: Mapping[str, Any]
 ) -> tuple[BaseModel | None, list[Issue]]:
-    """Return the content, or None, and its faults but for those that the document knows.
+    """Return the content, or None, and the faults that the document does not have yet.
 
-    A content with no fault but unknown keys is returned without them, so that what else is
-    wrong with it comes to light as well.
+    If all faults are unknown keys, the content is validated again without them to find others.
     """
     try:
         return domain.Config.model_validate(document.data, context=context), []
     except ValidationError as error:
-        # What could not be read is missing from the data, which the schema need not say again.
+        # Entries that could not be read are missing from the data; the document reports them.
         unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
         found = schema_issues(error, domain.Config)
         faults = [issue for issue in found if issue.path not in unread]
@@ -396,15 +398,15 @@ def _validated(
             _without(document.data, unknown), context=context
         ), faults
     except ValidationError as error:
-        # A model is checked as a whole only where its keys are sound. If an unknown key is a slip
-        # for one that is missing, that is reported already.
+        # Models are validated as a whole only if their keys are valid. A missing key may be a
+        # misspelt unknown one, which is reported already.
         unread |= {tuple(path[:-1]) for path in unknown}
         found = schema_issues(error, domain.Config)
         return None, faults + [issue for issue in found if issue.path not in unread]
 
 
 def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
-    """Return a copy of nested data that lacks the entries at some paths."""
+    """Return a copy of nested data without the entries at some paths."""
     copy = deepcopy(data)
     for path in paths:
         holder = copy

@@ -82,11 +82,11 @@ class BehaviourTreeExporter(Exporter):
 
     def refuses(self, handover: Handover) -> str | None:
         """Refuse chance after which a skill cannot just be tried again."""
-        for one in handover.skills:
-            for outcome in one.skill.outcomes_in(one.before)[1:]:
-                if not one.skill.applicable(outcome.apply(one.before)):
+        for skill in handover.skills:
+            for outcome in skill.skill.outcomes_in(skill.before)[1:]:
+                if not skill.skill.applicable(outcome.apply(skill.before)):
                     return (
-                        f"after {one.skill.name} has failed by chance it cannot be tried again, "
+                        f"after {skill.skill.name} has failed by chance it cannot be tried again, "
                         "and the tree follows one plan. Take the chance out of the task file"
                     )
         return None
@@ -105,9 +105,9 @@ class BehaviourTreeExporter(Exporter):
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_head(handover)]
         lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
         lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
-        for one in handover.skills:
-            ports = " ".join(f'{key}="{escape(value)}"' for key, value in _ports(one).items())
-            tree, name = trees[one.skill.kind], names[one.skill.name]
+        for skill in handover.skills:
+            ports = " ".join(f'{key}="{escape(value)}"' for key, value in _ports(skill).items())
+            tree, name = trees[skill.skill.kind], names[skill.skill.name]
             lines.append(f'      <SubTree ID="{tree}" name="{name}" {ports}/>')
         lines.append("    </Sequence>\n  </BehaviorTree>")
         text = "\n".join(lines) + "\n"
@@ -129,7 +129,7 @@ def meant(text: str) -> str:
 
 def _head(handover: Handover) -> Iterator[str]:
     task = handover.task
-    cost = sum(one.step.cost for one in handover.skills)
+    cost = sum(skill.step.cost for skill in handover.skills)
     # Two hyphens would end the comment.
     name = quoted(task.name).replace("-", "\\u002d") if "--" in task.name else quoted(task.name)
     yield f"<!-- Plan of {name}, written by skillplan."

@@ -65,7 +65,7 @@ class Handover:
     plan
         Replayed, feasible and complete; None where only the task is handed over.
     charted
-        Whether the hand-made chart is all that the detectors go by.
+        True if the hand-made chart is all that the detectors go by.
     """
 
     model: SkillModel
@@ -133,7 +133,7 @@ class Exporter(ABC):
         End of the name of the one file that it makes, such as ``.csv``; empty where it makes
         several, which go into a folder.
     needs_plan
-        Whether there is nothing to hand over without a plan.
+        True if there is nothing to hand over without a plan.
     """
 
     name: ClassVar[str]

@@ -85,7 +85,7 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
 
 
 def _begins_with_skill(text: str, task: Task) -> bool:
-    """Whether the first word of a text is a skill, and not the heading of a column."""
+    """Return True if the first word of a text is a skill, and not the heading of a column."""
     first = next(_of_list(text), None)
     if first is None:
         return False
@@ -131,7 +131,7 @@ def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
         raise OptionError(f"{path}:{line}: is no JSON: {error}.") from None
     if isinstance(document, dict):
         parts = [document, *(document.get("stages") or []), *(document.get("sequences") or [])]
-        named = [one for one in parts if isinstance(one, dict) and one.get("name") == task.name]
+        named = [part for part in parts if isinstance(part, dict) and part.get("name") == task.name]
         document = (named or [document])[0].get("skills")
     if not isinstance(document, list) or not all(isinstance(one, str | int) for one in document):
         raise OptionError(

@@ -47,9 +47,9 @@ class CsvExporter(Exporter):
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(COLUMNS)
         begin_s = 0.0
-        for one in handover.skills:
-            writer.writerow(_row(one, begin_s, handover.task.metric.unit))
-            begin_s += one.step.duration_s
+        for skill in handover.skills:
+            writer.writerow(_row(skill, begin_s, handover.task.metric.unit))
+            begin_s += skill.step.duration_s
         return {"plan.csv": text.getvalue()}
 
 

@@ -107,7 +107,7 @@ class StructuredTextExporter(Exporter):
         """Return the function block."""
         task = handover.task
         block = Identifiers([task.name], prefix="fb_")
-        steps = "".join(_step(one, i) for i, one in enumerate(handover.skills, start=1))
+        steps = "".join(_step(skill, i) for i, skill in enumerate(handover.skills, start=1))
         constant = f"VAR CONSTANT\n    LAST_STEP : INT := {len(handover.skills)};\nEND_VAR\n"
         text = "\n".join(_head(handover, block)) + "\n"
         text += f"FUNCTION_BLOCK {block[task.name].upper()}\n{_DECLARATIONS}{constant}\n"
@@ -116,7 +116,7 @@ class StructuredTextExporter(Exporter):
 
 def _head(handover: Handover, block: Identifiers) -> Iterator[str]:
     task = handover.task
-    cost = sum(one.step.cost for one in handover.skills)
+    cost = sum(skill.step.cost for skill in handover.skills)
     yield f"// Plan of {quoted(task.name)}, written by skillplan."
     yield f"// {len(handover.skills)} skills, cost {task.cost_text(cost)}."
     yield "// Handshake: SkillExecute rises and stays; SkillDone or SkillError answers;"

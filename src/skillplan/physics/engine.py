@@ -6,8 +6,8 @@ from skillplan.task.back_end import BackEnd
 
 
 class Engine(BackEnd):
-    """Executes a skill's motion and checks whether it brings about what is predicted.
+    """Executes a skill's motion and compares the result with the prediction.
 
-    The verdict is infeasible where the robot cannot follow the motion or the world afterwards
-    is not ``scene.at(next_state)`` within tolerance; the evidence holds the figure.
+    The verdict is infeasible if the robot cannot follow the motion, or if the world differs from
+    ``scene.at(next_state)`` by more than the tolerance; the evidence has the figure.
     """

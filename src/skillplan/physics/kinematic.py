@@ -1,7 +1,6 @@
-"""The dependency-free reference engine: via points within reach, and no dynamics.
+"""The engine ``kinematic``: via points within reach, without dynamics or dependencies.
 
-Its final scene is the predicted one by construction. What it can find is a via point that the
-arm cannot reach.
+Its final scene is the predicted one by construction, so the only fault is a via point out of reach.
 """
 
 from __future__ import annotations
@@ -62,7 +61,7 @@ class KinematicEngine(Engine):
         return Verdict.feasible(present, facts.none)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return the arms whose payload is unknown, so that no mass is held to it."""
+        """Return the arms with unknown payload, for which no mass is checked."""
         return tuple(
             f"payload of {robot.name}: not in the robot description; robot.payload_kg gives it"
             for robot in self.task.scene.robots
@@ -70,7 +69,7 @@ class KinematicEngine(Engine):
         )
 
     def via_points(self, robot: Robot, visit: Visit) -> tuple[Point, Point]:
-        """Return the tip positions [m] straight above a target at safe height, and at it."""
+        """Return the tip positions at safe height above a target, and at the target [m]."""
         x_m, y_m, z_m = visit.position
         grip_m = 0.0
         if visit.event in (Event.GRASP, Event.RELEASE):
@@ -101,12 +100,12 @@ class Annulus:
     high_m: float
 
     def holds(self, point: tuple[float, float, float]) -> bool:
-        """Whether a point in the frame of the base [m] lies in it."""
+        """Return True if a point in the frame of the base [m] lies in the ring."""
         distance_m = math.hypot(point[0], point[1])
         return self.near_m <= distance_m <= self.far_m and self.low_m <= point[2] <= self.high_m
 
 
-# Measured with the inverse kinematics of both: the hand as it is turned does not matter there.
+# Measured with the inverse kinematics of both arms, for all rotations of the hand.
 _FLANGES: Final = (
     (PANDA, Annulus(0.28, 0.75, 0.06, 0.41)),
     (UR5E, Annulus(0.28, 0.75, 0.06, 0.41)),
@@ -114,42 +113,38 @@ _FLANGES: Final = (
 
 
 def straight_down(arm: ArmDescription) -> Annulus | None:
-    """Return where the flange of an arm on an upright base can point straight down.
+    """Return a region in which the flange of an upright arm can point straight down.
 
-    However it is turned about the vertical, some posture within the joints' limits brings it
-    there. It does so elsewhere, too: this is what it surely reaches.
-
-    Parameters
-    ----------
-    arm
-        The arm.
+    For every rotation about the vertical some posture within the joint limits exists there. The arm
+    also reaches other points.
 
     Returns
     -------
     Annulus | None
-        In the frame of the base; None where nothing is known of the arm.
+        In the frame of the base; None for other arms.
     """
     return next((ring for known, ring in _FLANGES if known.joints == arm.joints), None)
 
 
-# A part is between the fingers so far at most that the body of the hand is surely clear of it [m].
+# Greatest distance of a part between the fingers at which it is clear of the hand's body [m].
 _MOST_DEPTH_M = 0.03
 
 
 def surely_reached(task: Task, skill: Skill, state: State) -> bool:
-    """Whether an arm surely gets to all that a skill visits, with nothing of its own in the way.
+    """Return True if the arm certainly reaches all visits of a skill without touching its load.
 
-    The hand has to point straight down on an upright base, where the arm is known to reach. False
-    says nothing: then an arm model has to be queried.
+    The base must be upright and the hand must point straight down. False means that an arm model
+    has to
+    decide.
 
     Parameters
     ----------
     task
-        The skill's task.
+        Task of the skill.
     skill
-        One that is applicable.
+        An applicable skill.
     state
-        Where it starts.
+        State at its start.
     """
     if skill.motion is None:
         return False
@@ -161,7 +156,7 @@ def surely_reached(task: Task, skill: Skill, state: State) -> bool:
 
 
 def _is_near(robot: Robot, motion: LinearMotion) -> bool:
-    """Whether the tip is where the arm reaches, all along an approach and a retreat."""
+    """Return True if the tip stays in the reachable region during approach and retreat."""
     ring = straight_down(robot.model)
     if ring is None or not robot.mount.is_upright or not motion.points_down:
         return False
@@ -174,7 +169,7 @@ def _is_near(robot: Robot, motion: LinearMotion) -> bool:
 
 
 def _depth_m(task: Task, motion: LinearMotion) -> float:
-    """Return how far what is handled rises above the tip of the hand [m]."""
+    """Return the height of the handled body above the tip of the hand [m]."""
     handled = motion.carries or motion.leaves_with
     if handled is None:
         return 0.0

@@ -1,9 +1,8 @@
-"""From a skill's visits to linear motions of the hand: the via points of Moller et al., sec. 4.4.
+"""Linear motions of the hand for a skill's visits: the via points of Moller et al., sec. 4.4.
 
-Every visit is an approach, an act and a retreat: the tip of the hand comes down from above a
-target, follows the direction in which its load goes into place, acts there, and goes back the same
-way. Between two of them it is transferred at safe height. Engines and detectors that model a hand
-share this planner, so that they check one and the same motion.
+A visit is an approach, an act and a retreat: the tip comes down from above a target, follows the
+direction of the insertion, acts, and goes back the same way. Transfers between visits are at safe
+height. All engines and detectors that model a hand use this planner and check the same motion.
 """
 
 from __future__ import annotations
@@ -32,50 +31,50 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-# Of a part's height so much is between the jaws, and never more than so much [m].
+# Share of a part's height between the jaws, and its greatest value [m].
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
-# Unless something else is requested, the hand is turned as the wrist has most room: closing along
-# the y of what it handles [rad].
+# Default rotation of the hand, with the most room for the wrist: it closes along the y axis of the
+# handled body [rad].
 _NATURAL_YAW_RAD = math.pi / 2
-# What is left between a hand and the part that it comes to from the side, before and after [m].
+# Clearance between a hand and a part before and after a grasp from the side [m].
 _STANDOFF_M = 0.02
-# How far a screw is from its hole where the hand begins to follow its axis [m].
+# Distance of a screw from its hole at which the hand begins to follow its axis [m].
 _SCREW_STRETCH_M = 0.05
-# What goes in from the side is so far above where it will lie, at most, not to drag on it [m].
+# Greatest height of a side insertion above its goal, which avoids dragging [m].
 _SIDE_LIFT_M = 3e-4
-# A hand that does not point down reaches below its tip by no more than this [m].
+# Greatest extent below its tip of a hand that does not point down [m].
 _HAND_RADIUS_M = 0.11
 
 
 @dataclass(frozen=True, slots=True)
 class LinearMotion:
-    """One approach, act and retreat of the hand, which is not turned meanwhile.
+    """One approach, act and retreat of the hand with a fixed orientation.
 
     Parameters
     ----------
     visit
-        What is done, and to what.
+        The visit.
     tip
-        Where the tip of the hand is when it acts [m]: midway between the fingertips, the rim of
-        the suction cup, or the end of the bit, at the outermost point of the hand or tool.
+        Position of the tip during the act [m]: midway between the fingertips, the rim of the
+        suction
+        cup, or the end of the bit.
     closing_yaw_rad
-        Of a hand that points down the direction in which jaws close, from x about the vertical
-        [rad].
+        Closing direction of a hand that points down, from x about the vertical [rad].
     orientation
-        How the hand is turned: z points out of it, y along the closing axis of its jaws.
+        Orientation of the hand: z points out of it, y along the closing axis of its jaws.
     approach
-        Where the tip goes in straight lines [m], from at safe height to `tip`; two points at least.
+        Polyline of the tip from safe height to `tip` [m]; two points at least.
     retreat
-        Where it goes back [m], from `tip` to safe height.
+        Polyline of the tip from `tip` to safe height [m].
     carries
-        The body in the hand during the approach, or None.
+        Body in the hand during the approach, or None.
     tool
-        The tool attached during the approach, or None.
+        Tool attached during the approach, or None.
     leaves_with
-        The body in the hand during the retreat, or None.
+        Body in the hand during the retreat, or None.
     drop_m
-        How high above its goal a part is let go [m], >= 0.
+        Height above its goal at which a part is released [m], >= 0.
     """
 
     visit: Visit
@@ -120,17 +119,17 @@ class LinearMotion:
 
     @property
     def above(self) -> Point:
-        """Where the tip comes from [m]."""
+        """First point of the approach [m]."""
         return self.approach[0]
 
     @property
     def ends_at(self) -> Point:
-        """Where the tip ends, at safe height [m]."""
+        """Last point of the retreat, at safe height [m]."""
         return self.retreat[-1]
 
     @property
     def hand(self) -> Pose:
-        """The pose of the tip when it acts: z points out of the hand, y along the closing axis."""
+        """Pose of the tip during the act: z points out of the hand, y along the closing axis."""
         return Pose(self.tip, self.orientation)
 
     @property
@@ -140,22 +139,22 @@ class LinearMotion:
 
     @property
     def points_down(self) -> bool:
-        """Whether the hand points straight down."""
+        """True if the hand points straight down."""
         return same_direction(self.points, DOWN)
 
     @property
     def is_vertical(self) -> bool:
-        """Whether the hand points down, and goes straight down and up again."""
+        """True if the hand points down, and goes straight down and up again."""
         return self.points_down and len(self.approach) == len(self.retreat) == 2
 
     @property
     def grasp_tip(self) -> Point:
-        """Where the tip is while what it handles is exactly where it belongs [m]."""
+        """Position of the tip with the handled body at its goal [m]."""
         return (self.tip[0], self.tip[1], self.tip[2] - self.drop_m)
 
 
 def grasp_of(body: Body) -> Grasp:
-    """Return how a body is held: as the task says, or else across its narrower side."""
+    """Return the grasp of a body: as given, or across its narrower side."""
     return body.grasp or jaws_about(body.boxes)
 
 
@@ -165,7 +164,7 @@ def jaws_about(
     depth_m: float | None = None,
     at_m: tuple[float, float] | None = None,
 ) -> Grasp:
-    """Return how jaws hold what is made of some boxes.
+    """Return the grasp of jaws about boxes.
 
     Parameters
     ----------
@@ -174,10 +173,9 @@ def jaws_about(
     closing_axis
         ``x`` or ``y``; None for the narrower side.
     depth_m
-        How far below the top the fingers reach [m]; None for half the height of what they hold,
-        12 mm at most.
+        Distance of the fingertips below the top [m]; None for half the held height, at most 12 mm.
     at_m
-        Where the tip is in the body's frame [m]; None for the middle of what is held.
+        Position of the tip in the body's frame [m]; None for the middle of the held boxes.
     """
     tops_m = [box.centre[2] + box.size[2] / 2 for box in boxes]
     top_m = max(tops_m)
@@ -206,13 +204,13 @@ def linear_motions(
     Parameters
     ----------
     task
-        The skill's task.
+        Task of the skill.
     skill
-        With a motion.
+        A skill with a motion.
     state
-        Where it starts.
+        State at its start.
     drop_height_m
-        From how high above its goal a part is let go [m], >= 0.
+        Height above its goal at which a part is released [m], >= 0.
 
     Raises
     ------
@@ -243,7 +241,7 @@ def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
 
 
 def visited_grasp(scene_body: Body, visit: Visit) -> Grasp:
-    """Return how a visit holds a body: as it says itself, or as the body is held."""
+    """Return the grasp of a visit: its own, or that of the body."""
     return visit.grasp or grasp_of(scene_body)
 
 
@@ -269,7 +267,7 @@ def _linear_motion(
     tip = _tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
     if body is None or visit.pose.is_upright:
-        # Of an upright body, its origin is where it begins.
+        # The origin of an upright body is at its bottom.
         low_m = visit.position[2]
     else:
         low_m = -body.reach_m(visit.pose, DOWN)
@@ -305,7 +303,7 @@ def _linear_motion(
 
 
 def _drop_m(visit: Visit, drop_height_m: float) -> float:
-    """Return how high above its goal a visit lets go of a part [m]."""
+    """Return the height above its goal at which a visit releases a part [m]."""
     if visit.event is not Event.RELEASE or same_direction(visit.along, AXES["z"]):
         return 0.0
     if same_direction(visit.along, DOWN):
@@ -321,9 +319,9 @@ def _stretches(
     points: Point,
     closing: Point,
 ) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
-    """Return where the tip is on the stretches before and after it acts [m], both from `tip`.
+    """Return the stretches of the tip before and after the act [m], both starting at `tip`.
 
-    One point only where it goes straight up from there.
+    A stretch has one point if the hand goes straight up.
     """
     backwards = (-points[0], -points[1], -points[2])
     if grasp is None or body is None:
@@ -340,25 +338,25 @@ def _stretches(
     length_m = visit.insert_m or free_m
     inserted = (tip,) if downwards else (tip, plus(tip, visit.along, -length_m))
     blocked = grasp.kind is GraspKind.JAWS and abs(dot(visit.along, closing)) > 1e-6
-    # Jaws that close along the direction of insertion have the part between them on it.
+    # Jaws that close along the insertion cannot retreat along it, because the part is between them.
     return inserted, (freed if blocked else inserted)
 
 
 def _hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
-    """Return in which directions of the world the hand points and its jaws close."""
+    """Return the directions in the world in which the hand points and its jaws close."""
     if grasp is not None:
         return unit(visit.pose.rotate(grasp.approach)), unit(visit.pose.rotate(grasp.closing))
     points = visit.along if visit.event is Event.DRIVE else DOWN
     if same_direction(points, DOWN):
         yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
         return DOWN, (math.cos(yaw_rad), math.sin(yaw_rad), 0.0)
-    # What turns about its own axis may be turned about it: level, if it can be.
+    # A rotation about its own axis is free: take a horizontal one if possible.
     level = cross(AXES["z"], points)
     return points, unit(level) if math.hypot(*level) > 1e-6 else AXES["y"]
 
 
 def _closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float:
-    """Return the direction in which the jaws of a hand that points down close [rad]."""
+    """Return the closing direction of a hand that points down [rad]."""
     if grasp is None:
         return visit.yaw_rad + _NATURAL_YAW_RAD
     if visit.pose.is_upright:
@@ -367,12 +365,12 @@ def _closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float
 
 
 def _tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
-    """Return where the tip is while what it handles is where it belongs [m]."""
+    """Return the position of the tip with the handled body at its goal [m]."""
     if grasp is not None:
         return visit.pose.apply(grasp.tip)
     if visit.event not in (Event.FETCH, Event.DRIVE):
         return visit.position
-    # The screw is at the bit: its head stands on its feeder, and on what it fastens once driven.
+    # The screw is at the bit: its head is on the feeder, or on its part once driven.
     return plus(visit.position, visit.along, -task.scene.body(visit.subject).height_m)
 
 
@@ -384,14 +382,14 @@ _ROUNDING_M = 1e-6
 
 
 def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
-    """Return how far the jaws of a tool open at most [m].
+    """Return the greatest opening of the jaws of a tool [m].
 
     Parameters
     ----------
     tool
         A gripper; None for the hand itself.
     hand
-        What is on the flange of the arm.
+        Hand on the flange of the arm.
     """
     if tool is not None and tool.hand is not None:
         hand = tool.hand
@@ -403,18 +401,18 @@ def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
 def jaw_opening_m(
     grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = STANDARD_HAND
 ) -> float:
-    """Return how far open jaws are about a part [m]; closed for one that is lifted by suction.
+    """Return the opening of the jaws about a part [m]; 0 for suction.
 
     Parameters
     ----------
     grasp
-        How the part is held.
+        Grasp of the part.
     clearance_m
-        How far each jaw stands off it [m], >= 0; less where they do not open so far.
+        Clearance on each side [m], >= 0; limited by the opening.
     tool
-        Whose jaws they are.
+        Tool with the jaws.
     hand
-        What is on the flange of the arm.
+        Hand on the flange of the arm.
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
@@ -422,17 +420,7 @@ def jaw_opening_m(
 
 
 def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
-    """Return in words which part of a skill is wider than the jaws open, or None.
-
-    Parameters
-    ----------
-    scene
-        The task's scene.
-    robot
-        Whose hand it is.
-    skill
-        What it is to do.
-    """
+    """Return a message on a part of a skill that is wider than the jaws open, or None."""
     attached = skill.parameters.get("tool")
     tool = next((tool for tool in robot.tools if tool.name == attached), None)
     for visit in _handled(skill):
@@ -447,13 +435,13 @@ def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
 
 
 def jaw_faults(task: Task) -> dict[str, str]:
-    """Return the parts of a task with one robot that are too wide, by a fact about each."""
+    """Return messages on parts that are too wide for the only robot, by a fact about each."""
     found: dict[str, str] = {}
     scene = task.scene
     for skill in task.skills:
         ways = [skill.by(way) for way in skill.ways] or [skill]
         reasons = [too_wide(scene, scene.robots[0], one) for one in ways]
-        # What is too wide in one way may be held in another.
+        # A part may be too wide for one grasp and fit another.
         words = reasons[0] if all(reasons) else None
         for visit in _handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
@@ -462,14 +450,14 @@ def jaw_faults(task: Task) -> dict[str, str]:
 
 
 def _handled(skill: Skill) -> Iterator[Visit]:
-    """Yield the visits at which a skill takes or leaves a part."""
+    """Yield the visits at which a skill grasps or releases a part."""
     for route in skill.motion.routes if skill.motion is not None else ():
         for visit in route.visits:
             if visit.event in (Event.GRASP, Event.RELEASE):
                 yield visit
 
 
-# A bit or pad and how long it is, below a shank that ends at the flange [m].
+# Diameter and length of a bit or pad, below a shank that ends at the flange [m].
 _BIT_DIAMETER_M: Final = 0.005
 _BIT_LENGTH_M: Final = 0.040
 _PAD_DIAMETER_M: Final = 0.016
@@ -478,14 +466,16 @@ _SHANK_DIAMETER_M: Final = 0.036
 
 
 def tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
-    """Return the shapes of a tool from its tip, z up; none for the hand itself, a gripper.
+    """Return the shapes of a tool from its tip, z up; empty for a gripper.
+
+    The paper gives no dimensions of its tools; these are plausible, not measured.
 
     Parameters
     ----------
     tool
-        What is attached.
+        Attached tool.
     hand
-        What is on the flange otherwise: a tool ends where its jaws do.
+        Hand on the flange; a tool ends at the same distance as its jaws.
     """
     if tool.kind is ToolKind.GRIPPER:
         return ()

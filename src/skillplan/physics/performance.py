@@ -1,4 +1,4 @@
-"""What an engine that moves bodies can show: pictures of a check, and whole plans performed."""
+"""Performances of whole plans in an engine, pictures of checks, and camera views."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 
-# From the side that the arm does not hide.
+# Default view, in which the arm hides little.
 _AZIMUTH_DEG, _ELEVATION_DEG = 52.0, 28.0
-# Of half the picture's width and height so much is filled by what has to be seen, from no nearer.
+# Share of half the picture's width and height that the objects fill, and least distance [m].
 FILLED = 0.92
 NEAREST_M = 0.3
 CLOSE_UP_M = 0.62
@@ -28,21 +28,21 @@ WIDTH, HEIGHT = 1280, 720
 
 @dataclass(frozen=True, slots=True)
 class Angle:
-    """From which side a camera looks, and from how far off.
+    """Direction and distance of a camera.
 
     Parameters
     ----------
     azimuth_deg
-        Of the direction in which it looks, about the vertical, from y towards -x [deg].
+        Direction of view about the vertical, from y towards -x [deg].
     elevation_deg
-        How far above what it looks at it stands [deg], -90 to 90.
+        Elevation of the camera above its target [deg], -90 to 90.
     distance_m
-        From how far off [m]; left out: from as near as shows all.
+        Distance from the target [m]; None for the least distance that shows everything.
 
     Raises
     ------
     ValueError
-        If the elevation or the distance is not in its range.
+        If the elevation or the distance is out of range.
     """
 
     azimuth_deg: float = _AZIMUTH_DEG
@@ -60,12 +60,12 @@ class Angle:
 
     @classmethod
     def parse(cls, text: str) -> Angle:
-        """Return what a name or numbers say: `front`, or `AZIMUTH,ELEVATION,DISTANCE`.
+        """Return a named angle such as `front`, or one from `AZIMUTH,ELEVATION,DISTANCE`.
 
         Raises
         ------
         ValueError
-            If it is neither, in words.
+            If the text is neither.
         """
         if text in NAMED:
             return NAMED[text]
@@ -80,7 +80,7 @@ class Angle:
 
     @property
     def axes(self) -> tuple[Point, Point, Point]:
-        """To the right, up, and back to the camera, in the world."""
+        """Right, up, and backward direction of the camera in the world."""
         a, e = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
         right = (math.cos(a), math.sin(a), 0.0)
         back = (math.sin(a) * math.cos(e), -math.cos(a) * math.cos(e), math.sin(e))
@@ -97,16 +97,16 @@ NAMED = {
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a camera looks at, from where.
+    """Target and position of a camera.
 
     Parameters
     ----------
     target
-        What is in the middle [m].
+        Point in the middle of the picture [m].
     angle
-        From which side.
+        Direction of view.
     distance_m
-        From how far off [m].
+        Distance from the target [m].
     """
 
     target: Point
@@ -115,12 +115,12 @@ class View:
 
     @classmethod
     def close_up(cls, target: Point) -> View:
-        """Return a view of a point and what is about it."""
+        """Return a view of a point and its surroundings."""
         return cls(target, Angle(), CLOSE_UP_M)
 
     @classmethod
     def about(cls, points: list[Point], angle: Angle | None = None) -> View:
-        """Return a view of all of some points, from as near as it can be, unless that is said."""
+        """Return a view of points, from the least distance unless the angle gives one."""
         angle = angle or Angle()
         low = [min(point[axis] for point in points) for axis in range(3)]
         high = [max(point[axis] for point in points) for axis in range(3)]
@@ -135,7 +135,7 @@ class View:
             x, y, z = (
                 sum(own * one for own, one in zip(axis, away, strict=True)) for axis in angle.axes
             )
-            # A point at the middle's depth plus its own must lie within the pyramid of view.
+            # A point must lie within the pyramid of view at its own depth.
             wide_m, high_m = abs(x) / (half * WIDTH / HEIGHT) + z, abs(y) / half + z
             distance_m = max(distance_m, wide_m, high_m)
         return cls(target, angle, distance_m)
@@ -143,7 +143,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """A picture: rows from the top, three bytes a pixel, red, green and blue.
+    """A picture: rows from the top, three bytes (red, green, blue) for each pixel.
 
     Raises
     ------
@@ -162,16 +162,16 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Two bodies that touch at one moment.
+    """A contact of two bodies at one moment.
 
     Parameters
     ----------
     bodies
-        The second feels the force of the first.
+        Names; the second body feels the force of the first.
     position
-        Where they touch, in the middle of their forces [m].
+        Centre of the contact forces [m].
     force_n
-        What the second body feels of the first, friction included [N].
+        Force on the second body, friction included [N].
     """
 
     bodies: tuple[str, str]
@@ -181,30 +181,30 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One row of a trace: where the hand and all bodies are.
+    """One row of a trace: poses of the hand and of all bodies.
 
     Parameters
     ----------
     time_s
-        Since the plan began [s].
+        Time since the plan began [s].
     skill
-        The current skill.
+        Current skill.
     phase
-        What the robot is at in it, in words, such as ``the travel to switch_1``.
+        Current phase of the skill, such as ``the travel to switch_1``.
     tip
-        Where the tip of the hand is [m].
+        Position of the hand's tip [m].
     target
-        Where it is to be at that time [m].
+        Planned position of the tip at that time [m].
     joints_rad
         Joint angles of the arm [rad].
     opening_m
-        Between the jaws [m].
+        Opening of the jaws [m].
     contact_n
-        The greatest normal force between bodies that are not expected to touch [N].
+        Greatest normal force of an unexpected contact [N].
     bodies
         Poses by name.
     contacts
-        All that touches, expected or not; one for every pair of bodies.
+        All contacts, expected or not; one for every pair of bodies.
     """
 
     time_s: float
@@ -221,20 +221,20 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class PerformedSkill:
-    """How one skill of a plan went.
+    """The execution of one skill of a plan.
 
     Parameters
     ----------
     skill
-        Its name.
+        Name of the skill.
     verdict
-        Feasible where it was executed without unexpected contact and its postcondition was
-        sensed; with the figures as evidence.
+        Feasible if there was no unexpected contact and the postcondition was sensed; the evidence
+        has
+        the figures.
     begin_s, end_s
         Simulated time [s].
     acting_s
-        Part of it in which the hand acted at targets, dwells included [s], >= 0; None if the engine
-        does not measure it.
+        Time that the hand acted at targets, dwells included [s], >= 0; None if not measured.
     """
 
     skill: str
@@ -246,12 +246,12 @@ class PerformedSkill:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """Where a body was to be in the end, and how far from there it is.
+    """Goal and final pose of a body.
 
     Parameters
     ----------
     body
-        Its name.
+        Name of the body.
     goal, final
         Poses in the world.
     offset_m
@@ -274,19 +274,19 @@ class Performance:
     Parameters
     ----------
     skills
-        Those that were executed, in order; the last may have failed.
+        Executed skills in order; the last one may have failed.
     arrivals
-        One for every body whose place the state after the last skill determines.
+        Bodies whose place is determined by the last state.
     simulated_s
         Simulated time [s].
     steps
-        How many simulation steps that took.
+        Number of simulation steps.
     figures
-        What else was measured.
+        Other measurements.
     held_s
-        Part of the simulated time in which the arm dwelt at rest, which takes no steps [s].
+        Part of the simulated time in which the arm rested without simulation steps [s].
     pace
-        Speeds of the arm in the engine, in a clause; empty if the engine gives none.
+        Speeds of the arm in the engine, in a clause; may be empty.
     """
 
     skills: tuple[PerformedSkill, ...]
@@ -299,18 +299,17 @@ class Performance:
 
     @property
     def failed(self) -> PerformedSkill | None:
-        """The skill at which it stopped, or None."""
-        return next((one for one in self.skills if not one.verdict.is_feasible), None)
+        """The failed skill, or None."""
+        return next((skill for skill in self.skills if not skill.verdict.is_feasible), None)
 
 
 class Performer(ABC):
-    """What an engine may be besides: able to draw a check and to perform a whole plan.
+    """Optional interface of an engine: pictures of a check, and performances of whole plans.
 
     Attributes
     ----------
     contact_detectors
-        Names of the detectors that rule on the contacts of a performance where they are beside
-        the engine; the first of them where nobody chooses one.
+        Names of detectors that judge the contacts of a performance; the first one is the default.
     """
 
     contact_detectors: ClassVar[tuple[str, ...]] = ()
@@ -319,24 +318,24 @@ class Performer(ABC):
     def looks(cls, arm: ArmDescription) -> Sequence[Path | None]:
         """Return meshes of an arm's base and links in their frames, as Wavefront files.
 
-        None for a link that has none, and nothing at all where nobody has any: then what links
-        collide with is what they look like.
+        None for a link without a mesh; empty if no mesh is known, and then the collision shapes are
+        drawn.
         """
         return ()
 
     @abstractmethod
     def picture(self, skill: Skill, state: State) -> Image:
-        """Return the moment at which `skill` fails in `state`, or its end where it does not.
+        """Return a picture of the moment at which `skill` fails in `state`, or of its end.
 
         Raises
         ------
         ValueError
-            If there is nothing to be seen, in words.
+            If there is no picture, with the reason.
         """
 
     @abstractmethod
     def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
-        """Yield pictures of the whole skill, so many a simulated second."""
+        """Yield pictures of the whole skill at a rate in simulated time."""
 
     @abstractmethod
     def perform(
@@ -350,23 +349,24 @@ class Performer(ABC):
         angle: Angle | None = None,
         labels: bool = False,
     ) -> Performance:
-        """Execute a plan from the task's initial state, without a break, and measure.
+        """Execute a plan continuously from the task's initial state, and measure.
 
         Parameters
         ----------
         skills
-            The plan; it ends early at the first skill that fails.
+            The plan; it ends at the first skill that fails.
         frames_per_s, show
-            How many pictures a simulated second are shown, and to what.
+            Rate of pictures in simulated time, and their receiver.
         note
-            Called with a row of the trace 60 times a simulated second; of a dwell at rest, for its
-            first hour at most.
+            Receiver of the rows of the trace, 60 for each simulated second; at most the first hour
+            of a
+            dwell at rest.
         stopped
-            Called often; once true, the plan ends after the current skill.
+            Polled often; once true, the plan ends after the current skill.
         angle
-            From which side pictures are taken; left out: from the one that the arm does not hide.
+            Camera angle; None for the default.
         labels
-            Whether bodies, feeders and docks have name tags in pictures.
+            True to draw name tags of bodies, feeders and docks.
         """
 
 
@@ -376,14 +376,14 @@ MOST_PLAYED_S = 3_600
 
 @dataclass(frozen=True, slots=True)
 class PlannedMotion:
-    """Where arm and parts are at every moment of a plan, by its paths.
+    """Poses of arm and parts in a plan, along its paths and without simulation.
 
     Parameters
     ----------
     skills
-        When each begins and ends.
+        Begin and end of each skill.
     samples
-        One row a frame; contacts are in none of them.
+        One row for each frame, without contacts.
     """
 
     skills: tuple[PerformedSkill, ...]
@@ -397,17 +397,17 @@ class MotionPlans(Protocol):
     name: str
 
     def planned_motion(self, skills: Sequence[Skill], frames_per_s: int) -> PlannedMotion:
-        """Return how the arm moves in a plan, from the initial state on.
+        """Return the motion of the arm in a plan, from the initial state.
 
         Parameters
         ----------
         skills
-            Each applicable when its turn comes, and with one motion at most.
+            Each applicable in its turn, with at most one motion.
         frames_per_s
-            How many samples there are to a second, >= 1.
+            Number of samples per second, >= 1.
 
         Raises
         ------
         ValueError
-            If there is no path for one of them; says in a clause for which, and why.
+            If a skill has no path; the message names it and the reason.
         """

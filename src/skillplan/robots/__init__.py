@@ -1,4 +1,4 @@
-"""Descriptions of robots as data; it never moves one."""
+"""Descriptions of robots as data."""
 
 import lazy_loader as _lazy
 

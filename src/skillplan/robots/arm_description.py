@@ -1,6 +1,7 @@
-"""What is known of a serial arm, as data: joints, limits, masses, tip and home.
+"""Serial arms and hands as data: joints, limits, masses, shapes, outline and force of jaws.
 
-It holds facts and their checks, in plain Python: whoever computes with them, computes elsewhere.
+All shapes of links are convex, which every engine supports. This module checks data and computes
+nothing else.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Hull:
-    """The convex hull of some corners.
+    """The convex hull of corners.
 
     Parameters
     ----------
     corners_m
-        In the link's frame [m], four at least, not all in one plane.
+        Corners in the link's frame [m], at least four, not coplanar.
 
     Raises
     ------
@@ -40,14 +41,14 @@ class Hull:
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All points within a distance of a segment; a ball where its ends are one.
+    """All points within a distance of a segment; a ball if its ends coincide.
 
     Parameters
     ----------
     start_m, end_m
         Ends of the segment in the link's frame [m].
     radius_m
-        > 0.
+        Radius [m], > 0.
 
     Raises
     ------
@@ -70,14 +71,14 @@ class Rod:
     Parameters
     ----------
     start_m, end_m
-        Centres of its ends in the link's frame [m], apart from each other.
+        Distinct centres of its ends in the link's frame [m].
     radius_m
-        > 0.
+        Radius [m], > 0.
 
     Raises
     ------
     ValueError
-        If the radius is not positive, a number not finite, or the ends are one.
+        If the radius is not positive, a number not finite, or the ends coincide.
     """
 
     start_m: Triple
@@ -91,7 +92,7 @@ class Rod:
 
 
 LinkShape = Hull | Capsule | Rod
-"""Any of them."""
+"""A shape of a link."""
 
 
 def read_hulls(name: str) -> tuple[tuple[Hull, ...], ...]:
@@ -122,14 +123,14 @@ def _require_point(what: str, point: Triple) -> None:
         raise ValueError(f"{what} must be three finite numbers, not {point}.")
 
 
-# Defaults below are made when this file is read, and are checked with these.
+# The defaults below are constructed on import and use these checks.
 def _require_finite(what: str, values: tuple[float, ...], count: int) -> None:
     if len(values) != count or not all(math.isfinite(value) for value in values):
         raise ValueError(f"{what} must be {count} finite numbers, not {values}.")
 
 
 def _is_positive(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
-    """Say whether a symmetric matrix is positive definite, by Sylvester's criterion."""
+    """Return True if a symmetric matrix is positive definite, by Sylvester's criterion."""
     second = xx * yy - xy * xy
     third = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     return xx > 0 and second > 0 and third > 0
@@ -137,7 +138,7 @@ def _is_positive(xx: float, yy: float, zz: float, xy: float, xz: float, yz: floa
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Where a frame is in another one: moved, then turned about fixed x, y and z in this order.
+    """Pose of a frame in another: a shift, then rotations about fixed x, y and z in this order.
 
     Parameters
     ----------
@@ -161,20 +162,20 @@ class Transform:
 
     @classmethod
     def from_standard_dh(cls, a_m: float, d_m: float, alpha_rad: float) -> Transform:
-        """Return what follows a joint's rotation by the standard parameters (distal frames).
+        """Return the transform after a joint's rotation by the standard parameters (distal frames).
 
         Parameters
         ----------
         a_m, d_m
             Length and offset of the link [m].
         alpha_rad
-            Its twist [rad].
+            Twist of the link [rad].
         """
         return cls((a_m, 0.0, d_m), (alpha_rad, 0.0, 0.0))
 
     @classmethod
     def from_modified_dh(cls, a_m: float, d_m: float, alpha_rad: float) -> Transform:
-        """Return what goes before a joint's rotation by Craig's parameters (proximal frames).
+        """Return the transform before a joint's rotation by Craig's parameters (proximal frames).
 
         Parameters
         ----------
@@ -189,7 +190,7 @@ class Transform:
 
 @dataclass(frozen=True, slots=True)
 class LinkInertia:
-    """Mass of a link, where its centre is, and its inertia about the centre.
+    """Mass of a link, its centre, and the inertia about the centre.
 
     Parameters
     ----------
@@ -198,10 +199,10 @@ class LinkInertia:
     centre_m
         Centre of mass in `frame` [m].
     tensor_kg_m2
-        Inertia about the centre of mass, along the axes of `frame` [kg m2]: xx, yy, zz, xy, xz
-        and yz.
+        Inertia about the centre of mass, along the axes of `frame` [kg m2]: xx, yy, zz, xy, xz and
+        yz.
     frame
-        In which the source states them, seen from the joint that moves the link.
+        Frame of the source, relative to the joint that moves the link.
 
     Raises
     ------
@@ -219,7 +220,7 @@ class LinkInertia:
             raise ValueError(f"Link mass_kg must be > 0, not {self.mass_kg}.")
         _require_finite("Link centre_m", self.centre_m, 3)
         _require_finite("Link tensor_kg_m2", self.tensor_kg_m2, 6)
-        # A body has mass where its second moments, tr/2 - J, are positive; then J is, too.
+        # A rigid body has positive second moments, tr/2 - J; then J is positive as well.
         xx, yy, zz, xy, xz, yz = self.tensor_kg_m2
         half = (xx + yy + zz) / 2
         if not _is_positive(half - xx, half - yy, half - zz, -xy, -xz, -yz):
@@ -235,23 +236,23 @@ class Joint:
     name
         Not empty.
     placement
-        Its frame at angle 0, in the frame of the joint before (of the base, if first).
+        Frame at angle 0, in the frame of the joint before, or of the base.
     low_rad, high_rad
-        Limits of its angle [rad].
+        Limits of the angle [rad].
     speed_rad_per_s, acceleration_rad_per_s2
         Greatest speed [rad/s] and acceleration [rad/s2], > 0.
     torque_nm
         Greatest torque [Nm], > 0; None if unknown.
     link
-        What it moves.
+        Inertia of the moved link.
     axis
-        About which it turns, in its frame; of length 1.
+        Unit vector of the axis in its frame.
 
     Raises
     ------
     ValueError
-        If a limit is not positive or not finite, the range of angles is empty, the axis not of
-        length 1, or the name empty.
+        If a limit is not positive or not finite, the range of angles is empty, the axis is not of
+        length 1, or the name is empty.
     """
 
     name: str
@@ -288,30 +289,31 @@ class ArmDescription:
     Parameters
     ----------
     name
-        Of the robot, not empty.
+        Name of the robot, not empty.
     joints
-        From the base to the tip, at least one, with distinct names.
+        Joints from the base to the tip, at least one, with distinct names.
     tip
-        The flange, to which hands and tools are fixed, in the frame of the last joint.
+        Flange that holds hands and tools, in the frame of the last joint.
     home_rad
         A posture with room for every joint [rad], within the limits.
     shapes
-        What collides, of the base in its frame, then of every link in the frame of the joint that
-        moves it; none of any where nothing is known.
+        Collision shapes of the base in its frame, then of every link in the frame of its joint;
+        empty
+        if unknown.
     reach_m
-        How far from the base it works, as its maker says [m]; None for the length of its links.
+        Working distance from the base as published [m]; None for the length of the links.
     swing
-        Of an arm with a spare joint whose first axis is its base's z and which points down at home:
-        the joints, counted from 0, that turn all of it, swing its elbow, and turn its hand. None
-        for others.
+        For an arm with a spare joint, whose first axis is z of its base and which points down at
+        home:
+        numbers of the joints that turn the whole arm, swing its elbow, and turn its hand. None for
+        other arms.
     payload_kg
-        Greatest mass at the flange, hand and tool included, as its maker says [kg], > 0; None if
-        unknown.
+        Greatest mass at the flange as published, hand and tool included [kg], > 0; None if unknown.
 
     Raises
     ------
     ValueError
-        If one of these does not hold.
+        If a value is inconsistent.
     """
 
     name: str
@@ -351,7 +353,7 @@ class ArmDescription:
 
     @property
     def works_within_m(self) -> float:
-        """How far from the base it works [m]."""
+        """Working distance from the base [m]."""
         if self.reach_m is not None:
             return self.reach_m
         return sum(
@@ -361,14 +363,14 @@ class ArmDescription:
 
     @property
     def without_shape(self) -> tuple[int, ...]:
-        """Numbers of the links that have no shape; 0 is the base."""
+        """Numbers of the links without a shape; 0 is the base."""
         if not self.shapes:
             return tuple(range(len(self.joints) + 1))
         return tuple(number for number, shapes in enumerate(self.shapes) if not shapes)
 
     @property
     def not_checked(self) -> tuple[str, ...]:
-        """Sentences on contacts and torques that back ends cannot check for want of a figure."""
+        """Sentences on contacts and torques that cannot be checked for lack of data."""
         sentences = []
         links = ["the base" if not number else f"link {number}" for number in self.without_shape]
         if links:
@@ -417,30 +419,31 @@ JawProfile = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """A hand with two jaws that close along the y of its frame; z points out of it.
+    """A hand with two jaws that close along the y axis of its frame; z points out of it.
 
     Parameters
     ----------
     opening_m
         Greatest distance between the jaws [m], > 0.
     tip_m
-        From the hand's frame to the ends of its jaws along z [m], > 0.
+        Distance from the hand's frame to the ends of its jaws along z [m], > 0.
     force_n
-        With how much its jaws can close [N], > 0.
+        Greatest closing force [N], > 0.
     jaw_m
-        A jaw, from its end upwards: height above the end, half its width across the closing axis,
-        and how far behind its face it begins and ends along that axis [m]. Convex between.
+        Outline of a jaw, from its end upwards: height above the end, half its width across the
+        closing
+        axis, and begin and end behind its face along that axis [m]. Convex in between.
     body_m
-        The body, from its underside upwards: depth in the hand's frame, half its extent along the
-        closing axis, and half its extent across it [m]. Convex between.
+        Outline of the body, from its underside upwards: depth in the hand's frame, half its extent
+        along the closing axis, and half its extent across it [m]. Convex in between.
     on_flange
-        Where its frame is on the flange.
+        Frame of the hand on the flange.
     jaw_corners_m
-        Of a jaw more exactly, if not empty: how far behind its face, along the closing axis, where
-        across it, and how high above its end.
+        Exact corners of a jaw, may be empty: distance behind its face, across the closing axis, and
+        height above its end [m].
     body_corners_m
-        Of the body more exactly, if not empty: where along the closing axis, across it, and how
-        deep in the hand's frame. It need not be the same turned by half a turn.
+        Exact corners of the body, may be empty: along the closing axis, across it, and depth in the
+        hand's frame [m]. They need not be symmetric.
     mass_kg
         Mass [kg], >= 0; 0 if unknown.
 
@@ -473,10 +476,7 @@ class Hand:
 
     @property
     def tip_on_flange(self) -> Transform:
-        """Where the ends of its jaws are on the flange.
-
-        Hands are mounted along the axis of the flange: their frame is turned about it only.
-        """
+        """Ends of the jaws on the flange; the hand is only turned about the flange's axis."""
         x_m, y_m, z_m = self.on_flange.xyz_m
         return Transform((x_m, y_m, z_m + self.tip_m), self.on_flange.rpy_rad)
 
@@ -494,8 +494,9 @@ class Hand:
     def body(self) -> tuple[tuple[Triple, ...], ...]:
         """Corners of convex pieces of the body: along the closing axis, across it, depth [m].
 
-        Jaws close alike with the hand turned by half a turn, so that its body may be either way
-        round: one piece is the body as it is described, the other the same turned.
+        A hand may be turned by half a turn, because its jaws close alike. An asymmetric body is
+        therefore
+        two pieces: as described and turned.
         """
         if self.body_corners_m:
             turned = tuple((-x_m, -y_m, z_m) for x_m, y_m, z_m in self.body_corners_m)
@@ -510,7 +511,7 @@ class Hand:
 
     @property
     def underside_m(self) -> float:
-        """How deep in the hand's frame its body ends [m]."""
+        """Depth of the end of the body in the hand's frame [m]."""
         return max(row[0] for row in self.body_m)
 
     @property

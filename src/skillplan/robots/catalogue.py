@@ -10,7 +10,7 @@ from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.robots.ur5e import UR5E
 
 STANDARD_HAND: Final = replace(PANDA_HAND, on_flange=Transform())
-"""The hand of arms that are not sold with one: its closing axis is y of the flange."""
+"""Hand of arms that are sold without one: its closing axis is y of the flange."""
 
 ARMS: Final[dict[str, tuple[ArmDescription, Hand]]] = {
     "panda": (PANDA, PANDA_HAND),
@@ -19,7 +19,7 @@ ARMS: Final[dict[str, tuple[ArmDescription, Hand]]] = {
 """Arm and hand by the name of the arm."""
 
 DEFAULT_ARM: Final = "panda"
-"""The arm of a task that names none."""
+"""Default arm of a task."""
 
 DEFAULT_MODEL, DEFAULT_HAND = ARMS[DEFAULT_ARM]
-"""What it is, and what is on its flange."""
+"""Its description, and the hand on its flange."""

@@ -1,11 +1,12 @@
-"""Facts of the Franka Emika Panda and its hand, as its maker publishes them.
+"""The Franka Emika Panda and its hand, with data from the maker.
 
-Kinematics in the modified convention of Denavit and Hartenberg (Craig), limits from the
-maker's interface specification; the outline of the hand is measured on its collision meshes.
+Kinematics are in the modified Denavit-Hartenberg convention (Craig), limits from the maker's
+interface specification; the outline of the hand is measured on its collision meshes.
 
-The maker publishes no masses. Those of the links were identified by Gaz, Cognetti, Oliva, Robuffo
-Giordano and De Luca, "Dynamic Identification of the Franka Emika Panda Robot With Retrieval of
-Feasible Parameters Using Penalty-Based Optimization", IEEE Robotics and Automation Letters, 2019.
+The maker publishes no masses. The masses of the links were identified by Gaz, Cognetti, Oliva,
+Robuffo Giordano and De Luca, "Dynamic Identification of the Franka Emika Panda Robot With Retrieval
+of Feasible Parameters Using Penalty-Based Optimization", IEEE Robotics and Automation Letters,
+2019.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ LINK_TWISTS_RAD: Final = (
     math.pi / 2,
     math.pi / 2,
 )
-# From the seventh joint to the flange [m], and how the hand is turned on it [rad].
+# Distance from the seventh joint to the flange [m], and rotation of the hand on it [rad].
 FLANGE_M: Final = 0.107
 HAND_YAW_RAD: Final = -math.pi / 4
 
@@ -43,10 +44,10 @@ JOINT_HIGH_RAD: Final = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973
 JOINT_SPEED_RAD_PER_S: Final = (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
 JOINT_ACCELERATION_RAD_PER_S2: Final = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
 JOINT_TORQUE_NM: Final = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
-# The posture in which the elbow has the most room: the "ready" pose.
+# The "ready" pose, with the most room for the elbow.
 READY_RAD: Final = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 
-# From the frame of the hand to the ends of its fingers, and to the underside of its body [m].
+# Distances from the frame of the hand to the ends of its fingers and to its underside [m].
 TIP_M: Final = 0.11225
 HAND_UNDERSIDE_M: Final = 0.06597
 # Half extents of the body of the hand across and along the closing axis [m].
@@ -54,8 +55,8 @@ HAND_HALF_WIDTH_M: Final = 0.0317
 HAND_HALF_LENGTH_M: Final = 0.104
 # Greatest distance between the jaws [m].
 OPENING_M: Final = 0.080
-# A finger, from its end upwards: height above the end, half its width across the closing axis,
-# and how far behind the jaw's face it begins and ends along that axis [m]. Convex between.
+# Outline of a finger, from its end upwards: height above the end, half its width across the closing
+# axis, and begin and end behind the jaw's face along that axis [m]. Convex in between.
 FINGER_PROFILE_M: Final = (
     (0.0, 0.0089, 0.0, 0.0144),
     (0.0033, 0.0089, 0.0, 0.0144),
@@ -64,8 +65,8 @@ FINGER_PROFILE_M: Final = (
     (0.0538, 0.0106, 0.0, 0.0265),
 )
 
-# The body of the hand from its underside upwards: depth in the frame of the hand, how far out
-# along the closing axis, and half its width there [m]. Convex between. Made symmetric, as jaws
+# Outline of the hand's body from its underside upwards: depth in the frame of the hand, and half
+# its extents along and across the closing axis [m]. Convex in between. Made symmetric, as jaws
 # close alike with the hand turned by half a turn.
 HAND_OUTLINE_M: Final = (
     (HAND_UNDERSIDE_M, 0.0975, 0.0173),
@@ -83,9 +84,9 @@ HAND_OUTLINE_M: Final = (
     (-0.0180, 0.1000, 0.0040),
     (-0.0262, 0.0885, 0.0040),
 )
-# Greatest force of the jaws, held continuously [N].
+# Greatest continuous force of the jaws [N].
 HAND_FORCE_N: Final = 70.0
-# Payload of the arm's data sheet, and mass of the hand as the maker's interface has it [kg].
+# Payload from the data sheet, and mass of the hand from the maker's interface [kg].
 PAYLOAD_KG: Final = 3.0
 HAND_MASS_KG: Final = 0.73
 
@@ -162,12 +163,12 @@ PANDA_HAND: Final = Hand(
     FINGER_PROFILE_M,
     HAND_OUTLINE_M,
     Transform(rpy_rad=(0.0, 0.0, HAND_YAW_RAD)),
-    # Of the jaw behind its face, across the closing axis, and above its end; see `Hand`.
+    # Behind the face of the jaw, across the closing axis, and above its end; see `Hand`.
     _JAW.corners_m,
     _BODY.corners_m,
     HAND_MASS_KG,
 )
-"""Its hand, as it is bolted on."""
+"""The hand as it is mounted."""
 
 TIP_ON_FLANGE: Final = PANDA_HAND.tip_on_flange
-"""The ends of the hand's fingers, seen from the flange."""
+"""Ends of the fingers relative to the flange."""

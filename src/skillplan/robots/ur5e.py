@@ -1,14 +1,13 @@
-"""Facts of the Universal Robots UR5e, as its maker publishes them.
+"""The Universal Robots UR5e, with data from the maker.
 
-Kinematics (standard parameters of Denavit and Hartenberg), masses and centres of mass are from the
-maker's article "DH Parameters for calculations of kinematics and dynamics", angles, speeds and
-payload from its user manual, torques from its article "Max. joint torques". The elbow turns by half
-of what the manual says, since the upper arm is in its way; the maker's ROS description does the
-same.
+Kinematics (standard Denavit-Hartenberg parameters), masses and centres of mass are from the maker's
+article "DH Parameters for calculations of kinematics and dynamics"; angles, speeds and payload from
+its user manual; torques from its article "Max. joint torques". The elbow turns by half of the angle
+in the manual, since the upper arm is in its way, as in the maker's ROS description.
 
-The article calls the inertias of the links negligible and states none: those here are of the
-maker's ROS description (`config/ur5e/physical_parameters.yaml`). Accelerations are not published;
-these are what that description assumes, 180 degrees/s2.
+The article neglects the inertias of the links; these are from the maker's ROS description
+(`config/ur5e/physical_parameters.yaml`). Accelerations are not published; these are the assumption
+of that description, 180 degrees/s2.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from skillplan.robots.arm_description import (
     read_hulls,
 )
 
-# Names of the joints, as the maker's ROS description has them.
+# Names of the joints in the maker's ROS description.
 _NAMES: Final = (
     "shoulder_pan_joint",
     "shoulder_lift_joint",
@@ -71,7 +70,7 @@ UR5E: Final = ArmDescription(
     joints=tuple(
         Joint(
             name,
-            # The end of the link before is where the joint is.
+            # A joint is at the end of the link before.
             _LINK_ENDS[index - 1] if index else Transform(),
             -_TURN_RAD[index],
             _TURN_RAD[index],

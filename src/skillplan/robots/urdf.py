@@ -1,7 +1,6 @@
 """An arm from a URDF: the chain from its base to a named link, with limits, masses and shapes.
 
-A URDF is data. Nothing in it is carried out; what would need more than the chain of revolute joints
-that an arm is here, is refused in words.
+The chain must consist of revolute and fixed joints. Other files are refused with a message.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ class Rigid:
 
     @classmethod
     def of(cls, xyz_m: Triple, rpy_rad: Triple) -> Rigid:
-        """Return what is moved, then turned about fixed x, y and z."""
+        """Return a shift followed by rotations about fixed x, y and z."""
         (cr, cp, cy), (sr, sp, sy) = (
             tuple(function(angle) for angle in rpy_rad) for function in (math.cos, math.sin)
         )
@@ -50,58 +49,58 @@ class Rigid:
         return cls(rows, xyz_m)
 
     def rotate(self, vector: Triple) -> Triple:
-        """Return a vector of its frame in the frame before."""
+        """Return a vector of this frame in the parent frame."""
         x, y, z = (sum(a * b for a, b in zip(row, vector, strict=True)) for row in self.rows)
         return (x, y, z)
 
     def apply(self, point: Triple) -> Triple:
-        """Return a point of its frame [m] in the frame before."""
+        """Return a point of this frame [m] in the parent frame."""
         x, y, z = self.rotate(point)
         return (x + self.origin[0], y + self.origin[1], z + self.origin[2])
 
     def then(self, other: Rigid) -> Rigid:
-        """Return what is given in this one's frame in the frame before."""
+        """Return a transform of this frame in the parent frame."""
         columns = [self.rotate(_column(other.rows, number)) for number in range(3)]
         (a, b, c), (d, e, f), (g, h, i) = columns
         return Rigid(((a, d, g), (b, e, h), (c, f, i)), self.apply(other.origin))
 
     def turned(self, tensor: Matrix) -> Matrix:
-        """Return a tensor of its frame along the axes of the frame before."""
+        """Return a tensor of this frame along the axes of the parent frame."""
         half = [self.rotate(row) for row in tensor]
         columns = [self.rotate(_column((half[0], half[1], half[2]), n)) for n in range(3)]
         return (columns[0], columns[1], columns[2])
 
     @property
     def transform(self) -> Transform:
-        """The same by roll, pitch and yaw."""
+        """The transform with roll, pitch and yaw."""
         (xx, _, _), (yx, yy, yz), (zx, zy, zz) = self.rows
         pitch = math.atan2(-zx, math.hypot(zy, zz))
         if math.hypot(zy, zz) < 1e-9:
-            # Roll and yaw turn about one axis: all of it is roll.
+            # Roll and yaw turn about the same axis: roll takes all of the rotation.
             return Transform(self.origin, (math.atan2(-yz, yy), pitch, 0.0))
         return Transform(self.origin, (math.atan2(zy, zz), pitch, math.atan2(yx, xx)))
 
 
 @dataclass(frozen=True, slots=True)
 class Mass:
-    """A mass [kg], its centre [m] and its inertia about that [kg m2], in one frame."""
+    """Mass [kg], centre [m] and inertia about the centre [kg m2] in one frame."""
 
     kg: float
     centre: Triple
     tensor: Matrix
 
     def seen_from(self, frame: Rigid) -> Mass:
-        """Return it in the frame that its own is given in."""
+        """Return the mass in the parent frame."""
         return Mass(self.kg, frame.apply(self.centre), frame.turned(self.tensor))
 
 
 def together(masses: Sequence[Mass]) -> Mass:
-    """Return masses of one frame as one (Huygens and Steiner).
+    """Return the sum of masses in one frame (Huygens and Steiner).
 
     Parameters
     ----------
     masses
-        One at least, each > 0.
+        At least one, each > 0.
     """
     kg = sum(mass.kg for mass in masses)
     x, y, z = (sum(mass.kg * mass.centre[axis] for mass in masses) / kg for axis in range(3))
@@ -122,26 +121,26 @@ def _column(rows: Matrix, number: int) -> Triple:
 
 
 MOST_NUMBER = 1_000_000.0
-"""Greatest magnitude of a number that has no limit of its own."""
+"""Greatest magnitude of a number without its own limit."""
 
 MOST_LENGTH_M = 100.0
 """Greatest coordinate and extent [m]."""
 
-# ASCII, and in linear time.
+# Restricted to ASCII; runs in linear time.
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
 class UrdfError(Exception):
-    """A URDF describes no arm that can be used.
+    """A URDF does not describe a supported arm.
 
     Parameters
     ----------
     message
-        What is wrong and what to do instead, in a clause.
+        Problem and remedy, in a clause.
     key
-        The key of the task file that is at fault: ``model``, ``tip`` or ``home_rad``.
+        Key of the task file at fault: ``model``, ``tip`` or ``home_rad``.
     line
-        Of the URDF, where there is one.
+        Line of the URDF, if known.
     """
 
     def __init__(self, message: str, key: str = "model", line: int | None = None) -> None:
@@ -151,12 +150,12 @@ class UrdfError(Exception):
 
 
 def named(root: Element, tag: str) -> dict[str, Element]:
-    """Return the elements of a kind by their names.
+    """Return the elements with a tag by name.
 
     Raises
     ------
     UrdfError
-        If one has no name, or two have one.
+        If an element has no name, or two have the same.
     """
     found: dict[str, Element] = {}
     for element in root.all(tag):
@@ -172,21 +171,21 @@ def named(root: Element, tag: str) -> dict[str, Element]:
 def number(
     element: Element, key: str, default: float | None = None, most: float = MOST_NUMBER
 ) -> float:
-    """Return a number that an element gives.
+    """Return a number of an element's attribute.
 
     Parameters
     ----------
     element, key
         Element, and name of its attribute.
     default
-        Value if the attribute is missing; None if it must not be.
+        Value if the attribute is missing; None if it is required.
     most
         Greatest magnitude, > 0.
 
     Raises
     ------
     UrdfError
-        If the attribute is missing and there is no default, or is no number up to `most`.
+        If a required attribute is missing, or the value is not a number up to `most`.
     """
     text = element.attributes.get(key)
     if text is None and default is not None:
@@ -195,12 +194,12 @@ def number(
 
 
 def numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMBER) -> Triple:
-    """Return three numbers that an element gives.
+    """Return three numbers of an element's attribute.
 
     Raises
     ------
     UrdfError
-        If it gives others than three numbers up to `most`.
+        If the value is not three numbers up to `most`.
     """
     text = element.attributes.get(key)
     if text is None:
@@ -213,7 +212,7 @@ def numbers(element: Element, key: str, default: Triple, most: float = MOST_NUMB
 
 
 def pose_of(element: Element) -> Rigid:
-    """Return what the <origin> of an element says; nowhere else where it has none."""
+    """Return the pose in the <origin> of an element; identity without one."""
     origin = element.first("origin")
     if origin is None:
         return Rigid()
@@ -222,7 +221,7 @@ def pose_of(element: Element) -> Rigid:
 
 
 def _bounded(element: Element, key: str, text: str | None, most: float) -> float:
-    # `float` also reads digits of other scripts and underscores, as no other reader of URDF does.
+    # `float` also accepts other scripts' digits and underscores, unlike other readers of URDF.
     digits = "" if text is None else text.strip(" \t\r\n")
     value = float(digits) if _DECIMAL.fullmatch(digits) else math.nan
     if not math.isfinite(value):
@@ -248,14 +247,14 @@ def shapes_of(
     link
         The element.
     frame
-        Where the link is, in the frame of the joint that moves it.
+        Frame of the link, relative to the joint that moves it.
     read_mesh
-        Returns the corners of the convex hull of a mesh, by name and scale.
+        Reads the corners of a mesh's convex hull, by name and scale.
 
     Raises
     ------
     UrdfError
-        If a shape is not understood.
+        If a shape is not supported.
     """
     found = []
     for collision in link.all("collision"):
@@ -297,15 +296,15 @@ def _shape(
 
 
 ReadMesh = Callable[[str, Triple], tuple[Triple, ...]]
-"""Returns the corners of a mesh's convex hull [m], by its name and scale."""
+"""Reads the corners of a mesh's convex hull [m], by name and scale."""
 
-# A URDF says nothing of accelerations: a joint takes this long to its greatest speed [s].
+# A URDF has no accelerations: a joint takes this long to reach its greatest speed [s].
 _SPEEDING_UP_S = 0.25
 _JOINTS = (6, 7)
 _MOST_LINKS = 200
-# Of the whole arm: each pair of links is tested for contact.
+# Limit for the whole arm: each pair of links is tested for contact.
 _MOST_SHAPES = 400
-# A joint that is slower takes months for a turn.
+# A slower joint would take months for a turn.
 _LEAST_SPEED_RAD_PER_S = 1e-6
 _FULL_TURN = 2 * math.pi
 _MOVING = ("revolute", "continuous")
@@ -319,18 +318,18 @@ def read_urdf(
     Parameters
     ----------
     content
-        Of the file.
+        Content of the file.
     tip
-        The link to which hands are fixed: z of its frame points out of it.
+        Link that holds hands: z of its frame points out of it.
     home_rad
-        A posture with room for every joint [rad]; None for all at 0, or the limit next to it.
+        Home posture [rad]; None for angles of 0, or the nearest limit.
     read_mesh
-        Reads a mesh that it names.
+        Reads a mesh of the URDF.
 
     Raises
     ------
     UrdfError
-        If it is not such an arm.
+        If the file does not describe a supported arm.
     """
     try:
         root = parse_xml(content)
@@ -343,7 +342,7 @@ def read_urdf(
 
 
 class _Tree:
-    """The links and joints of a file, by name."""
+    """Links and joints of a file, by name."""
 
     def __init__(self, root: Element, read_mesh: ReadMesh) -> None:
         self.name = root.attributes.get("name") or "robot"
@@ -472,7 +471,7 @@ class _Tree:
         return [joint for joint in self.joints.values() if joint.attributes["type"] == "fixed"]
 
     def _body(self, link: str, frame: Rigid) -> tuple[list[Mass], list[LinkShape]]:
-        """Return masses and shapes of a link, and of all that is fixed to it, in a frame."""
+        """Return masses and shapes of a link and of all links fixed to it, in a frame."""
         element = self.links[link]
         masses = [mass.seen_from(frame) for mass in _masses(element)]
         shapes = shapes_of(element, frame, self.read_mesh)
@@ -520,7 +519,7 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
             high,
             speed,
             speed / _SPEEDING_UP_S,
-            # Files of industrial arms often have an effort of 0, or none.
+            # Files of industrial arms often have no effort, or an effort of 0.
             number(limit, "effort", 0.0, most=math.inf) or None,
             link,
             (direction[0] / length, direction[1] / length, direction[2] / length),

@@ -84,8 +84,8 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
                     (HAND_TOPIC, TEXT_TYPE),
                 )
             }
-            for one in plan.skills:
-                for name, time_ns, message in _messages(types.types, plan.joints, one, topic):
+            for skill in plan.skills:
+                for name, time_ns, message in _messages(types.types, plan.joints, skill, topic):
                     content = types.serialize_cdr(message, message.__msgtype__)
                     writer.write(connections[name], time_ns, content)
         return {one.name: one.read_bytes() for one in sorted(path.iterdir(), reverse=True)}
@@ -133,7 +133,7 @@ _DIGITS = 9
 def message_text(plan: TimedPlan) -> str:
     """Return the messages in order, each with its skill and times in a comment."""
     names = json.dumps(list(plan.joints))
-    return "".join(f"{line}\n" for one in plan.skills for line in _document(names, one))
+    return "".join(f"{line}\n" for skill in plan.skills for line in _document(names, skill))
 
 
 def _document(names: str, one: SkillTrajectory) -> Iterator[str]:
@@ -159,7 +159,9 @@ def _document(names: str, one: SkillTrajectory) -> Iterator[str]:
 def _numbers(values: Array) -> str:
     # Without an exponent, which YAML 1.1 would take for a text.
     return (
-        "[" + ", ".join(f"{round(float(one), _DIGITS) + 0.0:.{_DIGITS}f}" for one in values) + "]"
+        "["
+        + ", ".join(f"{round(float(value), _DIGITS) + 0.0:.{_DIGITS}f}" for value in values)
+        + "]"
     )
 
 

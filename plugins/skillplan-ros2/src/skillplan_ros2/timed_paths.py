@@ -64,8 +64,8 @@ def timed_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
             raise NoTrajectory(f"{one.skill.name} is no motion of the arm: export to csv")
     timing = _Timing(handover, speed_fraction)
     found: list[SkillTrajectory] = []
-    for one in handover.skills:
-        found.append(timing.trajectory(one, found[-1] if found else None))
+    for skill in handover.skills:
+        found.append(timing.trajectory(skill, found[-1] if found else None))
     names = tuple(joint.name for joint in handover.task.scene.robots[0].model.joints)
     return TimedPlan(names, tuple(found))
 
@@ -74,7 +74,11 @@ class _Timing:
     def __init__(self, handover: Handover, speed_fraction: float | None) -> None:
         self.feasibility = handover.model.feasibility
         # Where `swept` judges the plan, with the options that it judges by.
-        judges = (one for one in self.feasibility.back_ends if isinstance(one, SweptDetector))
+        judges = (
+            back_end
+            for back_end in self.feasibility.back_ends
+            if isinstance(back_end, SweptDetector)
+        )
         self.detector = next(judges, None) or SweptDetector(handover.task)
         fraction = speed_fraction or self.detector.options.speed_fraction
         self.limits = JointLimits.of(handover.task.scene.robots[0].model).scaled(fraction)

@@ -1,9 +1,8 @@
-"""Boards at random, as YAML: many parts, a chart of a given density, several tools.
+"""Random boards as YAML: many parts, a chart of a given density, several tools.
 
-Parts lie in the cells of a tray and belong into the cells of a board beside it. They are of one
-height and keep apart, so that by their geometry every order is possible: the chart alone says
-which come before which. Costs are planar distances, as for all assemblies (Moller et al., section
-4.2).
+Parts lie in the cells of a tray and belong in the cells of a board next to it. They have the same
+height and do not touch, so their geometry allows every order and only the chart restricts it.
+Costs are planar distances, as for all assemblies (Moller et al., section 4.2).
 """
 
 from __future__ import annotations
@@ -20,26 +19,28 @@ from skillplan.errors import OptionError
 
 
 class RandomOrder:
-    """A partial order over elements, drawn at random, that grows pair by pair to a total one.
+    """A random partial order that grows pair by pair to a total order.
 
-    A total order is drawn, and then all its pairs in an order of their own: a pair that does not
-    follow from those before is added with all that follows from it. What follows is added one
-    pair at a time, in such an order that the relation is transitive after each of them. So every
-    number of pairs is hit, and a smaller relation is part of every larger one.
+    A total order is drawn, and then a random order of all its pairs. A pair that does not follow
+    from
+    earlier pairs is added together with all its consequences, one at a time, such that the relation
+    is
+    transitive after each addition. So every number of pairs is reached, and smaller relations are
+    contained in larger ones.
 
     Parameters
     ----------
     count
-        How many elements are ordered, at least 0; they are the numbers below it.
+        Number of elements, >= 0; the elements are 0 to count - 1.
     draw
-        Returns an even random number of [0, 1) at every call.
+        Source of uniform random numbers in [0, 1).
     pairs
-        How many pairs the transitive relation holds, from 0 to ``count * (count - 1) / 2``.
+        Number of pairs in the transitive relation, 0 to ``count * (count - 1) / 2``.
 
     Raises
     ------
     ValueError
-        If the pairs are below 0 or more than there are.
+        If the number of pairs is out of range.
     """
 
     def __init__(self, count: int, draw: Callable[[], float], pairs: int) -> None:
@@ -47,7 +48,7 @@ class RandomOrder:
         if not 0 <= pairs <= most:
             raise ValueError(f"{count} elements have from 0 to {most} pairs, not {pairs}.")
         self._elements = sorted(range(count), key=[draw() for _ in range(count)].__getitem__)
-        # By the place in the total order: bit masks of the places known to come before, after.
+        # Bit masks of the places before and after each place of the total order.
         self._before = [0] * count
         self._after = [0] * count
         additions = self._additions(draw)
@@ -57,9 +58,9 @@ class RandomOrder:
             self._before[later] |= 1 << earlier
 
     def covers(self) -> dict[int, list[int]]:
-        """Return what comes right after every element, elements before nothing left out.
+        """Return the direct successors of each element (transitive reduction).
 
-        Pairs that follow from others are not among these: the transitive reduction.
+        Elements without successors are left out.
         """
         found: dict[int, list[int]] = {}
         for place, after in enumerate(self._after):
@@ -72,14 +73,14 @@ class RandomOrder:
         return dict(sorted(found.items()))
 
     def _additions(self, draw: Callable[[], float]) -> Iterator[tuple[int, int]]:
-        """Yield the pairs of places to be added, looking at the relation as it is by then."""
+        """Yield pairs of places to add, given the relation at that time."""
         count = len(self._elements)
         drawn = [(draw(), one, other) for one in range(count) for other in range(one + 1, count)]
         for _, one, other in sorted(drawn):
             while not self._after[one] >> other & 1:
-                # The first of those before `one` that is not yet before `other`, and the last
-                # after `other` that is not yet after that: what is before the first is before
-                # the last already, and what is after the last is after the first.
+                # Take the first place before `lower` that is not yet before `upper`, and the last
+                # place after `upper` that is not yet after it. Everything before the first is
+                # already before the last, and everything after the last is already after the first.
                 missing = (self._before[one] | 1 << one) & ~self._before[other]
                 earlier = (missing & -missing).bit_length() - 1
                 missing = (self._after[other] | 1 << other) & ~self._after[earlier]
@@ -87,7 +88,7 @@ class RandomOrder:
 
 
 def _bits(mask: int) -> Iterator[int]:
-    """Yield the positions of the ones in a mask, the lowest first."""
+    """Yield the positions of the set bits, the lowest first."""
     while mask:
         lowest = mask & -mask
         yield lowest.bit_length() - 1
@@ -99,56 +100,59 @@ MOST_TOOLS = 8
 
 _COLUMNS = 16
 _PITCH_M = 0.020
-# The corner of tray and board where both coordinates are least.
+# Corner of tray and board with the least coordinates.
 _TRAY_M = (0.300, 0.036)
 _BOARD_M = (0.300, -0.356)
 _LEAST_SIDE_M, _MOST_SIDE_M = 0.008, 0.012
 _HEIGHT_M = 0.010
-# What a part keeps from the edge of its cell.
+# Distance of a part from the edge of its cell.
 _MARGIN_M = 0.001
 _DENSITY_KG_PER_M3 = 2700.0
-# On an arc about the base: a path from one to another through a third always costs more.
+# Holders are on an arc about the base: a detour by a third holder always costs more.
 _HOLDER_RADIUS_M = 0.740
 _HOLDER_PITCH_M = 0.080
-# Where the arm goes after a missed grasp, out of the camera's view: home.
+# Place of the arm after a missed grasp, out of the camera's view: home.
 _LOOK_M = (0.307, 0.000)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True)
 class BoardGenerator:
-    """What a board at random is made of; the same arguments give the same text.
+    """Settings of a random board; equal settings give equal text.
 
-    A seed fixes shapes, starts and goals of `MOST_PARTS` parts, of which a board has the first
-    ones: they depend on nothing else, so that boards of several densities, of more parts and of
-    other tools can be compared. Of the same parts, a denser chart holds all that a less dense
-    one orders, so that no optimum is below that of a less dense chart.
+    A seed fixes shapes, starts and goals of `MOST_PARTS` parts; a board has the first ones. Boards
+    with
+    other densities, numbers of parts or tools can therefore be compared. With the same parts, a
+    denser
+    chart contains a less dense one, so its optimum is at least as high.
 
     Parameters
     ----------
     parts
-        How many, from 1 to `MOST_PARTS`.
+        Number of parts, 1 to `MOST_PARTS`.
     density
-        Share of all pairs of parts that the chart orders, what follows from it included, from 0
-        (no chart) to 1 (one order only) [-]. It is hit to the nearest pair.
+        Share of all pairs of parts that the transitive chart orders, 0 (no chart) to 1 (total
+        order)
+        [-]; rounded to the nearest pair.
     tools
-        How many, from 1 to `MOST_TOOLS`. Each part has one of them, drawn at random; all are
-        used where there are as many parts.
+        Number of tools, 1 to `MOST_TOOLS`. Each part has a random tool; all tools are used if there
+        are enough parts.
     seed
-        Governs all randomness, at least 0.
+        Random seed, >= 0.
     name
-        The task's name; "" for one made of parts, tools and seed.
+        Name of the task; "" for a name made of parts, tools and seed.
     failures
-        Least and greatest probability that the grasp of a part fails which may, in [0, 1), drawn
-        evenly and rounded to hundredths [-]; None for grasps that never fail. After a miss the arm
-        goes home before it does anything else, and that way counts.
+        Range of the failure probability of grasps that may fail, in [0, 1), drawn uniformly and
+        rounded
+        to hundredths [-]; None for grasps that never fail. After a failed grasp the arm goes home,
+        and that path has a cost.
     failing_share
-        Of the parts that share may be missed, rounded to the nearest number, in (0, 1] [-].
+        Share of the parts whose grasp may fail, rounded to the nearest number, in (0, 1] [-].
 
     Raises
     ------
     OptionError
-        If a value is out of its range, or the name is not one.
+        If a value is out of range, or the name is invalid.
     """
 
     parts: int
@@ -169,7 +173,7 @@ class BoardGenerator:
         if self.seed < 0:
             raise OptionError(f"seed must be at least 0, not {self.seed}.")
         if self.failures is not None and not 0 <= self.failures[0] <= self.failures[1] < 1:
-            shown = ":".join(f"{one}" for one in self.failures)
+            shown = ":".join(f"{failure}" for failure in self.failures)
             raise OptionError(f"failures must be LEAST:GREATEST in [0, 1), not {shown}.")
         if not 0 < self.failing_share <= 1:
             raise OptionError(
@@ -184,12 +188,12 @@ class BoardGenerator:
 
     @property
     def pairs(self) -> int:
-        """How many pairs of parts there are."""
+        """Number of pairs of parts."""
         return self.parts * (self.parts - 1) // 2
 
     @property
     def ordered_pairs(self) -> int:
-        """How many of them the chart orders, what follows from it included."""
+        """Number of pairs that the transitive chart orders."""
         return math.floor(self.density * self.pairs + 0.5)
 
     @property
@@ -199,7 +203,7 @@ class BoardGenerator:
 
     @property
     def summary(self) -> str:
-        """What the board holds, in a few words."""
+        """Summary of the board in a few words."""
         missed = len(self._misses)
         failing = f"; {_counted(missed, 'grasp')} may fail" if missed else ""
         return (
@@ -209,7 +213,7 @@ class BoardGenerator:
 
     @property
     def command(self) -> str:
-        """The command line that makes this board."""
+        """Command line that generates this board."""
         density = f"{self.density}".removesuffix(".0")
         name = f" --name {self.name}" if self.name else ""
         failing = ""
@@ -223,14 +227,20 @@ class BoardGenerator:
 
     @cached_property
     def chart(self) -> dict[str, list[str]]:
-        """Which parts come right before which; empty where nothing is ordered."""
+        """Direct successors in the chart by part; empty for a chart without order."""
         order = RandomOrder(self.parts, self._draws("order"), self.ordered_pairs)
         return {
             _part(before): [_part(one) for one in after] for before, after in order.covers().items()
         }
 
     def text(self, version: str = "") -> str:
-        """Return the board as a task file, whose header names the program's version, if given."""
+        """Return the board as a task file.
+
+        Parameters
+        ----------
+        version
+            Version of the program for the header; may be empty.
+        """
         return "\n".join(self._lines(f"skillplan {version}".strip())) + "\n"
 
     def _lines(self, program: str) -> Iterator[str]:
@@ -255,7 +265,7 @@ class BoardGenerator:
         yield ""
         yield "tools:"
         for tool in range(self.tools):
-            # From the middle outwards, to either side in turn.
+            # From the middle outwards, on alternating sides.
             y_m = _HOLDER_PITCH_M * ((tool + 1) // 2) * (-1 if tool % 2 else 1)
             holder = _vector(math.sqrt(_HOLDER_RADIUS_M**2 - y_m**2), y_m)
             yield f"  {_tool(tool)}: {{type: suction, holder_m: {holder}}}"
@@ -287,19 +297,19 @@ class BoardGenerator:
         if self.tools > 1:
             yield "  repeated_tool_change: -2.5"
         if not self._misses:
-            # Pick and place, and a tool change before each: two changes in a row never save
-            # distance. With grasps that may fail, the kind's own limit leaves room for them.
+            # A pick, a place and a tool change for each part: two changes in a row never save
+            # distance. With grasps that may fail, the default of the kind leaves room for retries.
             yield f"step_limit: {3 * self.parts}"
 
     @cached_property
     def _geometry(self) -> list[str]:
-        """Mass, size, start and goal of every part there may be, as they stand in the file."""
+        """Mass, size, start and goal of every part as text in the file."""
         draw = self._draws("geometry")
         trays, boards = _shuffled(_COLUMNS**2, draw), _shuffled(_COLUMNS**2, draw)
         lines = []
         for start, goal in zip(trays, boards, strict=True):
             span_m = _MOST_SIDE_M - _LEAST_SIDE_M
-            # In tenths of a millimetre, as the file says it.
+            # In tenths of a millimetre, the precision of the file.
             sides_m = [round(_LEAST_SIDE_M + span_m * draw(), 4) for _ in "xy"]
             mass_kg = _DENSITY_KG_PER_M3 * math.prod(sides_m) * _HEIGHT_M
             lines.append(
@@ -311,7 +321,7 @@ class BoardGenerator:
 
     @cached_property
     def _misses(self) -> dict[int, float]:
-        """Probability that the grasp fails, by number of each part of which it may."""
+        """Failure probability by part number, for parts whose grasp may fail."""
         if self.failures is None:
             return {}
         draw = self._draws("failures")
@@ -319,29 +329,29 @@ class BoardGenerator:
         least, greatest = self.failures
         found = {}
         for number in _shuffled(self.parts, draw)[:count]:
-            # The file holds two decimals, and a grasp that always fails is refused.
+            # The file has two decimals and refuses grasps that always fail.
             probability = min(round(least + (greatest - least) * draw(), 2), 0.99)
             if probability:
                 found[number] = probability
         return found
 
     def _tools_of_parts(self) -> list[int]:
-        """Return the tool of every part: of the first ones each another, then any."""
+        """Return a tool for each part: distinct tools for the first parts, then random ones."""
         draw = self._draws(f"tools of {self.tools}")
         first = _shuffled(self.tools, draw)
         others = [int(draw() * self.tools) for _ in range(self.parts)]
         return [*first, *others][: self.parts]
 
     def _draws(self, subject: str) -> Callable[[], float]:
-        """Return even random numbers in [0, 1), of a sequence of the subject's own."""
-        # Of Python's generator only random() keeps its sequence across versions.
+        """Return uniform random numbers in [0, 1) from a sequence for one subject."""
+        # Only random() keeps its sequence across versions of Python.
         return random.Random(f"{self.seed} {subject}").random
 
 
 def _within(
     corner_m: tuple[float, float], cell: int, sides_m: list[float], draw: Callable[[], float]
 ) -> Iterator[float]:
-    """Yield x and y of a part's centre, drawn from where it lies wholly within a cell [m]."""
+    """Yield x and y of a part's centre, drawn such that the part is inside a cell [m]."""
     for low_m, index, side_m in zip(corner_m, divmod(cell, _COLUMNS), sides_m, strict=True):
         play_m = (_PITCH_M - side_m) / 2 - _MARGIN_M
         yield low_m + (index + 0.5) * _PITCH_M + play_m * (2 * draw() - 1)

@@ -17,7 +17,7 @@ _MAX_ISSUES = 300
 
 
 def find_issues(config: AssemblyConfig) -> list[Issue]:
-    """Return the faults, a few hundred at most; those of geometry only if the parts are sound."""
+    """Return the faults, a few hundred at most; geometry is checked only if the parts are sound."""
     issues = list(
         islice(
             chain(

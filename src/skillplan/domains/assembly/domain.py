@@ -39,7 +39,7 @@ class AssemblyDomain(Domain):
         return Overview(document, (*supports.lines, *choices.lines))
 
     def has_family(self, config: Any) -> bool:
-        """Whether the file has a block ``family``."""
+        """Return True if the file has a block ``family``."""
         return config.family is not None
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:

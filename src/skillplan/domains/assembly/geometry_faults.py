@@ -201,7 +201,7 @@ def _goes_down(screw: ScrewConfig) -> bool:
 
 
 def _rests_upright(config: AssemblyConfig, screw: ScrewConfig) -> bool:
-    """Whether the head of an upright screw rests on its part.
+    """Return True if the head of an upright screw rests on its part.
 
     It does if the part's top is at the mouth on the axis (the hole is not modelled), or all round
     under the rim of the head.
@@ -217,7 +217,7 @@ def _rests_upright(config: AssemblyConfig, screw: ScrewConfig) -> bool:
 
 
 def _rests_oblique(config: AssemblyConfig, screw: ScrewConfig) -> bool:
-    """Whether the head of an oblique screw rests on its part, by the same rule."""
+    """Return True if the head of an oblique screw rests on its part, by the same rule."""
     layout = get_layout(config)
     to_part = layout.goal(screw.through).pose.inverse()
     into, mouth = to_part.rotate(screw.direction), to_part.apply(layout.hole(screw))

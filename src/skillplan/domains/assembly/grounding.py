@@ -1,6 +1,6 @@
 """Grounding of an assembly file: its scene, skills, costs and goal.
 
-The five skills are those of Table I of Moller et al.: pick, place, load, offload, fasten. A skill
+The five skills are listed in Table I of Moller et al.: pick, place, load, offload, fasten. A skill
 costs the planar distance from the end of the skill before to its own goal (section 4.2), or its
 duration; the file's speeds and dwell times apply if no back end provides times. A failed grasp
 leaves the part in place. If the arm then goes to look for the part, the next skill pays for that
@@ -359,7 +359,7 @@ class _Grounding:
 
 
 def choose_step_limit(config: AssemblyConfig) -> int:
-    """Return the step limit as given, or one that allows every order.
+    """Return the given step limit, or a limit that allows every order.
 
     That is a pick and a place for every part, a fastening for every screw, and a tool change
     before each of them and at the end if there are several tools. A part whose grasp may fail is

@@ -56,11 +56,11 @@ class Handle:
     outwards
         The opposite vector.
     from_top
-        Whether the hand comes from the part's top.
+        True if the hand comes from the part's top.
     closing
         Direction in which the jaws close; None if the part decides.
     closes_askew
-        Whether that direction is not perpendicular to the approach.
+        True if that direction is not perpendicular to the approach.
     point
         A point on the hand's axis [m]; None if the part decides.
     """
@@ -152,7 +152,7 @@ class Handle:
         return grasp if grasp.width_m <= other.width_m + 1e-9 else other
 
     def between_fingers(self, grasp: Grasp) -> bool:
-        """Whether some shape is between the faces of the fingers, above their ends."""
+        """Return True if some shape is between the faces of the fingers, above their ends."""
         across = cross(self.approach, grasp.closing)
         out_m = dot(grasp.tip, self.outwards)
 

@@ -1,4 +1,4 @@
-"""A closed polyhedron, checked: its faces turned outward, and whether it is convex."""
+"""Mesh files: closed polyhedra with outward faces, convex hulls, and convex pieces."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from skillplan.files.regular_file import CompanionFileError, companion_in, read_
 from skillplan.task.motion import Point
 
 MAX_CORNERS = 5_000
-"""Most corners of a polyhedron."""
+"""Greatest number of corners of a polyhedron."""
 
 LEAST_EXTENT_M = 1e-6
-"""What is shorter is flat."""
+"""A polyhedron with a smaller extent is flat."""
 
 DECIMALS = 9
-"""Lengths are kept to a nanometre."""
+"""Decimals of lengths in metres: a nanometre."""
 
-# How far a corner may lie outside the plane of a face, of the greatest extent: files hold seven
-# digits, of lengths far from the origin fewer.
+# Tolerance of a corner outside the plane of a face, as a share of the greatest extent: files have
+# seven digits, and fewer for lengths far from the origin.
 _FLATNESS = 1e-5
 
 Floats = npt.NDArray[np.float64]
@@ -36,14 +36,14 @@ Indices = npt.NDArray[np.int64]
 
 
 class MeshFileError(Exception):
-    """A file holds no polyhedron that a part can be made of.
+    """A file does not contain a polyhedron that a part can have.
 
     Parameters
     ----------
     message
-        What is wrong and what to do instead, in a sentence.
+        Problem and remedy in a sentence.
     key
-        The key of the task file that is at fault, ``file`` or ``scale``.
+        Key of the task file at fault: ``file``, ``scale`` or ``pieces``.
     """
 
     def __init__(self, message: str, key: str = "file") -> None:
@@ -53,22 +53,22 @@ class MeshFileError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Polyhedron:
-    """What a file holds.
+    """A polyhedron from a file.
 
     Parameters
     ----------
     corners
-        About the centre of the smallest upright box about them [m].
+        Corners relative to the centre of the bounding box [m].
     faces
-        Triangles by three indices of corners each, anticlockwise from outside.
+        Triangles as three indices of corners, anticlockwise from outside.
     size
-        Extents of the box [m].
+        Extents of the bounding box [m].
     sha256
         Hash of the file's content, in hexadecimal.
     convex
-        Whether it is.
+        True if it is convex.
     middle
-        Where the centre of that box is in the file [m].
+        Centre of the bounding box in the file's frame [m].
     """
 
     corners: tuple[Point, ...]
@@ -79,7 +79,7 @@ class Polyhedron:
     middle: Point
 
     def about(self, centre: Point) -> tuple[Point, ...]:
-        """Return the corners when the box lies about `centre` [m], to a nanometre."""
+        """Return the corners for a bounding box with its centre at `centre` [m], to a nanometre."""
         x_m, y_m, z_m = centre
         return tuple(
             (round(x + x_m, DECIMALS), round(y + y_m, DECIMALS), round(z + z_m, DECIMALS))
@@ -90,21 +90,21 @@ class Polyhedron:
 def polyhedron_of(
     raw_corners: Floats, raw_faces: Indices, sha256: str, middle: Floats | None = None
 ) -> Polyhedron:
-    """Return a polyhedron of corners [m] and faces as a file has them, checked.
+    """Return a checked polyhedron.
 
     Parameters
     ----------
     raw_corners
-        Shape (n, 3), about the centre of the box.
+        Corners relative to the centre of the bounding box [m], shape (n, 3).
     raw_faces
-        Three indices of corners each, shape (m, 3).
+        Three indices of corners for each face, shape (m, 3).
     sha256, middle
-        As of `Polyhedron`; a middle of None is the origin.
+        See `Polyhedron`; None for the origin.
 
     Raises
     ------
     MeshFileError
-        If it is not closed, has no outside or volume, or more than `MAX_CORNERS` corners.
+        If it is open, has no outside or no volume, or more than `MAX_CORNERS` corners.
     """
     corners, faces = _merged(raw_corners, raw_faces)
     if not len(faces):
@@ -133,7 +133,7 @@ def polyhedron_of(
 
 
 def _merged(corners: Floats, faces: Indices) -> tuple[Floats, Indices]:
-    """Return corners to a nanometre, each once, and faces that still have three of them."""
+    """Return distinct corners to a nanometre, and the faces with three distinct corners."""
     rounded = np.round(corners, DECIMALS) + 0.0
     unique, index = np.unique(rounded, axis=0, return_inverse=True)
     faces = index.reshape(-1)[faces]
@@ -173,33 +173,34 @@ def _is_convex(corners: Floats, faces: Indices, longest_m: float) -> bool:
 
 
 MAX_BYTES = 4 * 1024 * 1024
-"""Greatest size of a file."""
+"""Greatest size of a file [B]."""
 
 SUFFIXES = (".obj", ".stl", ".ply")
 
 _MOST_EXTENT_M = 10.0
-# A surface with more corners than this is seen from so many directions: of a ball of 0.1 m, less
-# than 0.2 mm stands out between them.
+# Number of directions that thin out larger surfaces: for a ball of 0.1 m, the surface stands out by
+# less than 0.2 mm between them.
 _DIRECTIONS = 1_000
 
 
 def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
-    """Return the polyhedron that a file holds.
+    """Return the polyhedron of a file.
 
     Parameters
     ----------
     folder
-        The task file's folder, which the file must lie in.
+        Folder of the task file, which must contain the file.
     name
-        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+        Name of the file relative to `folder`, with one of `SUFFIXES`.
     scale
-        What the lengths are multiplied by to be metres, > 0.
+        Factor that converts its lengths to metres, > 0.
 
     Raises
     ------
     MeshFileError
-        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds anything
-        but a closed surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
+        If the file is elsewhere, unreadable or larger than `MAX_BYTES`, or is not a closed surface
+        of
+        at most `MAX_CORNERS` corners, 1e-6 m to 10 m long.
     """
     content, suffix = content_of(folder, name)
     polyhedron = _polyhedron_or_refusal(content, suffix, scale)
@@ -211,22 +212,19 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
 def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], bytes]:
     """Return corners about a surface [m], convex or not, and the content of its file.
 
-    Of many corners, those are left out that are not the farthest in any of `_DIRECTIONS` evenly
-    spread directions.
+    Of many corners, only the farthest ones in `_DIRECTIONS` evenly spread directions are kept.
 
     Parameters
     ----------
-    folder
-        Which the file must lie in.
-    name
-        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+    folder, name
+        See `read_mesh`.
     scale
-        What the lengths along x, y and z are multiplied by to be metres.
+        Factors that convert lengths along x, y and z to metres.
 
     Raises
     ------
     MeshFileError
-        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds no body.
+        If the file is elsewhere, unreadable or larger than `MAX_BYTES`, or contains no body.
     """
     content, suffix = content_of(folder, name)
     corners, faces = parsed(content, suffix)
@@ -248,7 +246,7 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
 
 
 def _even_directions() -> Floats:
-    """Return unit vectors spread evenly over the sphere (Fibonacci's lattice)."""
+    """Return evenly spread unit vectors (Fibonacci lattice)."""
     number = np.arange(_DIRECTIONS) + 0.5
     z = 1 - 2 * number / _DIRECTIONS
     angle = math.pi * (1 + math.sqrt(5)) * number
@@ -257,20 +255,20 @@ def _even_directions() -> Floats:
 
 
 def content_of(folder: Path, name: str) -> tuple[bytes, str]:
-    """Return what a file holds, and its suffix."""
+    """Return the content of a file and its suffix."""
     try:
         path = companion_in(folder, name)
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             raise MeshFileError(
-                f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
+                f"The suffix selects the format; give one of {', '.join(SUFFIXES)}."
             )
         return read_companion(path, MAX_BYTES, "surface"), suffix
     except CompanionFileError as error:
         raise MeshFileError(str(error)) from None
 
 
-# Hundreds of parts may name one file.
+# Hundreds of parts may use the same file.
 @lru_cache(maxsize=16)
 def _polyhedron_or_refusal(content: bytes, suffix: str, scale: float) -> Polyhedron | MeshFileError:
     try:
@@ -295,7 +293,7 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
 
 
 def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
-    """Return corners and triangles as the file has them."""
+    """Return corners and triangles as stored in the file."""
     unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
         with warnings.catch_warnings(action="ignore"):
@@ -305,7 +303,7 @@ def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
             corners = np.asarray(mesh.vertices, dtype=np.float64)
             faces = np.asarray(mesh.faces, dtype=np.int64)
     except Exception:
-        # The library raises whatever its parsers meet, in the words of its programmers.
+        # trimesh raises the exceptions of its parsers, with messages for programmers.
         raise MeshFileError(unread) from None
     is_table = corners.ndim == 2 and corners.shape[1:] == (3,)
     if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
@@ -332,30 +330,30 @@ def _check_size(size: Floats, scale: float) -> None:
 
 
 MAX_PIECES = 512
-"""Most convex pieces of a polyhedron."""
+"""Greatest number of convex pieces of a polyhedron."""
 
-# How far the box about pieces may be off, of the greatest extent.
+# Tolerance of the bounding box of the pieces, as a share of the greatest extent.
 _PIECES_OFF = 1e-3
 
 
 def read_pieces(
     folder: Path, name: str | None, scale: float, whole: Polyhedron
 ) -> tuple[tuple[Polyhedron, ...], str]:
-    """Return the convex pieces of a polyhedron, about its middle, and the hash of their file.
+    """Return the convex pieces of a polyhedron about its centre, and the hash of their file.
 
     Parameters
     ----------
     folder, name, scale
-        As of `read_mesh`; a name of None has no pieces. What hangs together in the file by its
-        corners' numbers is a piece.
+        See `read_mesh`; the result is empty without a name. Connected faces form a piece.
     whole
-        What they are pieces of, in the frame of the same file.
+        The polyhedron, in the frame of the same file.
 
     Raises
     ------
     MeshFileError
-        If the file lies elsewhere, cannot be read, holds a piece that is not closed and convex, or
-        more than `MAX_PIECES`, or pieces that do not fill the box about the whole.
+        If the file is elsewhere, unreadable, contains a piece that is open or concave, contains
+        more
+        than `MAX_PIECES`, or if the pieces do not fill the bounding box of the whole.
     """
     if name is None:
         return (), ""
@@ -366,7 +364,7 @@ def read_pieces(
     return _pieces(content, suffix, scale, whole.middle, whole.size)
 
 
-# Identical parts have files of the same content.
+# Identical parts have files with the same content.
 @lru_cache(maxsize=16)
 def _pieces(
     content: bytes, suffix: str, scale: float, middle: Point, size: Point

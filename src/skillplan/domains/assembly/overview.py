@@ -131,7 +131,7 @@ def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
 
 
 def _meet(taken: tuple[WorldBox, ...], lying: tuple[WorldBox, ...], config: AssemblyConfig) -> bool:
-    """Whether boxes lifted straight up to safe height meet lying boxes."""
+    """Return True if boxes lifted straight up to safe height meet lying boxes."""
     lift = (0.0, 0.0, config.robot.safe_height_m)
     return any(sweep_hits(own, lift, other, _TOUCH_M) for own in taken for other in lying)
 

@@ -1,4 +1,4 @@
-"""The YAML schema of parts: their shapes, where they are and belong; and of screws."""
+"""YAML schema of parts (shape, start, goal) and of screws."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from skillplan.task.pose import DOWN, Point
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
-# Beyond, the expected number of tries exceeds what 53 bits can tell apart from never.
+# Above this, 53 bits cannot tell the expected number of tries from infinity.
 FailureProbability = Annotated[float, Field(ge=0, le=1 - 1e-9)]
 
 
@@ -55,7 +55,7 @@ Names = Annotated[
 ]
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
-"""Keys of a part of which exactly one gives its shape."""
+"""Keys for the shape of a part, exactly one of which is given."""
 
 
 class BoxConfig(Strict):
@@ -73,13 +73,13 @@ class CylinderConfig(Strict):
 
 
 class MeshConfig(Strict):
-    """A polyhedron from a file; of one that is not convex, the pieces that move are convex."""
+    """A polyhedron from a file; a concave one moves as convex pieces."""
 
     file: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
         description="an OBJ, STL or PLY file in the task file's folder, or in a folder of it"
     )
     scale: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
-        1.0, description="what the file's lengths are multiplied by to be metres, 0.001 for mm"
+        1.0, description="factor that converts the file's lengths to metres, 0.001 for mm"
     )
     centre_m: Spatial | None = Field(
         None,
@@ -87,7 +87,7 @@ class MeshConfig(Strict):
         "[m]; left out: it stands there, and check prints the value that keeps the file's origin",
     )
 
-    # Not hashed by name, as what the file holds is.
+    # Excluded from the hash, which contains the content of the file instead.
     pieces: Annotated[str, Field(min_length=1, max_length=4096)] | None = Field(
         None,
         exclude=True,
@@ -95,7 +95,7 @@ class MeshConfig(Strict):
         "out: a plugin makes them",
     )
 
-    # What the file holds, in the part's frame.
+    # Content of the file, in the part's frame.
     _corners: tuple[Point, ...] = PrivateAttr(())
     _middle_m: Point = PrivateAttr((0.0, 0.0, 0.0))
     _size_m: Point = PrivateAttr((0.0, 0.0, 0.0))
@@ -110,9 +110,9 @@ class MeshConfig(Strict):
     def _read_file(
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
-        """Read the polyhedron that the file holds."""
+        """Read the file."""
         made = handler(data)
-        # Takes trimesh, and numpy with it.
+        # Imports trimesh and numpy.
         from skillplan.domains.assembly.mesh_files import MeshFileError, read_mesh, read_pieces
 
         folder = Path((info.context or {}).get("folder", Path()))
@@ -148,35 +148,35 @@ class MeshConfig(Strict):
 
     @property
     def faces(self) -> tuple[tuple[int, int, int], ...]:
-        """Its triangles, by three indices of corners each, seen from outside anticlockwise."""
+        """Triangles as three indices of corners, anticlockwise from outside."""
         return self._faces
 
     @property
     def convex(self) -> bool:
-        """Whether it is convex."""
+        """True if it is convex."""
         return self._convex
 
     @property
     def shape(self) -> Mesh:
-        """It in the part's frame: made once, as a mesh of thousands of corners is tested long."""
+        """The mesh in the part's frame; cached, as checks of thousands of corners take long."""
         if self._shape is None:
             self._shape = Mesh(self._corners, self._faces, self._convex)
         return self._shape
 
     @property
     def given_pieces(self) -> tuple[Mesh, ...]:
-        """Its convex pieces in the part's frame, where a file gives them."""
+        """Convex pieces in the part's frame, if a file gives them."""
         return self._pieces
 
     @computed_field  # type: ignore[prop-decorator]
     @property
     def sha256(self) -> str:
-        """Hash of the file's content, so that the task's hash is that of its meshes, too."""
+        """Hash of the file's content, which makes it part of the task's hash."""
         return self._sha256
 
 
 class PartConfig(Strict):
-    """A part: where it is, where it belongs, its shape."""
+    """A part: shape, start and goal."""
 
     tool: Name = Field(description="the tool that grasps it")
     mass_kg: Mass = Field(0.1, description="mass [kg]")
@@ -194,7 +194,7 @@ class PartConfig(Strict):
     )
     grasp: Grasps = Field(
         default_factory=GraspConfig,
-        description="how it is held; a list of grasps to choose from, the preferred first; auto: "
+        description="its grasp; a list of grasps to choose from, the preferred first; auto: "
         "from any of its six sides, closing along either axis there",
     )
     grasp_failure: FailureProbability = Field(
@@ -202,7 +202,7 @@ class PartConfig(Strict):
     )
     start_m: PlanarOrSpatial | None = Field(
         None,
-        description="where it lies at the start, x y or x y z [m]; or one of start_on and feeder; "
+        description="place at the start, x y or x y z [m]; or one of start_on and feeder; "
         "without z it rests on start_on, or on the table",
     )
     start_on: Name | None = Field(
@@ -211,33 +211,32 @@ class PartConfig(Strict):
         "origin; instead of start_m alone",
     )
     feeder: Name | None = Field(None, description="the feeder it comes from; instead of start_m")
-    start_yaw_rad: Angle = Field(0.0, description="how it is turned at the start [rad]")
+    start_yaw_rad: Angle = Field(0.0, description="yaw at the start [rad]")
     start_rpy_rad: Angles | None = Field(
         None,
-        description="how it is turned in space at the start, about the fixed axes x, y and z in "
+        description="rotation at the start, about the fixed axes x, y and z in "
         "this order [rad]; instead of start_yaw_rad",
     )
     goal_m: PlanarOrSpatial = Field(
-        description="where it belongs, x y or x y z [m]; without z it rests on goal_on"
+        description="place at the goal, x y or x y z [m]; without z it rests on goal_on"
     )
     goal_on: Names | None = Field(
         None, description="the part it stands on, or a list of them; left out: the table"
     )
-    goal_yaw_rad: Angle = Field(0.0, description="how it is turned at its goal [rad]")
+    goal_yaw_rad: Angle = Field(0.0, description="yaw at the goal [rad]")
     goal_rpy_rad: Angles | None = Field(
         None,
-        description="how it is turned in space at its goal, about the fixed axes x, y and z in "
+        description="rotation at the goal, about the fixed axes x, y and z in "
         "this order [rad]; instead of goal_yaw_rad",
     )
     insert_along: Directions | None = Field(
         None,
-        description="the direction in which it goes into place, x y z, or several to choose "
+        description="direction of its insertion, x y z, or several to choose "
         "from, the preferred first; left out: straight down",
     )
     insert_m: Length | None = Field(
         None,
-        description="how long it goes in that direction [m]; left out: from where it is free of "
-        "what it goes into",
+        description="length of the insertion [m]; left out: the length that clears its neighbours",
     )
     frame: Literal["world", "goal"] = Field(
         "world",
@@ -246,7 +245,7 @@ class PartConfig(Strict):
     durations_s: PartDurations | None = Field(
         None,
         exclude_if=is_absent,
-        description="dwell times of this part [s]; left out: those of its tool, or the task's",
+        description="dwell times of this part [s]; left out: dwell of its tool, or of the task",
     )
 
     @model_validator(mode="after")
@@ -266,17 +265,17 @@ class PartConfig(Strict):
 
     @property
     def start_turn_rad(self) -> Point:
-        """How it is turned at the start: roll, pitch and yaw [rad]."""
+        """Roll, pitch and yaw at the start [rad]."""
         return _turn(self.start_rpy_rad, self.start_yaw_rad)
 
     @property
     def goal_turn_rad(self) -> Point:
-        """How it is turned at its goal: roll, pitch and yaw [rad]."""
+        """Roll, pitch and yaw at the goal [rad]."""
         return _turn(self.goal_rpy_rad, self.goal_yaw_rad)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Shapes that it consists of, in its own frame."""
+        """Shapes of the part in its own frame."""
         if self.size_m is not None:
             x_m, y_m, z_m = self.size_m
             return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
@@ -289,7 +288,7 @@ class PartConfig(Strict):
 
     @property
     def convex_shapes(self) -> tuple[Shape, ...]:
-        """Convex shapes that it consists of: a concave mesh is replaced by its pieces.
+        """Convex shapes of the part: pieces replace a concave mesh.
 
         Raises
         ------
@@ -311,12 +310,12 @@ class PartConfig(Strict):
 
     @property
     def bounding_boxes(self) -> tuple[Box, ...]:
-        """Smallest upright boxes about its shapes, in its own frame."""
+        """Smallest upright boxes about the shapes, in the part's frame."""
         return tuple(shape.box for shape in self.shapes)
 
     @property
     def height_m(self) -> float:
-        """Height of its top above its bottom [m]."""
+        """Height of the top above the bottom [m]."""
         return max(box.centre[2] + box.size[2] / 2 for box in self.bounding_boxes)
 
     @property
@@ -354,7 +353,7 @@ class ScrewConfig(Strict):
     durations_s: ScrewDurations | None = Field(
         None,
         exclude_if=is_absent,
-        description="dwell times of this screw [s]; left out: those of its tool, or the task's",
+        description="dwell times of this screw [s]; left out: dwell of its tool, or of the task",
     )
 
     @property

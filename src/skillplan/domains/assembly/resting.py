@@ -14,7 +14,7 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 
-# A part that passes a wall once it is narrower by this share was meant to stand beside it.
+# A part that passes a wall once it is narrower by this share was meant to stand next to it.
 _WALL_SHARE = 0.4
 _PRECISION_M = 1e-5
 

@@ -1,4 +1,4 @@
-"""The YAML schema of the arm and of its tools."""
+"""YAML schema of the arm and its tools, and arms from URDF files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class RobotConfig(Strict):
     base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
     base_rpy_rad: Angles = Field(
         [0.0, 0.0, 0.0],
-        description="how the base is turned about the fixed axes x, y and z, in this order [rad]",
+        description="rotation of the base about the fixed axes x, y and z, in this order [rad]",
     )
     tip: Name | None = Field(
         None,
@@ -69,7 +69,7 @@ class RobotConfig(Strict):
         description="posture with room for every joint, next to which others are preferred [rad]; "
         "left out: that of the model, of a URDF all at 0",
     )
-    home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
+    home_m: Planar = Field(description="place of the tip at the start, x y [m]")
     reach_m: Length | None = Field(
         None, description="greatest distance from base to tip [m]; left out: that of the model"
     )
@@ -87,11 +87,11 @@ class RobotConfig(Strict):
     )
     look_m: Planar | None = Field(
         None,
-        description="where the tip goes to look for a part whose grasp failed, x y [m]; left out: "
-        "it stays over the part",
+        description="place from which the arm looks for a part after a failed grasp, x y [m]; left "
+        "out: over the part",
     )
 
-    # By functions: pydantic would copy a default to its depths, in every file that is read.
+    # Factories avoid a deep copy of the default by pydantic for every file.
     _arm: ArmDescription = PrivateAttr(default_factory=lambda: DEFAULT_MODEL)
     _hand: Hand = PrivateAttr(default_factory=lambda: DEFAULT_HAND)
     _sha256: str | None = PrivateAttr(None)
@@ -135,12 +135,12 @@ class RobotConfig(Strict):
 
     @property
     def arm(self) -> ArmDescription:
-        """Its joints, limits, masses and shapes."""
+        """Joints, limits, masses and shapes."""
         return self._arm
 
     @property
     def hand(self) -> Hand:
-        """What is on its flange."""
+        """Hand on the flange."""
         return self._hand
 
     @property
@@ -156,7 +156,7 @@ class RobotConfig(Strict):
 
     @property
     def base_orientation(self) -> Quaternion:
-        """How its base is turned."""
+        """Orientation of the base."""
         roll, pitch, yaw = self.base_rpy_rad
         origin: Point = (0.0, 0.0, 0.0)
         return Pose.turned(origin, (roll, pitch, yaw)).orientation
@@ -164,7 +164,7 @@ class RobotConfig(Strict):
     @computed_field  # type: ignore[prop-decorator]
     @property
     def model_sha256(self) -> str | None:
-        """Hash of a URDF and its meshes, so that the task's hash is that of its arm, too."""
+        """Hash of a URDF and its meshes, which makes it part of the task's hash."""
         return self._sha256
 
 
@@ -173,8 +173,7 @@ class ToolConfig(Strict):
 
     type: Literal["gripper", "suction", "screwdriver"] | None = Field(
         None,
-        description="what it does; left out: screwdriver where it drives screws and holds no part, "
-        "gripper otherwise",
+        description="its type; left out: screwdriver if it only drives screws, else gripper",
     )
     opening_m: Length | None = Field(
         None,
@@ -182,8 +181,8 @@ class ToolConfig(Strict):
     )
     force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
         None,
-        description="what a gripper closes with, or a suction cup holds, at most [N]; left out: "
-        "what engines choose",
+        description="greatest force of a gripper or a suction cup [N]; left out: default of the "
+        "engine",
     )
     jaw_profile_m: Annotated[list[JawRow], Field(min_length=2, max_length=32)] | None = Field(
         None,
@@ -191,7 +190,7 @@ class ToolConfig(Strict):
         "half its width, and how far behind its face it begins and ends [m]; convex between; left "
         "out: that of the arm's hand",
     )
-    holder_m: Planar = Field(description="where it hangs, x y [m]")
+    holder_m: Planar = Field(description="place of its holder, x y [m]")
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(
         None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
@@ -228,7 +227,7 @@ class ToolConfig(Strict):
         return (self.holder_m[0], self.holder_m[1], self.holder_height_m)
 
     def hand_on(self, hand: Hand) -> Hand | None:
-        """Return what it looks like instead of the hand of the arm; None for that."""
+        """Return the hand that this tool replaces the arm's hand by, or None."""
         if self.jaw_profile_m is None:
             return None
         jaw = tuple((row[0], row[1], row[2], row[3]) for row in self.jaw_profile_m)
@@ -239,23 +238,23 @@ class ToolConfig(Strict):
 
 
 MAX_BYTES: Final = 4 * 1024 * 1024
-"""Greatest size of a URDF."""
+"""Greatest size of a URDF [B]."""
 
 MAX_MESH_BYTES: Final = 64 * 1024 * 1024
-"""Greatest size of all meshes that it names, each counted once a scale."""
+"""Greatest total size of its meshes, counted once for each scale [B]."""
 
 _PACKAGE = "package://"
 
 
 class ArmFileError(Exception):
-    """A file holds no arm; says why and what to do instead.
+    """A file does not describe a supported arm.
 
     Parameters
     ----------
     message
-        A sentence.
+        Problem and remedy in a sentence.
     key
-        The key of the task file that is at fault.
+        Key of the task file at fault.
     """
 
     def __init__(self, message: str, key: str = "model") -> None:
@@ -266,25 +265,25 @@ class ArmFileError(Exception):
 def read_arm(
     folder: Path, name: str, tip: str | None, home_rad: Sequence[float] | None
 ) -> tuple[ArmDescription, str]:
-    """Return the arm that a file holds, and a hash of all that was read.
+    """Return the arm of a URDF file, and a hash of all files read.
 
     Parameters
     ----------
     folder
-        The task file's folder, which the file must lie in.
+        Folder of the task file, which must contain the file.
     name
-        The file's name relative to `folder`.
+        Name of the file relative to `folder`.
     tip
-        The link to which hands are fixed.
+        Link that holds the hand.
     home_rad
-        A posture with room for every joint [rad], or None.
+        Home posture [rad]; None for the default.
 
     Raises
     ------
     ArmFileError
-        If it lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or describes no arm.
+        If the file is elsewhere, unreadable, larger than `MAX_BYTES`, or describes no arm.
     """
-    # Reads XML, which the named arms do without.
+    # Imports the XML reader, which named arms do not need.
     from skillplan.robots.urdf import UrdfError, read_urdf
 
     if name.lower().endswith(".xacro"):
@@ -306,14 +305,14 @@ def read_arm(
     except UrdfError as error:
         raise ArmFileError(f"{str(error)[:1].upper()}{str(error)[1:]}.", error.key) from None
     except ValueError as error:
-        # Of the description: a home posture beyond the limits, joints of one name.
+        # The description is inconsistent: a home posture beyond limits, or repeated joint names.
         key = "home_rad" if "home_rad" in str(error) else "model"
         raise ArmFileError(str(error), key) from None
     return arm, meshes.digest.hexdigest()
 
 
 class _Meshes:
-    """Reads meshes beside a URDF, and remembers what they were."""
+    """Reads meshes of a URDF, each file and scale once."""
 
     def __init__(self, folder: Path, beside: str, digest: hashlib._Hash) -> None:
         self.folder = folder
@@ -324,7 +323,7 @@ class _Meshes:
 
     def corners(self, name: str, scale: Triple) -> tuple[Triple, ...]:
         """Return the corners of the convex hull of a mesh [m]."""
-        # Takes trimesh, and numpy with it.
+        # Imports trimesh and numpy.
         from skillplan.domains.assembly.mesh_files import MeshFileError, read_hull
         from skillplan.robots.urdf import UrdfError
 
@@ -352,7 +351,7 @@ class _Meshes:
 
 
 def _candidates(name: str) -> list[str]:
-    """Return where a mesh may lie: of a package, in its folder or that of the URDF."""
+    """Return possible paths of a mesh: relative to its package, or to the URDF."""
     if not name.startswith(_PACKAGE):
         return [name]
     within = name.removeprefix(_PACKAGE)

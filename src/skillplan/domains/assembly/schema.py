@@ -21,7 +21,7 @@ CostKind = Literal["distance", "time"]
 
 
 class ToolChangeConfig(Strict):
-    """How tools are changed."""
+    """Style of tool changes."""
 
     style: ToolChange = Field(
         "swap",
@@ -34,16 +34,16 @@ class ToolChangeConfig(Strict):
 
 
 class FeederConfig(Strict):
-    """A feeder that hands out parts or screws one at a time, always at the same place."""
+    """A feeder that presents parts or screws one at a time at a fixed place."""
 
-    position_m: Planar = Field(description="where it hands out, x y [m]")
+    position_m: Planar = Field(description="place where it presents them, x y [m]")
     height_m: Height = Field(
-        0.0, description="height of what bears a part, or the head of a screw, in it [m]"
+        0.0, description="height of the support of a part, or of the head of a screw [m]"
     )
 
     @property
     def position(self) -> Point:
-        """Where it hands out [m]."""
+        """Place where it presents them [m]."""
         return (self.position_m[0], self.position_m[1], self.height_m)
 
 
@@ -52,7 +52,7 @@ class ChartLine(Strict):
 
     before: Name = Field(description="the part or screw that comes first")
     after: Annotated[list[Name], Field(min_length=1, max_length=512)] = Field(
-        description="those that come later"
+        description="parts and screws that come later"
     )
 
 
@@ -71,7 +71,7 @@ class RewardConfig(Strict):
 
 
 class FamilyConfig(Strict):
-    """A family of layouts: how far what the file says may be moved, at random and evenly."""
+    """A family of layouts: ranges of random shifts."""
 
     start_shift_m: Shift = Field(
         0.0,
@@ -80,8 +80,8 @@ class FamilyConfig(Strict):
     )
     gap_m: Shift = Field(
         0.0,
-        description="the least that a part at its start keeps, along x or y, from where others "
-        "lie and belong [m]; where the file has less, no less than that",
+        description="least distance along x or y of a part at its start from starts and goals of "
+        "others [m]; pairs that are closer in the file come no closer",
     )
     goal_shift_m: Shift = Field(
         0.0,
@@ -96,12 +96,12 @@ class FamilyConfig(Strict):
 
 
 class CostExpectation(Strict):
-    """A sequence and what it costs."""
+    """A sequence and its cost."""
 
     actions: Annotated[list[int], Field(min_length=1)] = Field(
         description="numbers of the actions, from 0"
     )
-    cost: float = Field(ge=0, description="what they cost together, in the task's unit")
+    cost: float = Field(ge=0, description="total cost in the task's unit")
 
 
 class ExpectConfig(Strict):
@@ -114,16 +114,14 @@ class ExpectConfig(Strict):
     optimal_actions: list[int] | None = Field(
         None, description="the actions of the optimum, by number from 0"
     )
-    states: int | None = Field(None, ge=1, description="how many states can be reached")
-    observations: int | None = Field(
-        None, ge=1, description="how many observations a learner can make"
-    )
+    states: int | None = Field(None, ge=1, description="number of reachable states")
+    observations: int | None = Field(None, ge=1, description="number of observations of a learner")
     sequences: dict[str, int] | None = Field(
-        None, description="how many feasible sequences there are, by their number of skills"
+        None, description="number of feasible sequences by their number of skills"
     )
-    costs: list[CostExpectation] | None = Field(None, description="sequences and what they cost")
+    costs: list[CostExpectation] | None = Field(None, description="sequences with their costs")
     tool_changes: int | None = Field(
-        None, ge=0, description="how many tool changes the optimum has"
+        None, ge=0, description="number of tool changes of the optimum"
     )
 
 
@@ -136,7 +134,7 @@ class AssemblyConfig(Strict):
     robot: RobotConfig = Field(description="the arm")
     cost: CostKind = Field(
         "distance",
-        description="what is minimised: the planar distance that the tip goes [m], or the cycle "
+        description="objective: the planar path of the tip [m], or the cycle "
         "time [s]: 'durations_s', and travels by the trajectories of a back end, or else by "
         "'travel_speed_m_per_s'",
     )
@@ -152,7 +150,7 @@ class AssemblyConfig(Strict):
         None, description="the tool attached at the start; left out: none"
     )
     tool_change: ToolChangeConfig = Field(
-        default_factory=ToolChangeConfig, description="how tools are changed"
+        default_factory=ToolChangeConfig, description="style of tool changes"
     )
     feeders: Annotated[dict[Name, FeederConfig], Field(max_length=64)] = Field(
         {}, description="feeders by name; left out: none"

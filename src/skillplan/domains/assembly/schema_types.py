@@ -1,4 +1,8 @@
-"""The ranges that keys of a task file have in common: places, lengths, heights, angles."""
+"""Types of keys that several sections share: places, lengths, directions, grasps, dwell times.
+
+A dwell time is the time of the hand at a target, without travels and strokes. That of a part or
+screw comes first, then that of its tool, then that of the task.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 PlanarOrSpatial = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
-# Thinner than a micrometre, a box has no volume worth the name.
+# A box thinner than a micrometre has no volume.
 Extent = Annotated[float, Field(ge=1e-6, le=10)]
 Length = Annotated[float, Field(gt=0, le=10)]
 Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
@@ -25,7 +29,7 @@ Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 
 
-# Shorter than this, three numbers are no direction, whatever they are divided by.
+# Least length of a direction before it is normalised.
 _NO_LENGTH = 1e-6
 
 _Component = Annotated[float, Field(ge=-1000, le=1000)]
@@ -42,11 +46,11 @@ def _with_length(vector: list[float]) -> list[float]:
 Direction = Annotated[
     list[_Component], Field(min_length=3, max_length=3), AfterValidator(_with_length)
 ]
-"""Three numbers, not all 0; only their ratio counts."""
+"""Three numbers, not all 0; only their ratio matters."""
 
 
 def _how_many(value: Any) -> str:
-    """Return which of the two forms a list of directions has."""
+    """Return the form of a list of directions."""
     return SEVERAL if isinstance(value, list) and any(isinstance(v, list) for v in value) else ONE
 
 
@@ -65,7 +69,7 @@ Axis = Annotated[
 
 
 class GraspConfig(Strict):
-    """How a part is held."""
+    """A grasp of a part."""
 
     type: Literal["jaws", "suction"] | None = Field(
         None, description="between jaws, or by suction; left out: as its tool does"
@@ -78,7 +82,7 @@ class GraspConfig(Strict):
     closing_axis: Axis = Field(
         "auto",
         description="axis of the part along which jaws close, or a direction in its frame; auto: "
-        "where it is narrower",
+        "the narrower direction",
     )
     depth_m: Extent | None = Field(
         None,
@@ -87,14 +91,14 @@ class GraspConfig(Strict):
     )
     at_m: PlanarOrSpatial | None = Field(
         None,
-        description="where the tip of the hand is, x y from the centre of the part's bottom [m]; a "
+        description="place of the hand's tip, x y from the centre of the part's bottom [m]; a "
         "hand that does not come from the part's top needs x y z of a point on its axis; left out: "
         "over that centre for suction from the top, else in the middle of what is held",
     )
 
 
 def _which(value: Any) -> str:
-    """Return which form a grasp has."""
+    """Return the form of a grasp."""
     if isinstance(value, str):
         return WORD
     return SEVERAL if isinstance(value, list) else ONE
@@ -116,8 +120,8 @@ def as_point(values: list[float]) -> Point:
 
 
 def unit_of(vector: list[float]) -> Point:
-    """Return the direction of three numbers that have one, as a vector of length 1."""
-    # What is a unit vector already stays as it is, to the last bit.
+    """Return a unit vector in the direction of three numbers."""
+    # A unit vector stays the same bit for bit.
     length = math.hypot(*vector)
     x, y, z = vector if abs(length - 1) < 1e-12 else (value / length for value in vector)
     return (x + 0.0, y + 0.0, z + 0.0)
@@ -125,12 +129,12 @@ def unit_of(vector: list[float]) -> Point:
 
 Duration = Annotated[float, Field(ge=0, le=86_400)]
 _FETCH_S = 1.0
-_NEXT = "left out: that of its tool, or the task's"
-_LAST = "left out: the task's"
+_NEXT = "left out: dwell of its tool, or of the task"
+_LAST = "left out: dwell of the task"
 
 
 def is_absent(value: Any) -> bool:
-    """Return True if a key is left out: such files keep the hash that they had before the key."""
+    """Return True if a key is left out: such files keep the hash of earlier versions."""
     return value is None
 
 
@@ -139,7 +143,7 @@ def _is_usual(value: float) -> bool:
 
 
 class DurationsConfig(Strict):
-    """Dwell times of the task, which count where a part, a screw and its tool give none."""
+    """Dwell times of the task, if neither part, screw nor tool gives one."""
 
     pick: Duration = Field(3.0, description="close the jaws on a part, or draw it by suction [s]")
     place: Duration = Field(3.0, description="let go of a part where it belongs [s]")
@@ -179,7 +183,7 @@ class ToolDurations(Strict):
 
 
 class _Dwells(Protocol):
-    """A part, a screw or a tool, each of which may have dwell times."""
+    """A part, a screw or a tool with optional dwell times."""
 
     @property
     def durations_s(self) -> Strict | None: ...
@@ -193,9 +197,9 @@ def dwell_s(kind: str, task: DurationsConfig, *owners: _Dwells) -> float:
     kind
         Key of `DurationsConfig`.
     task
-        The task's dwell times.
+        Dwell times of the task.
     owners
-        A part or screw, and its tool: the first that gives the dwell counts.
+        Part or screw, and tool: the first owner with the dwell time decides.
     """
     given = (getattr(owner.durations_s, kind, None) for owner in owners)
     taken_s: float = next((value for value in given if value is not None), getattr(task, kind))

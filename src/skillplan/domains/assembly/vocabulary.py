@@ -24,7 +24,7 @@ def missed_parts(config: AssemblyConfig) -> list[str]:
 
 
 def allows_bare_hand(config: AssemblyConfig) -> bool:
-    """Whether the arm may be without any tool."""
+    """Return True if the arm may be without any tool."""
     return config.initial_tool is None or config.tool_change.style == "separate"
 
 

@@ -26,7 +26,7 @@ class SopDomain(Domain):
         return read_tsplib(text, source)
 
     def issues(self, config: Any) -> Iterable[Issue]:
-        """Return faults of the matrix's shape and of the order that it demands."""
+        """Return faults of the matrix's shape and of its order."""
         return issues(config)
 
     def ground(self, config: Any, sha256: str) -> list[Task]:
@@ -34,5 +34,5 @@ class SopDomain(Domain):
         return [sop_task(config, sha256)]
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
-        """Return the matrix, which is all that facts come from."""
+        """Return the matrix, the source of all facts."""
         return ("costs",)

@@ -1,4 +1,4 @@
-"""The schema of a sequential ordering problem: a matrix of costs that says the order, too."""
+"""A sequential ordering problem: schema of the cost matrix, precedence, faults, and task."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skillplan.task.state import Condition, Facts
 from skillplan.task.task import Metric, Task
 
 BEFORE = -1
-"""The entry in row i and column j that says that j comes before i."""
+"""Entry in row i and column j if j comes before i."""
 
 MOST_NODES = 2000
 MOST_COST = 2**40
@@ -53,20 +53,20 @@ class SopConfig(Strict):
 
 
 class NodeOrder:
-    """The precedence relation of a square matrix with entries `BEFORE`.
+    """Precedence relation of a square matrix with entries `BEFORE`.
 
-    Node 0 comes before all others, whether their rows say so or not. Sets of nodes are whole
-    numbers of which bit i stands for node i.
+    Node 0 comes before all others even if their rows do not state it. Sets of nodes are integers
+    with bit i for node i.
 
     Parameters
     ----------
     costs
-        Shape (n, n); the diagonal does not count.
+        Shape (n, n); the diagonal is ignored.
 
     Attributes
     ----------
     direct
-        By node, those that its row puts before it.
+        Predecessors in the row of each node.
     """
 
     def __init__(self, costs: Sequence[Sequence[int]]) -> None:
@@ -78,11 +78,8 @@ class NodeOrder:
 
     @cached_property
     def sequence(self) -> list[int]:
-        """The nodes in an order that keeps the relation, as far as there is no cycle.
-
-        Nodes in a cycle, and those after one, are left out.
-        """
-        # Where the relation is closed, what has more before it comes later.
+        """Nodes in a topological order; nodes in or after a cycle are left out."""
+        # In a closed relation, nodes with more predecessors come later.
         likely = sorted(range(len(self.direct)), key=lambda node: self.direct[node].bit_count())
         seen = 0
         for node in likely:
@@ -92,14 +89,14 @@ class NodeOrder:
         return likely
 
     def _sorted(self) -> list[int]:
-        """Return the nodes that are in no cycle, and not after one, by counting down."""
+        """Return a topological order by counting predecessors down (Kahn's algorithm)."""
         after: list[list[int]] = [[] for _ in self.direct]
         for node, before in enumerate(self.direct):
             for other in nodes_of(before):
                 after[other].append(node)
         waiting = [before.bit_count() for before in self.direct]
         free = [node for node, count in enumerate(waiting) if not count]
-        for node in free:  # which grows on the path
+        for node in free:  # grows during the loop
             for other in after[node]:
                 waiting[other] -= 1
                 if not waiting[other]:
@@ -108,16 +105,13 @@ class NodeOrder:
 
     @cached_property
     def cycle(self) -> tuple[int, ...]:
-        """Nodes of which each comes before the next, and the last before the first; or none.
-
-        The lowest of them stands first.
-        """
+        """A cycle with its lowest node first, each node before the next; may be empty."""
         rest = (1 << len(self.direct)) - 1
         for node in self.sequence:
             rest ^= 1 << node
         if not rest:
             return ()
-        # Every node that is left has one before it that is left, too.
+        # Every remaining node has a remaining predecessor.
         path = [(rest & -rest).bit_length() - 1]
         seen = {path[0]: 0}
         while True:
@@ -132,19 +126,19 @@ class NodeOrder:
 
     @cached_property
     def before(self) -> list[int]:
-        """By node, all that come before it; of a relation without cycles."""
+        """Predecessors of each node; the relation must have no cycle."""
         return self._closure[0]
 
     @cached_property
     def immediate(self) -> list[int]:
-        """By node, those before it with none between them and it; of one without cycles."""
+        """Direct predecessors of each node (transitive reduction); no cycle allowed."""
         return self._closure[1]
 
     @cached_property
     def _closure(self) -> tuple[list[int], list[int]]:
         before, immediate = list(self.direct), list(self.direct)
         for node in self.sequence:
-            # What is implied by one that was looked at need not be looked at.
+            # Predecessors of a handled node are implied and need no look.
             rest, implied = self.direct[node], 0
             while rest:
                 other = rest.bit_length() - 1
@@ -156,16 +150,16 @@ class NodeOrder:
 
 
 def nodes_of(members: int) -> list[int]:
-    """Return the nodes of a set, from the lowest."""
+    """Return the nodes of a set in ascending order."""
     return [node for node, digit in enumerate(bin(members)[:1:-1]) if digit == "1"]
 
 
-# Of the nodes that a message is about, so many are named.
+# Greatest number of nodes named in a message.
 _MOST_NAMED = 8
 
 
 def issues(config: SopConfig) -> Iterator[Issue]:
-    """Yield every fault, each with the path of its entry."""
+    """Yield the faults of a matrix with their paths."""
     n = len(config.costs)
     ragged = [i for i, row in enumerate(config.costs) if len(row) != n]
     for i in ragged:
@@ -225,19 +219,20 @@ def _counted(entries: int) -> str:
 
 
 WEIGHT = Metric("weight", "", decimals=0)
-"""The weights of a TSPLIB file have no unit."""
+"""Weights of TSPLIB files have no unit."""
 
 
 def sop_task(config: SopConfig, sha256: str) -> Task:
-    """Return the task of a faultless matrix.
+    """Return the task of a matrix without faults (Escudero 1988).
 
-    Node 0 is where one starts; every other has a skill ``visit(J)``, which needs what comes
-    right before it and is done once.
+    A plan is the cheapest path through all nodes that respects the order. Node 0 is the start.
+    Every
+    other node has a skill ``visit(J)``, done once after the direct predecessors of J.
 
     Parameters
     ----------
     config
-        The matrix, shape (n, n).
+        Matrix of shape (n, n).
     sha256
         Hash of the content, in hexadecimal.
     """
@@ -245,7 +240,7 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     stands = tuple(f"at({node})" for node in range(n))
     done = tuple(f"visited({node})" for node in range(1, n))
     facts = Facts((*stands, *done), exclusive=(stands,))
-    # The bits of `at(J)` and of `visited(J)`, which node 0 does not have.
+    # Bits of `at(J)` and `visited(J)`; node 0 has no `visited`.
     at = [1 << node for node in range(n)]
     visited = [0, *(1 << n - 1 + node for node in range(1, n))]
     places = facts.state((1 << n) - 1)
@@ -286,14 +281,14 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
 
 
 def _costs_to(config: SopConfig, order: NodeOrder) -> list[list[int]]:
-    """Return by node what coming from each other costs, `NEVER` where the order rules it out.
+    """Return the costs to each node from every other node, `NEVER` if the order excludes the arc.
 
-    One cannot come from what comes after, nor from what comes before with something between.
+    An arc is excluded from successors, and from predecessors with a node in between.
     """
     columns = [list(column) for column in zip(*config.costs, strict=True)]
     for node, before in enumerate(order.before):
         columns[node][node] = NEVER
-        # What the rows say is in the columns already: there, -1 means the same.
+        # Entries of the rows are in the columns already, where -1 means the same.
         for other in nodes_of(before & ~order.direct[node]):
             columns[other][node] = NEVER
         for other in nodes_of(before & ~order.immediate[node]):

@@ -1,4 +1,8 @@
-"""The numbers of a TSPLIB file: how many there must be, and where each of them stands."""
+"""TSPLIB ``.sop`` files: a header and a full matrix, or a bare matrix of numbers.
+
+The format is that of G. Reinelt, "TSPLIB 95", section 1. The result is a document like that of a
+YAML file of kind ``sop``, with positions for faults of the matrix.
+"""
 
 from __future__ import annotations
 
@@ -21,21 +25,21 @@ _PLAIN = re.compile(r"[-+0-9\s]*")
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
-# Longer than any number that may stand there, and short enough to be converted at once.
+# Longer than any valid number and short enough to convert at once.
 _MOST_DIGITS = 20
-# Of tokens that are no numbers, so many are listed.
+# Greatest number of invalid tokens listed.
 _MOST_LISTED = 5
 
 
 class MatrixText:
-    """The part of a text that holds the numbers of a square matrix, up to ``EOF``.
+    """The numbers of a square matrix in a text, up to ``EOF``.
 
     Parameters
     ----------
     text
-        The whole file, its lines ended by line feeds.
+        The whole file, with line feeds.
     start
-        Where the numbers begin.
+        Offset of the first number.
     """
 
     def __init__(self, text: str, start: int) -> None:
@@ -46,12 +50,12 @@ class MatrixText:
         self._skipped = 0
 
     def rows(self, dimension: int | None) -> tuple[list[list[int]], list[Issue]]:
-        """Return the matrix, and its faults; where there are any, the matrix is empty.
+        """Return the matrix and its faults; the matrix is empty if there are faults.
 
         Parameters
         ----------
         dimension
-            How many rows and columns there must be, >= 2; None for what the numbers say.
+            Number of rows and columns, >= 2; None to derive it from the numbers.
         """
         after = _TOKEN.search(self.text, self.end + len("EOF"))
         faults = []
@@ -75,7 +79,7 @@ class MatrixText:
 
     @property
     def first(self) -> int:
-        """Where the numbers begin, without the blanks before them."""
+        """Offset of the first number, without leading blanks."""
         token = _TOKEN.search(self.text, self.start, self.end)
         return self.start if token is None else token.start()
 
@@ -89,24 +93,24 @@ class MatrixText:
         return array("L", (token.start() for token in tokens))
 
     def _offset(self, index: int) -> int:
-        """Return where a number begins; where the numbers end if there are not as many."""
+        """Return the offset of a number; the end of the numbers if there are fewer."""
         return self._offsets[index] if index < len(self._offsets) else self._close
 
     @property
     def _close(self) -> int:
-        """Where ``EOF`` stands, or else the last character that is no white space."""
+        """Offset of ``EOF``, or else of the last character that is not blank."""
         if self.end < len(self.text):
             return self.end
         return max(len(self.text.rstrip()) - 1, 0)
 
     def _numbers(self) -> tuple[list[int], list[Issue]]:
-        """Return the numbers and the faults of what is none."""
+        """Return the numbers and the faults of invalid tokens."""
         body = self.text[self.start : self.end]
         if _PLAIN.fullmatch(body):
             try:
                 return list(map(int, body.split())), []
             except ValueError:
-                pass  # a sign by itself, or endless digits: reported below, with its place
+                pass  # a lone sign or too many digits: reported below with its position
         numbers, faults = [], []
         for token in _TOKEN.finditer(self.text, self.start, self.end):
             word = token[0]
@@ -120,20 +124,20 @@ class MatrixText:
 
     @cached_property
     def _counts(self) -> list[int]:
-        """How many numbers each line holds that holds any."""
+        """Number of numbers in each line with any."""
         lines = self.text[self.start : self.end].split("\n")
         return [count for count in (len(line.split()) for line in lines) if count]
 
     def _led(self, numbers: list[int], n: int) -> bool:
-        """Whether the first of n x n numbers is the dimension, so that one of them is missing.
+        """Return True if the first number is the dimension, so that one entry is missing.
 
-        It is where it stands alone in its line, while others do not, or where it is n.
+        It is if it stands alone in its line while others do not, or equals n.
         """
         alone = self._counts[0] == 1 and max(self._counts) > 1
         return (alone and numbers[0] > 1) or (numbers[0] == n and self._counts[0] != n)
 
     def _shape(self, numbers: list[int], dimension: int | None) -> tuple[int, int]:
-        """Return how many rows the numbers make and how many stand before them; 0 for none."""
+        """Return the number of rows and of numbers before them; 0 rows if no shape fits."""
         count = len(numbers)
         n = isqrt(count) if dimension is None else dimension
         if count and count == n * n:
@@ -143,7 +147,7 @@ class MatrixText:
         return (n, 1) if count == n * n + 1 and numbers[0] == n else (0, 0)
 
     def _count_fault(self, numbers: list[int], dimension: int | None) -> Issue:
-        """Return what is wrong with how many numbers there are, where that is best seen."""
+        """Return the fault of the number of entries at its most telling position."""
         counts = self._counts
         count = len(numbers)
         alone = counts[:1] == [1] and len(counts) > 1 and numbers[0] > 1
@@ -180,7 +184,7 @@ class MatrixText:
 
 
 def fault_at(text: str, offset: int, message: str) -> Issue:
-    """Return the issue of what stands at an offset of a text."""
+    """Return an issue at an offset of a text."""
     return Issue(message, (), *position_at(text, offset))
 
 
@@ -204,7 +208,7 @@ def _token_fault(word: str) -> str:
 
 SECTION = "EDGE_WEIGHT_SECTION"
 
-# Keywords with the only value that a full matrix with precedence may give them.
+# Keywords with the only value that a full matrix with precedence allows.
 _FIXED = {"TYPE": "SOP", "EDGE_WEIGHT_TYPE": "EXPLICIT", "EDGE_WEIGHT_FORMAT": "FULL_MATRIX"}
 _KEYWORDS = ("NAME", "COMMENT", "DIMENSION", *_FIXED, "DISPLAY_DATA_TYPE")
 _WORDS = (*_KEYWORDS, SECTION, "EOF")
@@ -223,7 +227,7 @@ _UNNAMED = re.compile(r"[^A-Za-z0-9_.+-]+")
 
 @dataclass(frozen=True)
 class TsplibDocument(Document):
-    """A TSPLIB file's content; entries of its matrix are found where they stand in the text."""
+    """A TSPLIB file's content, which locates matrix entries in the text."""
 
     matrix: MatrixText | None = None
 
@@ -244,15 +248,14 @@ def read_tsplib(text: str, source: str) -> Document:
     Parameters
     ----------
     text
-        The file's content.
+        Content of the file.
     source
-        The file as the user named it; the task is called after it where it names itself not.
+        Path as the user gave it, and default for the name of the task.
 
     Raises
     ------
     TaskError
-        If it is no such file; every fault has its line and column, what is wrong and what to
-        write instead.
+        With every fault: position, problem and remedy.
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     odd = _UNPRINTABLE.search(text)
@@ -280,7 +283,7 @@ def read_tsplib(text: str, source: str) -> Document:
 
 
 class _Header:
-    """What stands before the numbers; nothing in a file that is a bare matrix."""
+    """Header before the numbers; empty for a bare matrix."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -294,12 +297,12 @@ class _Header:
             self._check()
 
     def fault(self, place: int, message: str) -> bool:
-        """Note what is wrong at an offset; return that reading need not go on."""
+        """Add a fault at an offset and return False, which ends the reading."""
         self.issues.append(fault_at(self.text, place, message))
         return False
 
     def _read(self) -> bool:
-        """Take the lines in up to the section; return whether it is worth checking them."""
+        """Parse the lines up to the section; return whether its values can be checked."""
         while self.end < len(self.text):
             line = _LINE.match(self.text, self.end)
             assert line is not None
@@ -328,7 +331,7 @@ class _Header:
             self._take(key, entry[1], entry[2], place)
             if key not in _KEYWORDS and nearest(key, _WORDS) == SECTION:
                 return True
-        # What is cut off in the middle of a word is no unknown keyword.
+        # A keyword cut off at the end of the file is not an unknown keyword.
         last = fault_at(self.text, max(len(self.text.rstrip()) - 1, 0), "")
         self.issues = [issue for issue in self.issues if issue.line != last.line]
         message = f"the file ends before {SECTION}. Write it, and the matrix."
@@ -336,7 +339,7 @@ class _Header:
         return False
 
     def _take(self, key: str, written: str, value: str | None, place: int) -> None:
-        """Take one line in."""
+        """Parse one line."""
         if key not in _KEYWORDS:
             hint = name_hint(key, _WORDS)
             self.fault(place, f"unknown keyword {shown(written)}. {hint}")
@@ -351,7 +354,7 @@ class _Header:
             self.values[key], self.places[key] = value, place
 
     def _check(self) -> None:
-        """Hold the values against what can be read, and note what is missing."""
+        """Check the values, and add faults of missing ones."""
         for key, only in _FIXED.items():
             value = self.values.get(key, only)
             if value.upper() != only:
@@ -370,7 +373,7 @@ class _Header:
 
 
 def _name(written: str, source: str) -> str:
-    """Return the name that a file gives itself, or else its own; odd characters become '_'."""
+    """Return the name in the file, or else that of the file; odd characters become '_'."""
     for text in (written, Path(source).name):
         stem = text[: -len(".sop")] if text.lower().endswith(".sop") else text
         name = _UNNAMED.sub("_", stem).lstrip("_.+-")[:64]

@@ -76,7 +76,7 @@ class Scale:
     unit
         What one of them is called.
     exact
-        Whether nothing is rounded.
+        True if nothing is rounded.
     """
 
     per_unit: int
@@ -150,7 +150,7 @@ class Variants:
         return largest
 
     def _is_of_one_kind(self, group: int) -> bool:
-        """Whether all facts of a group are of one predicate with an argument."""
+        """Return True if all facts of a group are of one predicate with an argument."""
         names = self._model.task.facts.names_of(group)
         kinds = {name.partition("(")[0] for name in names}
         return len(kinds) == 1 and all("(" in name for name in names)
@@ -189,7 +189,7 @@ class Variants:
         case, part, where
             The case, the part and the group of the places.
         matters
-            Whether its cost depends on the place.
+            True if its cost depends on the place.
         """
         facts = self._model.task.facts
         label = " ".join(filter(None, [case.label, part.label]))
@@ -207,7 +207,7 @@ class Variants:
         return action if origins else None
 
     def _excludes_places(self, part: _Part, where: int) -> bool:
-        """Whether the robot must not stand in some places that a part's facts leave open."""
+        """Return True if the robot must not stand in some places that a part's facts leave open."""
         facts = (part.requires, part.forbids)
         choices = self._states.choices(where, facts) if where else []
         return not all(true & where & part.places for true, _ in choices)
@@ -275,7 +275,7 @@ def scale_of(
     skills
         The most that a plan may have.
     accept_rounding
-        Whether costs may be as small as what rounding comes to.
+        True if costs may be as small as what rounding comes to.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class ConsistentStates:
         return [part for part in split if self.member(part) is not None]
 
     def is_exact(self, group: int) -> bool:
-        """Whether exactly one fact of a group holds in every state."""
+        """Return True if exactly one fact of a group holds in every state."""
         return any(mask == group and exact for mask, exact in self._groups)
 
     def groups(self, bits: int) -> list[int]:
@@ -137,7 +137,7 @@ class ConsistentStates:
 
 
 def _keeps_one(task: Task, mask: int) -> bool:
-    """Whether exactly one fact of a group holds at first and after every skill."""
+    """Return True if exactly one fact of a group holds at first and after every skill."""
     if (task.initial.bits & mask).bit_count() != 1:
         return False
     for skill in task.skills:
@@ -154,7 +154,7 @@ def _keeps_one(task: Task, mask: int) -> bool:
 
 
 def _leaves_one(mask: int, requires: int, forbids: int, outcome: Outcome) -> bool:
-    """Whether one fact of a group holds after an outcome if one did before."""
+    """Return True if one fact of a group holds after an outcome if one did before."""
     known_false = forbids | (mask & ~requires if mask & requires else 0)
     may_hold = mask & ~known_false
     added, deleted = outcome.add.bits & mask, outcome.delete.bits & mask
@@ -231,7 +231,7 @@ class FeasibleRegion:
     places: int
 
     def contains(self, other: FeasibleRegion) -> bool:
-        """Whether another region is part of this one."""
+        """Return True if another region is part of this one."""
         return not (
             self.true & ~other.true or self.false & ~other.false or other.places & ~self.places
         )
@@ -259,10 +259,10 @@ def covers_of(
     SearchStopped
         If the model's time is over.
     """
-    found = run_queries(model, [_explore(model, states, case) for case in cases])
+    queries = run_queries(model, [_explore(model, states, case) for case in cases])
     return {
         (case.skill.name, case.label): cover
-        for case, cover in zip(cases, found, strict=True)
+        for case, cover in zip(cases, queries, strict=True)
         if cover is not None
     }
 
@@ -374,7 +374,7 @@ class _Widening:
         return FeasibleRegion(true, false, places)
 
     def _is_free(self, true: int, false: int, places: int) -> bool:
-        """Whether no state of a region is in a barred one."""
+        """Return True if no state of a region is in a barred one."""
         true, false = true | self._requires, false | self._forbids
         if self._where:
             false |= self._where & ~places

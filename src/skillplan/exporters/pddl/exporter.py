@@ -133,9 +133,9 @@ class PlanningTask:
     handover
         The task.
     accept_rounding
-        Whether costs may be as small as what rounding comes to.
+        True if costs may be as small as what rounding comes to.
     count_steps
-        Whether the step limit is part of the task.
+        True if the step limit is part of the task.
 
     Raises
     ------
@@ -225,7 +225,11 @@ class PlanningTask:
     @cached_property
     def scale(self) -> Scale:
         """How costs are written as whole numbers."""
-        costs = [cost for one in self.variants for cost in (one.constant, *one.origins.values())]
+        costs = [
+            cost
+            for variant in self.variants
+            for cost in (variant.constant, *variant.origins.values())
+        ]
         limit = self.task.step_limit
         accepted = self.accept_rounding
         return scale_of(costs, self.task.metric.unit, limit, accept_rounding=accepted)
@@ -257,8 +261,8 @@ class PlanningTask:
             if one.origins:
                 lines.append(f"    ({self._cost_of(one)} ?from - {self._kind(one)}) - number")
         lines.append("  )")
-        for one in self.variants:
-            lines += self._action(one)
+        for variant in self.variants:
+            lines += self._action(variant)
         return "\n".join(lines) + "\n)\n"
 
     def problem(self) -> str:
@@ -272,12 +276,12 @@ class PlanningTask:
         lines += [f"    (steps-done {step})" for step in steps[:1]]
         lines += [f"    (step-after {step} {after})" for step, after in pairwise(steps)]
         lines += [f"    {known.atom(fact)}" for fact in self.task.initial]
-        for one in self.variants:
-            for fact, cost in one.origins.items():
+        for variant in self.variants:
+            for fact, cost in variant.origins.items():
                 place = known.object(fact)
-                lines.append(f"    (= ({self._cost_of(one)} {place}) {self.scale.whole(cost)})")
-                if not self._everywhere(one):
-                    lines.append(f"    ({self._guard(one)} {place})")
+                lines.append(f"    (= ({self._cost_of(variant)} {place}) {self.scale.whole(cost)})")
+                if not self._everywhere(variant):
+                    lines.append(f"    ({self._guard(variant)} {place})")
         lines.append("  )")
         goal = " ".join(self._literals(self.task.goal))
         lines += [f"  (:goal (and {goal}))", "  (:metric minimize (total-cost))"]
@@ -395,12 +399,12 @@ class PlanningTask:
         return f"from-{self.actions[_name(one)]}"
 
     def _guards(self) -> Iterator[tuple[str, str]]:
-        for one in self.variants:
-            if one.origins and not self._everywhere(one):
-                yield self._guard(one), self._kind(one)
+        for variant in self.variants:
+            if variant.origins and not self._everywhere(variant):
+                yield self._guard(variant), self._kind(variant)
 
     def _everywhere(self, one: Variant) -> bool:
-        """Whether the skill may be begun wherever the robot may stand."""
+        """Return True if the skill may be begun wherever the robot may stand."""
         predicate = self._predicate(one)
         known = [f for f in self.task.facts.names if self.vocabulary.predicate(f) == predicate]
         left: State = self.task.facts.of(*known) - one.forbids

@@ -73,7 +73,8 @@ class AdaptiveSearch:
         self._bounds: dict[int, int] = {}
         self._steps: dict[int, Step] = {}
         self._tries = {
-            skill.name: tuple(one for one in skill.outcomes[1:]) for skill in model.task.skills
+            skill.name: tuple(outcome for outcome in skill.outcomes[1:])
+            for skill in model.task.skills
         }
         self._skills = {skill.name: skill for skill in certain.skills}
         self.searches = 0
@@ -166,7 +167,7 @@ class AdaptiveSearch:
                 heapq.heappush(queue, (ahead, -made, following, reached))
 
     def feasible(self, state: State, skill: Skill) -> bool:
-        """Whether a skill can be executed, and again from where it may have failed."""
+        """Return True if a skill can be executed, and again from where it may have failed."""
         failed = (one.apply(state) for one in self._tries[skill.name])
         for where in (state, *failed):
             verdict = self._model.verdict(where, skill)

@@ -309,16 +309,16 @@ def costs_to_go(
     found: list[Costs] = [np.zeros((1, count))]
     for size in range(count - 1, 0, -1):
         here, above = layers[size], layers[size + 1]
-        least = np.full((count, len(here)), np.inf)
+        full = np.full((count, len(here)), np.inf)
         for job, set_ in enumerate(needs):
             open_here = np.flatnonzero(open_in(here, job, set_))
             place = np.searchsorted(above, here[open_here] | bit_of(job))
             onward = found[-1][place, job]
             for last in range(count):
                 if costs[last, job] < np.inf:
-                    row = least[last]
+                    row = full[last]
                     row[open_here] = np.minimum(row[open_here], onward + costs[last, job])
-        found.append(np.ascontiguousarray(least.T))
+        found.append(np.ascontiguousarray(full.T))
         if stop():
             return []
     found.append(np.full((1, count), np.inf))

@@ -182,10 +182,10 @@ class JobValues(Mapping[State, Skill]):
                 states.needs,
                 self._ways,
             )
-            begun = _after_a_try(onward, self._ways)
-            if begun is None:
+            after_a_try = _after_a_try(onward, self._ways)
+            if after_a_try is None:
                 raise states.no("its values did not come to rest")
-            found = self._onward[done] = begun[:, 0]
+            found = self._onward[done] = after_a_try[:, 0]
         return found
 
 
@@ -319,15 +319,15 @@ def values_of_sets(
     found: list[Costs] = [np.zeros((1, count))]
     for size in range(count - 1, 0, -1):
         onward = _onward(layers[size], layers[size + 1], found[-1], needs, ways)
-        begun = _after_a_try(onward, ways)
-        if begun is None:
+        after_a_try = _after_a_try(onward, ways)
+        if after_a_try is None:
             return []
-        least = np.full((count, len(layers[size])), np.inf)
+        full = np.full((count, len(layers[size])), np.inf)
         for last in range(count):
             for job in range(count):
                 if ways.costs[last, job] < np.inf:
-                    np.minimum(least[last], begun[job] + ways.costs[last, job], out=least[last])
-        found.append(np.ascontiguousarray(least.T))
+                    np.minimum(full[last], after_a_try[job] + ways.costs[last, job], out=full[last])
+        found.append(np.ascontiguousarray(full.T))
         if stop():
             return []
     found.append(np.full((1, count), np.inf))

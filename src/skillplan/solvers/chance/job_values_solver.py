@@ -99,11 +99,11 @@ class JobValuesSolver(Solver):
 
 
 def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> bool:
-    """Whether the policy has the least cost, if failures are so likely that rounding may hide it.
+    """Return True if the policy has the least cost, although rounding may hide it.
 
     Two choices that differ by less than rounding differ by much once they are repeated.
     """
-    shares = [one.probability for skill in model.task.skills for one in failures(skill)]
+    shares = [failure.probability for skill in model.task.skills for failure in failures(skill)]
     if max(shares, default=0.0) <= _CERTAIN_DIGITS:
         return True
     if not complete:

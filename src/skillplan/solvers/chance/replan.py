@@ -46,7 +46,7 @@ class Replanning(Mapping[State, Skill]):
     model
         Says what may come of skills.
     lookahead
-        Whether skills that may fail are also weighed by what a new plan costs after the failure.
+        True if skills that may fail are also weighed by what a new plan costs after the failure.
     """
 
     def __init__(self, search: AdaptiveSearch, model: SkillModel, *, lookahead: bool) -> None:

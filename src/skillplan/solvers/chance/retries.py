@@ -226,7 +226,7 @@ class _Detours:
         return least
 
     def _together(self, skill: Skill, other: Skill) -> bool:
-        """Whether two skills may be applicable in one state."""
+        """Return True if two skills may be applicable in one state."""
         one, two = skill.precondition, other.precondition
         if one.requires.bits & two.forbids.bits or two.requires.bits & one.forbids.bits:
             return False
@@ -258,7 +258,7 @@ def _certain(task: Task, costs: Mapping[str, Cost]) -> Task:
     """Return a task whose skills always succeed, some at other costs."""
     skills = []
     for skill in task.skills:
-        nominal = tuple(replace(one, probability=1.0) for one in skill.outcomes[:1])
+        nominal = tuple(replace(outcome, probability=1.0) for outcome in skill.outcomes[:1])
         cost = costs.get(skill.name, skill.cost)
         skills.append(replace(skill, outcomes=nominal, cost=cost))
     return replace(task, skills=tuple(skills))

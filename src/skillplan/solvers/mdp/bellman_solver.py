@@ -47,7 +47,7 @@ def plan_within(
     list of int or None
         Rows in order; None where there is no such plan, or the search did not end.
     bool
-        Whether the search ended: false if stopped, or if states times steps exceed `MOST_CELLS`.
+        True if the search ended: false if stopped, or if states times steps exceed `MOST_CELLS`.
     """
     n = len(mdp.states)
     if n * steps > MOST_CELLS:
@@ -141,7 +141,7 @@ class Minimisation:
     values
         Fixed values of the other states, shape (n,).
     deterministic
-        Whether all rows have one outcome.
+        True if all rows have one outcome.
     """
 
     choices: Choices
@@ -167,7 +167,7 @@ class Optimum:
     iterations
         Sweeps, or rounds of improvement, for the first criterion.
     finished
-        Whether it is the optimum; false if the solver was stopped before.
+        True if it is the optimum; false if the solver was stopped before.
     """
 
     values: NDArray[np.float64]
@@ -270,7 +270,7 @@ class BellmanSolver(TabularSolver):
     def _costs_as_much(
         self, task: Minimisation, chosen: NDArray[np.int64], costs: NDArray[np.float64]
     ) -> bool:
-        """Whether a policy has the least costs: what seems equal adds up over many tries."""
+        """Return True if a policy has the least costs: what seems equal adds up over many tries."""
         values = task.values.copy()
         converged = self.evaluate(task, chosen, values)[1]
         allowed = _SAME_COST * max(1.0, abs(float(costs[0])))

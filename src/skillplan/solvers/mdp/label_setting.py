@@ -59,7 +59,7 @@ def costs_to_go(
     successors
         Where each row leads, -1 for nowhere, shape (m,), m < 2 ** 31.
     goal
-        Whether a state is a goal, shape (n,); what its rows do does not matter.
+        True if a state is a goal, shape (n,); what its rows do does not matter.
     costs
         Cost of each row, >= 0, shape (m,); None for 1 each.
     ties
@@ -186,7 +186,7 @@ def _breadth_first(
 
 @compiled
 def _before(one: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
-    """Whether heap entry `one` comes before `other`."""
+    """Return True if heap entry `one` comes before `other`."""
     if costs[one] != costs[other]:
         return bool(costs[one] < costs[other])
     return bool(ties[one] < ties[other])

@@ -37,7 +37,7 @@ class OrderingInstance:
         Cost of going from node i to node j, shape (n, n), in [0, `MOST`]; inf where that is
         impossible. The diagonal is ignored.
     before
-        Whether node i must come before node j, shape (n, n); closed by transitivity here.
+        True if node i must come before node j, shape (n, n); closed by transitivity here.
     families
         Of every node, shape (n,), such as the tool that its job needs; the last may have
         `NO_FAMILY`. None where all are alike. No order depends on them; bounds are better where
@@ -100,7 +100,7 @@ class OrderingInstance:
         return float(self.costs[order[:-1], order[1:]].sum())
 
     def feasible(self, order: Integers) -> bool:
-        """Whether an order holds every node once and respects precedence."""
+        """Return True if an order holds every node once and respects precedence."""
         if sorted(order.tolist()) != list(range(self.n)):
             return False
         ranked = self.before[np.ix_(order, order)]

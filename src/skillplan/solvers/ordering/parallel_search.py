@@ -254,7 +254,7 @@ class SharedTree:
         order
             The best order known, or None.
         stop
-            Whether to stop now.
+            True if to stop now.
         keep
             Called with every order that another process has found.
         """

@@ -97,7 +97,7 @@ class OrderingSearch:
     seed
         Governs all randomness.
     stop
-        Whether to stop now.
+        True if to stop now.
     on_order, on_bound
         Called with every better order and bound.
     memory_bytes
@@ -169,7 +169,7 @@ class OrderingSearch:
 
     @property
     def proved(self) -> bool:
-        """Whether no order is cheaper than the best, or there is none."""
+        """True if no order is cheaper than the best, or there is none."""
         return self.bound >= self.instance.cutoff(self.cost)
 
     def run(self) -> None:
@@ -234,7 +234,7 @@ class OrderingSearch:
         return longer * _MOVES >> (0 if far else min(self._stalled, longer - 1))
 
     def _over(self) -> bool:
-        """Whether to stop."""
+        """Return True if to stop."""
         if self.helpers is not None:
             self.helpers.attend()
         return self.proved or self.stop()
@@ -331,7 +331,7 @@ class OrderingSearch:
 
     @property
     def _over_subsets(self) -> bool:
-        """Whether a method is in use that the pair relaxation helps."""
+        """True if a method is in use that the pair relaxation helps."""
         return "subset-dp" in self.methods or "tree-search" in self.methods
 
     def _relax_pairs(self, relaxation: CutRelaxation, work: int) -> None:
@@ -372,7 +372,7 @@ class OrderingSearch:
         return -np.inf if self._branched is None else self._branched.bound
 
     def _subsets_lead(self) -> bool:
-        """Whether the pair relaxation beats branch and cut, and it or the subsets may gain more."""
+        """Return True if the pair relaxation is ahead, and it or the subsets may gain more."""
         pairs, ends = self._pairs, self._ends
         if pairs is None or self.effort.rounds == 1 or self._pairs_bound < self._branched_bound:
             return False

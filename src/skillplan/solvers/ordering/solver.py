@@ -63,8 +63,8 @@ class JobOrderSolver(Solver):
         known = getattr(self, "_known", None)
         if known is None or known[0] is not model:
             self._known = known = (model, SequencingProblem.from_model(model))
-        found: SequencingProblem = known[1]
-        return found
+        sequencing_problem: SequencingProblem = known[1]
+        return sequencing_problem
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Search for the cheapest order, and for a proof that none is cheaper.

@@ -138,7 +138,7 @@ class _Search:
         return (step for step in steps if _fits(step, held) and self._promising(step, held, depth))
 
     def _promising(self, step: Transition, held: frozenset[str], depth: int) -> bool:
-        """Whether a choice is new, or better than when it failed, and something can follow it."""
+        """Return True if a choice is new or better than when it failed, and has successors."""
         if self.model.is_goal(step.next_state):
             return True
         held = _held(step) or held
@@ -186,6 +186,6 @@ def _held(step: Transition) -> frozenset[str]:
 
 
 def _fits(step: Transition, held: frozenset[str]) -> bool:
-    """Whether a choice has something in common with the one before; the first is free."""
+    """Return True if a choice has something in common with the one before; the first is free."""
     occupied = _held(step)
     return not held or not occupied or bool(held & occupied)

@@ -253,7 +253,7 @@ class _Search:
         return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
 
     def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
-        """Whether one of a state's known labels dominates `label`."""
+        """Return True if one of a state's known labels dominates `label`."""
         if bounded:
             return any(
                 k.steps <= label.steps and (k.cost, k.time) <= (label.cost, label.time)
@@ -300,7 +300,7 @@ class _Search:
         *,
         deep: bool = False,
     ) -> bool:
-        """Whether a label's last skill is feasible.
+        """Return True if a label's last skill is feasible.
 
         Meanwhile idle processes check what comes next: below the label, and else the `others`;
         the deepest first where the search dives.

@@ -93,11 +93,11 @@ class LandmarkBound:
         if outlook is None:
             return -1, 0
         bits, total = state.bits, outlook.total
-        for i, least in outlook.landmarks.items():
+        for i, landmark in outlook.landmarks.items():
             if self._ready(i, bits):
                 from_here = to_units(self.from_here(state, self._task.skills[i]))
-                if from_here < least:
-                    total += from_here - least
+                if from_here < landmark:
+                    total += from_here - landmark
         return (total, len(outlook.landmarks)) if total < _NEVER else (-1, 0)
 
     def from_here(self, state: State, skill: Skill) -> float:

@@ -117,7 +117,7 @@ def note_reversals(order: Integers, costs: Floats, follow: Integers, notes: Note
 def may_pass(
     order: Integers, follow: Integers, rank: Integers, first: int, middle: int, last: int
 ) -> bool:
-    """Whether no node from `first` to `middle` must come before one up to `last`."""
+    """Return True if no node from `first` to `middle` must come before one up to `last`."""
     for i in range(first, middle + 1):
         node = order[i]
         for k in range(follow.shape[1]):
@@ -234,7 +234,7 @@ def _allowed(
     r: int,
     kind: int,
 ) -> bool:
-    """Whether precedence allows an exchange."""
+    """Return True if precedence allows an exchange."""
     swapped, first, second = _CHANGES[kind]
     if (first and reach[q] > p + 1) or (second and reach[r] > q + 1):
         return False

@@ -37,7 +37,7 @@ _BLINK = 0.01
 def _barred(
     start: Integers, before: Booleans, first: int, last: int, passed: int, step: int
 ) -> bool:
-    """Whether precedence forbids a string to pass a node before it (-1) or after it (1)."""
+    """Return True if precedence forbids a string to pass a node before it (-1) or after it (1)."""
     for i in range(first, last + 1):
         if before[passed, start[i]] if step < 0 else before[start[i], passed]:
             return True
@@ -263,7 +263,7 @@ def followers(instance: OrderingInstance) -> Integers:
 
 
 def _reversible(instance: OrderingInstance) -> bool:
-    """Whether reversing strings changes costs little and is seldom forbidden."""
+    """Return True if reversing strings changes costs little and is seldom forbidden."""
     costs, inner = instance.costs, instance.before[1:-1, 1:-1]
     both = (costs < NO_ARC) & (costs.T < NO_ARC)
     skew = np.abs(costs - costs.T)[both].sum()
@@ -283,7 +283,7 @@ class Annealing:
     Attributes
     ----------
     kicked
-        Whether orders are kicked and descend again, as strings may be reversed.
+        True if orders are kicked and descend again, as strings may be reversed.
     """
 
     def __init__(self, instance: OrderingInstance, seed: int) -> None:

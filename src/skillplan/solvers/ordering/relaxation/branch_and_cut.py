@@ -54,7 +54,7 @@ class BranchAndCut:
     cost
         Of the best order known; inf where there is none.
     stop
-        Whether to stop now.
+        True if to stop now.
     on_order
         Called with every better order.
     on_bound
@@ -94,7 +94,7 @@ class BranchAndCut:
 
     @property
     def done(self) -> bool:
-        """Whether no subproblem is left here."""
+        """True if no subproblem is left here."""
         return self._open is None and not self._heap
 
     @property
@@ -205,8 +205,8 @@ class BranchAndCut:
         order = [0]
         while following[order[-1]] >= 0 and len(order) <= self.instance.n:
             order.append(int(following[order[-1]]))
-        found = np.array(order)
-        return found if self.instance.feasible(found) else None
+        array = np.array(order)
+        return array if self.instance.feasible(array) else None
 
     def _keep(self, order: Integers) -> None:
         cost = self.instance.cost(order)
@@ -279,9 +279,9 @@ class BranchAndCut:
         order = [0]
         while len(order) < self.instance.n and arcs[order[-1]].any():
             order.append(int(np.argmax(arcs[order[-1]])))
-        found = np.array(order)
-        if self.instance.feasible(found):
-            self._keep(found)
+        array = np.array(order)
+        if self.instance.feasible(array):
+            self._keep(array)
 
     def _push_children(
         self, subproblem: Subproblem, arcs: Booleans, i: int, j: int, bounds: list[float]
@@ -393,7 +393,7 @@ def tighten(
     cutoff
         Orders that cost as much are not of interest.
     stop
-        Whether to stop now.
+        True if to stop now.
     on_bound
         Called with every better bound.
     enough

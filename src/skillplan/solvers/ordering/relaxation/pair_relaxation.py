@@ -73,7 +73,7 @@ Terms = tuple[Integers, Integers, Integers, Floats]
 
 
 def open_pairs(instance: OrderingInstance) -> Booleans:
-    """Return whether two nodes may come in either order, shape (n, n)."""
+    """Return True if two nodes may come in either order, shape (n, n)."""
     either: Booleans = ~(instance.before | instance.before.T)
     np.fill_diagonal(either, False)
     return either
@@ -108,7 +108,7 @@ class PairProgram:
     arc
         Index of an arc, -1 where it is forbidden, shape (n, n).
     varies
-        Whether two nodes may come in either order, shape (n, n).
+        True if two nodes may come in either order, shape (n, n).
     work
         Simplex steps times size.
     """
@@ -384,7 +384,7 @@ class PairRelaxation:
     duals
         The best bound so far, None before there is one.
     exhausted
-        Whether more work would gain nothing.
+        True if more work would gain nothing.
     """
 
     def __init__(self, relaxation: CutRelaxation) -> None:

@@ -349,11 +349,11 @@ def least_changes(families: Integers, before: Booleans) -> int:
     families
         Of every node, shape (n,); the last may have `NO_FAMILY`, and follows any.
     before
-        Whether node i must come before node j, shape (n, n).
+        True if node i must come before node j, shape (n, n).
     """
     nodes = range(len(families))
     needs = [sum(1 << int(i) for i in np.nonzero(before[:, j])[0]) for j in nodes]
-    named = sorted({int(one) for one in families} - {NO_FAMILY})
+    named = sorted({int(family) for family in families} - {NO_FAMILY})
     able = {one: [j for j in nodes if families[j] in (one, NO_FAMILY)] for one in named}
     full = (1 << len(families)) - 1
     first = int(families[0])

@@ -101,7 +101,7 @@ class Limits(NamedTuple):
     width
         At most so many labels are kept, those of the least bounds.
     whole
-        Whether to return no label at all where there are more.
+        True if to return no label at all where there are more.
     """
 
     most: float
@@ -183,7 +183,7 @@ def _front(layer: Layer, count: int) -> Layer:
 
 @compiled
 def _open(visited: Words, preds: Words, node: int) -> bool:
-    """Return whether a node is unvisited, and all its predecessors are visited."""
+    """Return True if a node is unvisited, and all its predecessors are visited."""
     fits = not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1)
     for w in range(len(visited)):
         fits &= not preds[w] & ~visited[w]
@@ -193,13 +193,13 @@ def _open(visited: Words, preds: Words, node: int) -> bool:
 @compiled
 def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
     """Return the charges of a label for its next node; see `Charges`."""
-    one = np.uint64(1)
+    uint64 = np.uint64(1)
     total = 0.0
     for c in range(charges.first[node], charges.first[node + 1]):
         has, lacks = charges.has[c], charges.lacks[c]
-        if not (visited[has >> 6] >> np.uint64(has & 63)) & one or charges.after[c] == last:
+        if not (visited[has >> 6] >> np.uint64(has & 63)) & uint64 or charges.after[c] == last:
             continue
-        if lacks < 0 or not (visited[lacks >> 6] >> np.uint64(lacks & 63)) & one:
+        if lacks < 0 or not (visited[lacks >> 6] >> np.uint64(lacks & 63)) & uint64:
             total += charges.amounts[c]
     return total
 

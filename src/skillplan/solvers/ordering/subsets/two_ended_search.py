@@ -368,7 +368,7 @@ class Meeting:
     bound
         No order costs less than this or the cutoff, whichever is less.
     whole
-        Whether the search ran to its end.
+        True if the search ran to its end.
     """
 
     order: Integers | None
@@ -527,7 +527,7 @@ class Beam:
     bound
         No order costs less than this or the cutoff, whichever is less.
     whole
-        Whether no label was left out for the width.
+        True if no label was left out for the width.
     made
         Labels generated.
     """
@@ -559,7 +559,7 @@ def beam(
     width
         At most so many labels are kept in a layer, >= 1.
     stop
-        Whether to stop; polled once a layer.
+        True if to stop; polled once a layer.
     on_layer
         Called with the number of a layer and how many labels it has.
     """
