@@ -1,6 +1,6 @@
-"""Every error a user or plugin author has to repair, and the exit code of every outcome.
+"""All errors that users or plugin authors can fix, and the exit codes.
 
-What a robot may meet (a blocked place, a missing support) is never an error: it is a
+Situations of a robot (a blocked place, a missing support) are never errors: they are a
 :class:`~skillplan.task.verdict.Verdict`.
 
 ::
@@ -25,7 +25,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-# What every command ends with; `exit_code` says when.
+# Exit codes of the commands; see `exit_code`.
 EXIT_SOLVED = 0
 EXIT_NO_PLAN = 1
 EXIT_WRONG_INPUT = 2
@@ -41,25 +41,23 @@ def exit_code(
     wrong: bool = False,
     interrupted: bool = False,
 ) -> int:
-    """Return the exit code of a command; the only place that knows which it is.
+    """Return the exit code of a command; the only function that decides it.
 
-    Where several hold, what stands first below counts.
+    If several apply, the first of these parameters counts.
 
     Parameters
     ----------
     error
-        What was raised, if anything: an error of this module says its code itself, Ctrl-C or a stop
-        is an interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
+        Exception, or None: errors of this module have a code; Ctrl-C or a stop is an interruption;
+        anything else is a failure of the program, ``EXIT_BACK_END``.
     interrupted
-        Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
+        Whether the command was interrupted: ``EXIT_INTERRUPTED``.
     back_end_failed
-        Whether physics or collision checks failed, or two proofs contradict each other:
-        ``EXIT_BACK_END``. No claim can be held against those.
+        Whether checks failed, or two proofs contradict each other: ``EXIT_BACK_END``.
     wrong
-        Whether what was given or claimed is wrong: ``EXIT_WRONG_INPUT``.
+        Whether the input or a claim is wrong: ``EXIT_WRONG_INPUT``.
     solved
-        Whether there is a plan, or whatever else was wanted: ``EXIT_SOLVED``, else
-        ``EXIT_NO_PLAN``.
+        Whether there is a plan or another result: ``EXIT_SOLVED``, else ``EXIT_NO_PLAN``.
     """
     if isinstance(error, SkillplanError):
         return error.exit_code
@@ -80,7 +78,7 @@ class SkillplanError(Exception):
     Attributes
     ----------
     remote_traceback
-        Where a plugin raised in another process; empty where it did in this one.
+        Traceback from another process; else empty.
     """
 
     exit_code: ClassVar[int] = EXIT_WRONG_INPUT
@@ -89,18 +87,18 @@ class SkillplanError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Issue:
-    """One fault of a task file.
+    """A fault of a task file.
 
     Parameters
     ----------
     message
-        What is wrong and what to write instead.
+        Fault and remedy.
     path
-        Keys and indices from the root of the document to the fault.
+        Keys and indices from the root of the document.
     line, column
-        Position in the file, both from 1; 0 while unknown.
+        Position in the file, from 1; 0 if unknown.
     at_key
-        Whether the fault is in the key that ends the path rather than in its value.
+        Whether the fault is in the last key of the path rather than in its value.
     """
 
     message: str
@@ -110,7 +108,7 @@ class Issue:
     at_key: bool = False
 
     def under(self, *path: str | int) -> Issue:
-        """Return the issue with its path continued from `path`."""
+        """Return the issue with `path` put before its own."""
         return replace(self, path=(*path, *self.path))
 
     def __str__(self) -> str:
@@ -119,14 +117,14 @@ class Issue:
 
 
 class TaskError(SkillplanError):
-    """A task file cannot be used; carries all of its issues at once.
+    """A task file cannot be used; with all its issues.
 
     Parameters
     ----------
     source
-        The file as the user named it.
+        The file as given by the user.
     issues
-        At least one issue, printed in the order of their positions.
+        Issues, at least one; printed in the order of their positions.
     """
 
     def __init__(self, source: str, issues: Iterable[Issue]) -> None:
@@ -161,11 +159,11 @@ class NotASequencing(SkillplanError):
 
 
 class ChainBroken(SkillplanError):
-    """What one stage of a chain gave leaves the next without anything to choose from."""
+    """The result of a stage leaves no choice for the next stage of a chain."""
 
 
 class SolverError(SkillplanError):
-    """A solver raised, or returned something else than a solution."""
+    """A solver raised, or did not return a solution."""
 
 
 class BackEndError(SkillplanError):
@@ -175,17 +173,16 @@ class BackEndError(SkillplanError):
 
 
 class SearchStopped(BaseException):
-    """Raised by the model in a solver that goes on long after it should have stopped.
+    """Raised by the model in a solver that is overdue.
 
-    No `Exception`: what a solver does about its own errors must not swallow it.
+    Not derived from `Exception`, so that no handler of a solver catches it.
     """
 
 
 def format_path(path: Sequence[str | int]) -> str:
     """Return ``parts.pcb.size_m[2]`` for ``("parts", "pcb", "size_m", 2)``.
 
-    A key that is no plain word stands quoted in brackets, so that it cannot pass for another
-    path nor break the line.
+    Other keys are quoted in brackets, so that paths stay unique and on one line.
     """
     text = ""
     for key in path:
@@ -199,19 +196,19 @@ def format_path(path: Sequence[str | int]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name most like `name`, or None where none is near."""
+    """Return the most similar known name, or None."""
     names = list(known)
     matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     if matches:
         return matches[0]
-    # A name cut short, with or without a slip: 'serch' for 'search-optimal'.
+    # An abbreviated name, such as 'serch' for 'search-optimal'.
     beginnings = {known_name[: len(name) + 1]: known_name for known_name in names if len(name) > 3}
     matches = difflib.get_close_matches(name, list(beginnings), n=1, cutoff=0.7)
     return beginnings[matches[0]] if matches else None
 
 
 def name_hint(name: str, known: Iterable[str], *, most: int = 12) -> str:
-    """Return the sentence that helps after an unknown name: the nearest, else what there is.
+    """Return a hint for an unknown name: the most similar one, or all names.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""XML as a tree that knows its lines: no document types, no entities, limits on size.
+"""XML as a tree with line numbers: no document types, no entities, limited size.
 
-expat alone would expand entities that a file declares; a file that declares any is refused.
+expat would expand the entities that a file declares, so such files are refused.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MAX_DEPTH = 64
 
 
 class XmlError(Exception):
-    """What is wrong with a file, in a sentence; and the line, where there is one."""
+    """A fault of a file, as a sentence, with its line if known."""
 
     def __init__(self, message: str, line: int | None = None) -> None:
         self.line = line
@@ -28,13 +28,9 @@ class Element:
     Parameters
     ----------
     tag
-        Its name, as it is written.
-    attributes
-        By name.
+        Tag as in the file.
     line
-        Where it begins, counted from 1.
-    children
-        In their order.
+        Line of its start, from 1.
     """
 
     tag: str
@@ -43,29 +39,28 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator[Element]:
-        """Yield the children of a name."""
+        """Yield the children with a tag."""
         return (child for child in self.children if child.tag == tag)
 
     def first(self, tag: str) -> Element | None:
-        """Return the first child of a name, or None."""
+        """Return the first child with a tag, or None."""
         return next(self.all(tag), None)
 
 
 def parse_xml(content: bytes, remedy: str = "keep the arm alone") -> Element:
-    """Return the root of a file.
+    """Return the root element of a file.
 
     Parameters
     ----------
     content
-        Of the file.
+        Content of the file.
     remedy
-        What to do where it is too large.
+        Advice for files that are too large.
 
     Raises
     ------
     XmlError
-        If it is not XML, declares a document type, or has more elements, or more within each other,
-        than `MAX_ELEMENTS` and `MAX_DEPTH`.
+        If it is no XML, declares a document type, or exceeds `MAX_ELEMENTS` or `MAX_DEPTH`.
     """
     return _Builder(remedy).parse(content)
 
@@ -88,7 +83,7 @@ class _Builder:
             words = expat.ErrorString(error.code)
             raise XmlError(f"it is not XML ({words}); save it again", error.lineno) from None
         except (ValueError, LookupError):
-            # expat reads few encodings itself and asks Python for others.
+            # expat reads few encodings itself and uses Python's for others.
             raise XmlError("its encoding is not known; save it as UTF-8", 1) from None
         assert self.root is not None
         return self.root

@@ -186,7 +186,7 @@ class _Reasons:
     def _phase(self, relation: Relation, component: str) -> str:
         """Return whether the skill moves the component from its start or to its goal."""
         name = relation.evidence.get("skill")
-        skill = next((one for one in self.task.skills if one.name == name), None)
+        skill = next((skill for skill in self.task.skills if skill.name == name), None)
         goal = self.task.operations.get(component)
         brings = skill is None or (goal is not None and goal in skill.prediction.add)
         return "goal" if brings else "start"

@@ -1,4 +1,4 @@
-"""The Gymnasium view: the lazy model as an environment that learners act in.
+"""Gymnasium environments of the lazy model, for learners.
 
 Importing this package registers the environment ``skillplan/Task-v0`` with Gymnasium.
 """
@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 ENVIRONMENT = "skillplan/Task-v0"
 
 if ENVIRONMENT not in registry:
-    # By name: what loads task files stands above this floor and is imported when it is called.
+    # A name instead of the class, because the loader of task files is in a higher layer.
     register(
         ENVIRONMENT,
         entry_point="skillplan.pipeline.gymnasium_entry:make_env",

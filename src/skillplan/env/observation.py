@@ -1,4 +1,4 @@
-"""What a learner sees of a state: the bits that a task lists, where its robots stand, costs."""
+"""Observations, action masks and rewards of the environments."""
 
 from __future__ import annotations
 
@@ -24,21 +24,19 @@ Objective = typing.Literal["reward", "cost"]
 
 
 def checked_name(what: str, name: str, kinds: Any) -> Any:
-    """Return a name if it is one of a kind's.
+    """Return a name that must belong to a kind.
 
     Parameters
     ----------
     what
-        What is named, for the message.
-    name
-        The name to check.
+        Meaning of the name, for the message.
     kinds
-        One of the types of this file.
+        Literal type of this module.
 
     Raises
     ------
     OptionError
-        If it is not; the message says which there are.
+        If the name is unknown; the message lists the known ones.
     """
     known = get_args(kinds)
     if name not in known:
@@ -48,25 +46,24 @@ def checked_name(what: str, name: str, kinds: Any) -> Any:
 
 @dataclass(frozen=True)
 class Observation:
-    """What is observed of a state.
+    """The features of a state that learners observe.
 
     Parameters
     ----------
     kind
-        ``paper``, the bits that the task lists, or all facts where it lists none: on the board
-        those of Moller et al., Fig. 5. ``markov``, these and, where they do not say so, where
-        the robots stand, on which costs depend. ``layout``, these and what every skill would
-        cost from here, applicable or not: what distinguishes one board of a family from another.
-        Those are the task's own figures, also where a back end tells costs.
+        ``paper``: the bits that the task lists, or all facts; on the board those of Moller et al.,
+        Fig. 5. ``markov``: these and the places of robots, on which costs depend. ``layout``: these
+        and the cost of every skill from here, applicable or not, which distinguishes the boards of
+        a family. These costs are the task's figures, never those of back ends.
     literals
         The bits, in order.
     priced
-        The skills whose costs are observed, in order; after the bits.
+        Skills whose costs are observed, in order; after the bits.
 
     Raises
     ------
     ValueError
-        If nothing is observed.
+        If there are no features.
     """
 
     kind: ObservationKind
@@ -84,7 +81,7 @@ class Observation:
         Raises
         ------
         OptionError
-            If there is no such kind.
+            If the kind is unknown.
         """
         named: ObservationKind = checked_name("observation", kind, ObservationKind)
         literals = task.observation or tuple(Literal(name) for name in task.facts.names)
@@ -97,17 +94,17 @@ class Observation:
 
     @property
     def width(self) -> int:
-        """How many features there are."""
+        """Number of features."""
         return len(self.literals) + len(self.priced)
 
     @property
     def features(self) -> tuple[str, ...]:
-        """What every feature means, such as ``not hand_free`` or ``cost(pick(pcb))``."""
+        """Names of the features, such as ``not hand_free`` or ``cost(pick(pcb))``."""
         return (*map(str, self.literals), *(f"cost({skill.name})" for skill in self.priced))
 
     @property
     def space(self) -> Space[NDArray[np.float32]]:
-        """The space of observations, shape (width,): bits are at most 1, costs have no bound."""
+        """Observation space, shape (width,): bits are at most 1, costs are unbounded."""
         highest = np.ones(self.width, dtype=np.float32)
         highest[len(self.literals) :] = np.finfo(np.float32).max
         box: Space[Any] = Box(np.zeros_like(highest), highest, dtype=np.float32)
@@ -116,8 +113,8 @@ class Observation:
     def encode(self, state: State) -> NDArray[np.float32]:
         """Return the features of a state, shape (width,), float32.
 
-        Bits are 0 or 1, costs are in the task's metric; a cost that the state leaves undefined,
-        as of loading a tool that is attached, is 0.
+        Bits are 0 or 1, costs are in the task's metric. A cost that the state leaves undefined,
+        such as that of loading the attached tool, is 0.
         """
         costs = (_cost(skill, state) for skill in self.priced)
         bits = (literal.value(state) for literal in self.literals)
@@ -139,15 +136,12 @@ def allowed_actions(
     Parameters
     ----------
     model
-        The model; no back end is queried through it.
-    state
-        The state.
+        Model; no back end is queried through it.
     mask
-        ``none`` allows all; ``applicable`` those whose preconditions hold; ``feasible`` those
-        of them that are feasible, too. The latter allows none in a goal: nothing follows it,
-        and back ends need not be queried.
+        ``none`` allows all actions; ``applicable`` those whose preconditions hold; ``feasible``
+        those of them that are feasible. Goal states allow none of the latter, without a query.
     feasible
-        Whether an applicable action is feasible; called for the mask ``feasible`` only.
+        Returns whether an applicable action is feasible; called for the mask ``feasible`` only.
     """
     if mask == "none":
         return range(len(model.task.skills))
@@ -157,26 +151,25 @@ def allowed_actions(
     return [] if model.is_goal(state) else [action for action in applicable if feasible(action)]
 
 
-# Beside costs, where the task has no reward scheme that says what.
+# Rewards in addition to costs, if the task has no reward scheme.
 _COMPLETE = 10.0
 _FAILED = -10.0
 
 
 @dataclass(frozen=True)
 class RewardFunction:
-    """The rewards of an environment, one a step.
+    """The rewards of an environment, one per step.
 
     Parameters
     ----------
     scheme
-        The task's reward scheme, taken as it is; None for minus the cost of every skill that is
-        executed, and beside it the figures that follow.
+        Reward scheme of the task. None for minus the costs, with the following figures.
     infeasible
-        For a skill that cannot be executed; it costs nothing.
+        Reward of a skill that cannot be executed; it has no cost.
     complete
-        Beside the cost of the skill that completes the task.
+        Bonus of the skill that completes the task.
     out_of_time
-        Beside the cost of the last skill that the step limit allows.
+        Bonus of the last skill that the step limit allows.
     """
 
     scheme: Reward | None
@@ -188,15 +181,15 @@ class RewardFunction:
     def of(cls, task: Task, objective: str) -> RewardFunction:
         """Return the rewards of a task.
 
-        For the objective ``reward`` that is the task's reward scheme, to the letter. For
-        ``cost``, and of a task without a scheme, it is minus the cost, so that of the policies
-        that complete the task the best rewarded is the cheapest; what ends of an episode add to
-        it is taken from the scheme, or else 10 for completing the task and -10 for failing.
+        For the objective ``reward``, this is the task's reward scheme. For ``cost``, and for tasks
+        without a scheme, it is minus the cost, so that the best policy is the cheapest one that
+        completes the task. Bonuses at the end of episodes come from the scheme, or else are 10 for
+        completing the task and -10 for failing.
 
         Raises
         ------
         OptionError
-            If there is no such objective.
+            If the objective is unknown.
         """
         checked_name("objective", objective, Objective)
         reward = task.reward
@@ -211,7 +204,7 @@ class RewardFunction:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a step that could be executed.
+        """Return the reward of an executed step.
 
         Parameters
         ----------

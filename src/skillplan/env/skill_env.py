@@ -1,4 +1,4 @@
-"""One task as a Gymnasium environment that says why: the verdict on every step, in words."""
+"""A task as a Gymnasium environment that explains every step by a verdict."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ Features = NDArray[np.float32]
 
 
 class SkillEnv(gymnasium.Env[Features, np.int64]):
-    """A task as seen by a learner: Moller et al., section 4.2.
+    """The environment of a task (Moller et al., section 4.2).
 
-    An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
-    the goal ends it; reaching the step limit truncates it.
+    An action is the number of a skill. If the skill is not applicable, infeasible or undecided, the
+    episode ends in the same state with the penalty of infeasible skills. Reaching the goal ends the
+    episode; reaching the step limit truncates it.
 
     The info of a step holds
 
     ``skill``, ``verdict``, ``stage``, ``reason``, ``facts``
-        What was tried; whether that is ``feasible``, ``infeasible`` or ``unknown``; the check
-        that decided, why, and the facts on which that rests, those that do not hold with ``not``.
+        Name of the skill; ``feasible``, ``infeasible`` or ``unknown``; the check that decided; its
+        reason; and the facts of the verdict, absent ones with ``not``.
     ``cost``
-        Of the skill in the task's metric; 0 of one that could not be executed.
+        Cost of the skill in the task's metric; 0 if it was not executed.
     ``state``
-        The facts that hold now. Also in the info of a reset.
+        Facts that hold now. Also in the info of a reset.
     ``action_mask``
-        Int8, shape (actions,): 1 for what is allowed now, as ``action_space.sample(mask)`` takes
-        it. Also in the info of a reset.
+        Int8, shape (actions,): 1 for allowed actions, as ``action_space.sample(mask)`` takes it.
+        Also in the info of a reset.
 
     Parameters
     ----------
     model
-        The model of the task.
+        Model of the task.
     observation
         ``paper``, ``markov`` or ``layout``: see `Observation`.
     mask
@@ -58,9 +58,9 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     Attributes
     ----------
     features
-        What every feature of an observation means.
+        Names of the features of an observation.
     model
-        As given.
+        Model of the task.
 
     Raises
     ------
@@ -96,19 +96,19 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Features, dict[str, Any]]:
-        """Begin an episode.
+        """Start an episode.
 
         Parameters
         ----------
         seed
-            Governs which outcomes chance gives; None goes on with the random numbers there are.
+            Seed of the outcomes; None goes on with the present generator.
         options
-            There are none.
+            Unused.
 
         Returns
         -------
         observation, info
-            Float32, shape (width,); and see the class.
+            Observation, float32, shape (width,); info of the class.
         """
         super().reset(seed=seed)
         self._state, self._steps, self._cost = self.model.initial, 0, 0.0
@@ -121,26 +121,26 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         Returns
         -------
         observation
-            Float32, shape (width,).
+            Observation, float32, shape (width,).
         reward
-            Its reward.
+            Reward of the step.
         terminated
             Whether the task is completed, or the skill could not be executed.
         truncated
             Whether the step limit was reached.
         info
-            See the class.
+            Info of the class.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
-            Before the first reset, and once the episode is over.
+            If the environment was not reset, or the episode is over.
         gymnasium.error.InvalidAction
-            If there is no such action.
+            If the action does not exist.
         BackEndError
             If a back end fails.
         SearchStopped
-            If the learner should have stopped long ago.
+            If the learner is overdue.
         """
         if self._over:
             raise gymnasium.error.ResetNeeded("There is no running episode: call reset.")
@@ -149,7 +149,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
             raise gymnasium.error.InvalidAction(f"Actions are 0 to {last}, not {action!r}.")
         before, skill = self._state, self.model.task.skills[int(action)]
         verdict = self.model.verdict(before, skill)
-        said = {
+        explanation = {
             "skill": skill.name,
             "verdict": str(verdict.status),
             "stage": verdict.stage,
@@ -160,7 +160,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         self._steps += 1
         if not verdict.is_feasible:
             self._over = True
-            info = {**self._info(), **said}
+            info = {**self._info(), **explanation}
             return (
                 self._observation.encode(before),
                 self._reward_function.infeasible,
@@ -177,18 +177,18 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         reward = self._reward_function.of_step(
             before, skill.name, cost, goal=goal, out_of_time=late
         )
-        info = {**self._info(), **said, "cost": cost}
+        info = {**self._info(), **explanation, "cost": cost}
         return self._observation.encode(self._state), float(reward), goal, late, info
 
     def render(self) -> str | None:
-        """Return one line of where things stand; None without a render mode."""
+        """Return a line about the present state, or None without a render mode."""
         if self.render_mode is None:
             return None
         cost = self.model.task.cost_text(self._cost)
         return f"step {self._steps}, {cost}{self._last}; {self._state}"
 
     def close(self) -> None:
-        """End the processes that back ends were queried in."""
+        """End the worker processes of back ends."""
         self.model.feasibility.close()
 
     def _info(self) -> dict[str, Any]:
@@ -200,7 +200,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         return self.model.verdict(self._state, self.model.task.skills[action]).is_feasible
 
     def _outcome(self, skill: Skill, state: State) -> Outcome:
-        """Return the outcome of a skill; it is drawn only where there are several."""
+        """Return an outcome of a skill, drawn if there are several."""
         outcomes = skill.outcomes_in(state)
         if len(outcomes) == 1:
             return outcomes[0]

@@ -1,4 +1,4 @@
-"""Many places at which one task is done, stepped together: a vectorised Gymnasium environment."""
+"""A vectorised Gymnasium environment: many episodes of a task, stepped together."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True)
 class PlaceRecord:
-    """All that a place goes on from.
+    """State of one sub-environment.
 
     Parameters
     ----------
     model
-        Number of the model that is done there.
+        Number of the model.
     bits
-        The state's.
+        Bits of the state.
     steps
-        Steps done in the episode.
+        Steps of the episode so far.
     generator
-        The place's random numbers.
+        Random generator of the sub-environment.
     """
 
     model: int
@@ -42,7 +42,7 @@ class PlaceRecord:
     generator: np.random.Generator
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON values; whole numbers of any length are in hexadecimal."""
+        """Return JSON values; long integers are hexadecimal."""
         numbers: Any = self.generator.bit_generator.state
         return {
             "model": self.model,
@@ -63,14 +63,14 @@ class PlaceRecord:
         Parameters
         ----------
         document
-            What `document` returned.
+            Value from `document`.
         models
-            Those of the environment.
+            Models of the environment.
 
         Raises
         ------
         ValueError
-            If it is none, or of other models.
+            If it is no such document, or belongs to other models.
         """
         try:
             model, steps = int(document["model"]), int(document["steps"])
@@ -100,21 +100,20 @@ def family_observations(tasks: Sequence[Task], kind: str) -> list[Observation]:
     Parameters
     ----------
     tasks
-        At least one.
+        Tasks, at least one.
     kind
         See `Observation`.
 
     Raises
     ------
     OptionError
-        If there is no such kind, or if facts, skills or features are not of the same names in
-        the same order.
+        If the kind is unknown, or if facts, skills or features differ in names or order.
     """
     observations = [Observation.of(task, kind) for task in tasks]
     for task, observed in zip(tasks[1:], observations[1:], strict=True):
         pairs = {
             "facts": (tasks[0].facts.names, task.facts.names),
-            "skills": tuple([skill.name for skill in one.skills] for one in (tasks[0], task)),
+            "skills": tuple([skill.name for skill in member.skills] for member in (tasks[0], task)),
             "observations": (observations[0].features, observed.features),
         }
         for what, (names, other_names) in pairs.items():
@@ -131,60 +130,58 @@ Infos = dict[str, Any]
 
 
 class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDArray[Any]]):
-    """One or several models of equal shape, done at many places at once.
+    """Many parallel episodes of one model, or of several models with equal shape.
 
-    An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
-    the goal ends it; reaching the step limit truncates it. Rewards are those of
-    `skillplan.env.observation`; nothing shapes them.
+    An action is the number of a skill. If the skill is not applicable, infeasible or undecided, the
+    episode ends in the same state with the penalty of infeasible skills. Reaching the goal ends the
+    episode; reaching the step limit truncates it. Rewards are those of `skillplan.env.observation`,
+    without shaping.
 
-    An episode that ends is followed by the next one in the same step: what is returned is the
-    next one's first observation, and what the last one came to is in the infos. They are arrays
-    of one row a place, by name:
+    When an episode ends, the next one starts in the same step: the returned observation is its
+    first one, and the infos describe the end of the last one. They are arrays with one row per
+    sub-environment, by name:
 
     ``action_mask``
-        Bool, shape (n, actions): what is allowed next. A row may allow nothing; any action
-        then ends the episode.
+        Bool, shape (n, actions): actions that are allowed next. If a row allows none, any action
+        ends the episode.
     ``cost``
-        Float64, shape (n,): cost of the skill just executed in the task's metric; 0 of one that
-        could not be.
+        Float64, shape (n,): cost of the executed skill in the task's metric; 0 if it was not
+        executed.
     ``end``
-        Int8, shape (n,): 0 where the episode goes on, 1 complete, 2 infeasible, 3 out of time.
+        Int8, shape (n,): 0 if the episode goes on, 1 complete, 2 infeasible, 3 out of time.
     ``final_obs``, ``final_mask``
-        What was observed and allowed after the step, before another episode began.
+        Observation and mask after the step, before the next episode.
 
-    A place's future depends on its seed and the actions taken there alone: neither on its
-    neighbours nor on how many there are.
+    The episodes of a sub-environment depend only on its seed and actions, not on the others.
 
     Parameters
     ----------
     models
         One model; or several, such as the boards of a family, of which every episode draws one.
-        They have facts and skills of the same names in the same order.
+        Their facts and skills must agree in names and order.
     num_envs
-        How many places, >= 1.
+        Number of sub-environments, >= 1.
     observation
         ``paper``, ``markov`` or ``layout``: see `Observation`.
     mask
-        What is allowed: ``none`` limits nothing; ``applicable`` the skills whose preconditions
-        hold, for which no back end is queried; ``feasible`` those that back ends allow, too, which
-        check all of them.
+        Allowed actions: ``none`` allows all; ``applicable`` skills whose preconditions hold,
+        without back ends; ``feasible`` skills that back ends allow, too.
     objective
         ``reward`` or ``cost``: see `RewardFunction`.
 
     Attributes
     ----------
     features
-        What every feature of an observation means.
+        Names of the features of an observation.
     models
-        As given, in a tuple.
+        The models.
 
     Raises
     ------
     OptionError
-        If a name is unknown or the models do not fit each other.
+        If a name is unknown, or the models do not match.
     ValueError
-        If there is no model or no place.
+        If there is no model or no sub-environment.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -215,7 +212,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self.action_space = batch_space(self.single_action_space, num_envs)
         reward_functions = [RewardFunction.of(task, objective) for task in tasks]
         self._table = TransitionTable(self.models, observations, reward_functions, allowed)
-        self._starts = [self._table.number(i, one.initial) for i, one in enumerate(self.models)]
+        self._starts = [self._table.number(i, model.initial) for i, model in enumerate(self.models)]
         self._generators: list[np.random.Generator] = []
         self._at = np.full(num_envs, -1, dtype=np.int64)
         self._steps = np.zeros(num_envs, dtype=np.int64)
@@ -226,71 +223,70 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         seed: int | Sequence[int] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Features, Infos]:
-        """Begin an episode at every place.
+        """Start an episode in every sub-environment.
 
         Parameters
         ----------
         seed
-            One for every place; or one of all, of which place i gets the i-th after it. None
-            goes on with the generators there are, or seeds them by chance.
+            One seed per sub-environment; or one for all, to which its index is added. None goes on
+            with the present generators.
         options
-            There are none.
+            Unused.
 
         Returns
         -------
         observations, infos
-            As of `step`; costs and ends are 0.
+            As for `step`; costs and ends are 0.
 
         Raises
         ------
         ValueError
-            If there is not one seed for every place.
+            If the number of seeds differs.
         """
         seeds: Sequence[int | None]
         if isinstance(seed, int | np.integer):
             super().reset(seed=int(seed))
             seeds = [int(seed) + place for place in range(self.num_envs)]
         else:
-            seeds = [None] * self.num_envs if seed is None else [int(one) for one in seed]
+            seeds = [None] * self.num_envs if seed is None else [int(entry) for entry in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"There are {self.num_envs} places, but {len(seeds)} seeds.")
         if seed is not None or not self._generators:
-            self._generators = [seeding.np_random(one)[0] for one in seeds]
+            self._generators = [seeding.np_random(entry)[0] for entry in seeds]
         self._begin(np.ones(self.num_envs, dtype=np.bool_))
         return self._first_look()
 
     def step(
         self, actions: NDArray[np.int64]
     ) -> tuple[Features, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Take an action at every place.
+        """Take an action in every sub-environment.
 
         Parameters
         ----------
         actions
-            Numbers of skills, shape (n,).
+            Action numbers, shape (n,).
 
         Returns
         -------
         observations
-            Float32, shape (n, width); of the next episode where one ended.
+            Float32, shape (n, width); of the next episode if one ended.
         rewards
-            Float64, shape (n,).
+            Rewards, float64, shape (n,).
         terminations, truncations
-            Bool, shape (n,): whether the task was completed or a skill could not be executed;
-            whether the step limit was reached.
+            Bool, shape (n,): completed or infeasible; and step limit reached.
         infos
-            See the class.
+            Infos of the class.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
-            Before the first reset.
+            If the environment was not reset.
         gymnasium.error.InvalidAction
-            If there is not one action for every place, or one does not exist.
+            If the number of actions differs, or an action does not exist.
         BackEndError
             If a back end fails.
         SearchStopped
-            If the learner should have stopped long ago.
+            If the learner is overdue.
         """
         table = self._table
         chosen = self._checked(actions)
@@ -322,12 +318,12 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         return table.features[self._at], rewards, over & ~late, late, infos
 
     def state(self) -> dict[str, Any]:
-        """Return where every place is, as JSON values: what `restore` goes on from.
+        """Return the state of all sub-environments as JSON values, for `restore`.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
-            Before the first reset.
+            If the environment was not reset.
         """
         self._check_begun()
         table = self._table
@@ -346,22 +342,22 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         }
 
     def restore(self, state: Mapping[str, Any]) -> tuple[Features, Infos]:
-        """Put every place where it was, and its random numbers, so that it goes on bit for bit.
+        """Restore the states and random generators of all sub-environments, bit for bit.
 
         Parameters
         ----------
         state
-            What `state` returned, of an environment of the same models and as many places.
+            Value from `state`, of an environment with equal models and size.
 
         Returns
         -------
         observations, infos
-            As of `step`; costs and ends are 0.
+            As for `step`; costs and ends are 0.
 
         Raises
         ------
         ValueError
-            If it is no such state; nothing has changed then.
+            If it is no such state; then nothing changes.
         """
         places = state.get("places")
         if not isinstance(places, list) or len(places) != self.num_envs:
@@ -374,17 +370,17 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
             for record in records
         ]
         self._at = np.array(numbers, dtype=np.int64)
-        self._steps = np.array([one.steps for one in records], dtype=np.int64)
-        self._generators = [one.generator for one in records]
+        self._steps = np.array([record.steps for record in records], dtype=np.int64)
+        self._generators = [record.generator for record in records]
         return self._first_look()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the processes that back ends were queried in."""
+        """End the worker processes of back ends."""
         for model in self.models:
             model.feasibility.close()
 
     def _begin(self, places: NDArray[np.bool_]) -> None:
-        """Begin an episode at the places marked."""
+        """Start an episode in the marked sub-environments."""
         count = len(self.models)
         if count == 1:
             self._at[places] = self._starts[0]

@@ -1,4 +1,4 @@
-"""What an environment has met of its models so far, as arrays that grow."""
+"""Known transitions of the models of an environment, as arrays that grow."""
 
 from __future__ import annotations
 
@@ -20,41 +20,40 @@ _Array = TypeVar("_Array", bound=NDArray[np.generic])
 
 
 class TransitionTable:
-    """States that were found and what came of the actions that were taken in them.
+    """The known states and outcomes of actions.
 
-    States and outcomes have numbers, in the order in which they were found. A model is queried
-    once for every pair of state and action, when it is first wanted. Arrays by state have a
-    row for every state of every model, arrays by outcome one for every outcome; row 0 of the
-    latter stands for what has not been queried yet. They are replaced when they grow.
+    States and outcomes are numbered in the order of their discovery. A model is queried once for
+    every pair of state and action, when it is first needed. Arrays by state have a row for every
+    state of every model, arrays by outcome one for every outcome; row 0 of the latter stands for
+    unknown outcomes. Arrays are replaced when they grow.
 
     Parameters
     ----------
     models
-        At least one; of equal actions.
+        Models with equal actions, at least one.
     observations
-        What is observed of the states of each.
+        Observations of each model.
     reward_functions
-        The rewards in each.
+        Rewards of each model.
     mask
-        What a choice is limited to.
+        Kind of the action mask.
 
     Attributes
     ----------
     models
-        As given.
+        The models.
     model_of, limits
-        By state: number of its model, and the model's step limit.
+        Number of the model, and its step limit, by state.
     features, masks
-        By state, shapes (states, width) and (states, actions): what is observed of it and which
-        actions are allowed; once it has been observed.
+        Features and allowed actions by state, shapes (states, width) and (states, actions), once
+        observed.
     outcomes
-        By state and action: the first outcome; 0 where the model has not been queried yet.
+        First outcome by state and action; 0 if unknown.
     following, costs, rewards, late_rewards, ends
-        By outcome: the next state; the cost of the skill, 0 of one that could not be executed;
-        the reward, and that where the step limit is reached by it; how the episode ends.
+        By outcome: next state; cost, 0 if not executed; reward, and reward at the step limit; end
+        of the episode.
     chances, cumulated
-        By outcome: of how many it is the first, and the probability of it and those before it
-        together.
+        By outcome: number of outcomes if it is the first one; cumulated probability.
     """
 
     def __init__(
@@ -95,7 +94,7 @@ class TransitionTable:
         return self._states[number]
 
     def number(self, model: int, state: State) -> int:
-        """Return the number of a state of a model, by the model's; a new one where it is new."""
+        """Return the number of a state of a model; unknown states get a new one."""
         numbers = self._numbers[model]
         number = numbers.get(state)
         if number is None:
@@ -111,7 +110,7 @@ class TransitionTable:
     def first_outcomes(
         self, states: NDArray[np.int64], actions: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Return the first outcome of actions in states, shape (n,), querying what is not known.
+        """Return the first outcome of actions in states, shape (n,), with queries for unknown ones.
 
         Parameters
         ----------
@@ -123,28 +122,28 @@ class TransitionTable:
         BackEndError
             If a back end fails.
         SearchStopped
-            If the learner should have stopped long ago.
+            If the learner is overdue.
         """
-        found: NDArray[np.int64] = self.outcomes[states, actions]
-        if np.count_nonzero(found) < len(found):
-            for place in np.flatnonzero(found == 0).tolist():
-                found[place] = self._first_outcome(int(states[place]), int(actions[place]))
-        return found
+        outcomes: NDArray[np.int64] = self.outcomes[states, actions]
+        if np.count_nonzero(outcomes) < len(outcomes):
+            for place in np.flatnonzero(outcomes == 0).tolist():
+                outcomes[place] = self._first_outcome(int(states[place]), int(actions[place]))
+        return outcomes
 
     def draw(self, outcomes: NDArray[np.int64], generators: Sequence[np.random.Generator]) -> None:
-        """Replace first outcomes by those that chance gives, where there are several.
+        """Replace first outcomes by drawn ones, if there are several.
 
         Parameters
         ----------
         outcomes
-            First outcomes, shape (n,); changed.
+            First outcomes, shape (n,); changed in place.
         generators
-            One for every entry; it draws one number, and only where there are several outcomes.
+            One generator per entry; used only if there are several outcomes.
         """
         places = np.flatnonzero(self.chances[outcomes] > 1)
         drawn = np.array([generators[place].random() for place in places.tolist()])
         rows = outcomes[places]
-        # The last one takes what is left, also where probabilities add up to a bit less.
+        # The last outcome takes the remainder, because probabilities may add up to a bit less.
         last = rows + self.chances[rows] - 1
         beyond = (drawn >= self.cumulated[rows]) & (rows < last)
         while np.count_nonzero(beyond):
@@ -153,7 +152,7 @@ class TransitionTable:
         outcomes[places] = rows
 
     def observe(self, states: NDArray[np.int64]) -> None:
-        """Fill in what is observed of states and what is allowed in them.
+        """Fill in the features and masks of states.
 
         Parameters
         ----------
@@ -163,9 +162,9 @@ class TransitionTable:
         Raises
         ------
         BackEndError
-            If a back end fails; back ends are queried only for the mask ``feasible``.
+            If a back end fails; only the mask ``feasible`` queries them.
         SearchStopped
-            If the learner should have stopped long ago.
+            If the learner is overdue.
         """
         known = self._observed[states]
         if np.count_nonzero(known) == len(known):
@@ -174,19 +173,19 @@ class TransitionTable:
             index = int(self.model_of[number])
             model, state = self.models[index], self._states[number]
             feasible = partial(self._feasible, number)
-            # First the actions: looking them up may bring states that make the arrays grow.
+            # Actions first: they may discover states, and the arrays then grow.
             allowed = list(allowed_actions(model, state, self._mask, feasible))
             self.masks[number, allowed] = True
             self.features[number] = self._observations[index].encode(state)
             self._observed[number] = True
 
     def _feasible(self, number: int, action: int) -> bool:
-        # First the queries: the arrays may grow meanwhile.
+        # Queries first: they may make the arrays grow.
         first = self._first_outcome(number, action)
         return bool(self.ends[first] != INFEASIBLE)
 
     def _first_outcome(self, number: int, action: int) -> int:
-        """Return the first outcome of an action in a state; the model is queried if necessary."""
+        """Return the first outcome of an action in a state; the model is queried if needed."""
         known = int(self.outcomes[number, action])
         if known:
             return known

@@ -1,6 +1,6 @@
-"""What is known of plugins before any is called: who installed them, and what they raise.
+"""Plugins before they are imported: their distributions, and messages about their errors.
 
-Imports no plugin; which are valid, `skillplan.pipeline.registry` says.
+Imports no plugin; `skillplan.pipeline.registry` validates them.
 """
 
 import lazy_loader as _lazy

@@ -1,7 +1,7 @@
-"""What a plugin raises, in words that name it with file and line; and who ends the program.
+"""Errors of plugins: messages that name the plugin with file and line.
 
-Nothing that a plugin raises ends the program: neither `SystemExit` nor a `KeyboardInterrupt` of its
-own making. What does are signals, whose handlers raise `Interrupted`, and `SearchStopped`.
+No exception of a plugin ends the program, not even `SystemExit` or a `KeyboardInterrupt`. Only
+signals, whose handlers raise `Interrupted`, and `SearchStopped` do.
 """
 
 from __future__ import annotations
@@ -17,53 +17,53 @@ from skillplan.errors import SearchStopped, SkillplanError
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, SIGTERM or SIGHUP, as the handlers of the command line raise it."""
+    """Ctrl-C, SIGTERM or SIGHUP; raised by the handlers of the command line."""
 
 
 def blame(
     error: BaseException,
     plugin: type,
     say: Callable[[str], str],
-    made: type[SkillplanError],
+    error_class: type[SkillplanError],
     ours: type[SkillplanError] = SkillplanError,
 ) -> NoReturn:
-    """Raise what a plugin raised, as an error that names it.
+    """Raise an exception of a plugin as an error that names the plugin.
 
     Parameters
     ----------
     error
-        What came out of the call.
+        Exception of the call.
     plugin
-        The class of the plugin.
+        Class of the plugin.
     say
-        Returns the message, given what was raised in words.
-    made
-        The class of the error that blames the plugin; `error` becomes its cause.
+        Returns the message for a description of the exception.
+    error_class
+        Class of the new error; `error` becomes its cause.
     ours
-        Errors of this class are in words already and are raised as they are. So are signals.
+        Class of errors that are raised unchanged, as signals are.
     """
     if isinstance(error, ours) or ends_program(error):
         raise error
-    raise made(say(raised_by(plugin, error))) from error
+    raise error_class(say(raised_by(plugin, error))) from error
 
 
 def ends_program(error: BaseException) -> bool:
-    """Whether an error is a signal or a stop, and not what a plugin made up."""
+    """Whether an exception is a signal or a stop."""
     if isinstance(error, (SearchStopped, Interrupted)):
         return True
-    # Without handlers of ours, as in a script, Ctrl-C is Python's own.
+    # Without our handlers, as in a script, Python itself raises it for Ctrl-C.
     return isinstance(error, KeyboardInterrupt) and _python_hears_ctrl_c()
 
 
 def raised_by(plugin: type, error: BaseException) -> str:
-    """Return what a plugin raised, with file and line of the plugin's own code.
+    """Return the description of an exception, with file and line in the plugin.
 
     Parameters
     ----------
     plugin
-        The class of the plugin.
+        Class of the plugin.
     error
-        What it raised. One of ours is in words already and is returned as it is.
+        Exception; the message of our own errors is returned unchanged.
     """
     if isinstance(error, SkillplanError):
         return str(error)
@@ -77,12 +77,12 @@ def raised_by(plugin: type, error: BaseException) -> str:
 
 
 def debugging() -> bool:
-    """Whether ``SKILLPLAN_DEBUG`` demands tracebacks."""
+    """Whether ``SKILLPLAN_DEBUG`` asks for tracebacks."""
     return bool(os.environ.get("SKILLPLAN_DEBUG"))
 
 
 def traceback_text(error: SkillplanError) -> str:
-    """Return the traceback of what a plugin raised where `debugging`; empty otherwise."""
+    """Return the traceback of a plugin's exception if `debugging`; else empty."""
     if not debugging():
         return ""
     if error.remote_traceback or error.__cause__ is None:
@@ -104,9 +104,9 @@ def _python_hears_ctrl_c() -> bool:
 
 
 def _place_of(plugin: type, error: BaseException) -> str:
-    """Return ``FILE:LINE`` of the innermost code of a plugin's package that an error went through.
+    """Return ``FILE:LINE`` of the innermost frame in a plugin's package.
 
-    Where none of it is, as for a call with a wrong number of arguments, that of the innermost.
+    If there is none, as for a call with a wrong number of arguments, that of the innermost frame.
     """
     module = sys.modules.get(plugin.__module__.partition(".")[0])
     file = getattr(module, "__file__", None)

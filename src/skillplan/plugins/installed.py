@@ -1,4 +1,4 @@
-"""Entry points of this installation, read once, and the distributions that registered them."""
+"""Entry points of this installation, and the distributions that registered them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from functools import cache
 from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from typing import Any, NamedTuple
 
-# Kind of plugin to the group that its entry points are in.
+# Entry point groups by kind of plugin.
 _KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter", "sampler")
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
-# What takes a mesh apart into convex pieces: a function, not a class.
+# Functions that decompose meshes into convex pieces.
 _DECOMPOSITION = "decomposition"
-# What makes a task of a product's CAD: a function, too.
+# Functions that convert CAD to tasks.
 _IMPORTER = "importer"
-# Entries of the catalogue of figures.
+# Figures of tasks.
 _FIGURE = "figure"
-# Functions that prepare the report's chapter on a chain, by the kind of task.
+# Functions that prepare the report chapter on a chain, by kind of task.
 _CHAPTER = "chapter"
 
 
@@ -34,35 +34,35 @@ def registered(kind: str) -> EntryPoints:
 
 
 def decompositions() -> EntryPoints:
-    """Return the entry points of what takes meshes apart into convex pieces."""
+    """Return the entry points that decompose meshes."""
     return _of_group(f"skillplan.{_DECOMPOSITION}")
 
 
 def importers() -> EntryPoints:
-    """Return the entry points of what makes tasks of CAD."""
+    """Return the entry points that convert CAD to tasks."""
     return _of_group(f"skillplan.{_IMPORTER}")
 
 
 def unreadable() -> tuple[Unreadable, ...]:
-    """Return the distributions whose entry points cannot be read; they provide nothing."""
+    """Return the distributions with unreadable entry points."""
     return _entry_points()[1]
 
 
 def figures() -> EntryPoints:
-    """Return the entry points of figures of tasks, by the name of the figure."""
+    """Return the entry points of figures, by name."""
     return _of_group(f"skillplan.{_FIGURE}")
 
 
 def chapters() -> EntryPoints:
-    """Return the entry points of report chapters, by the kind of task."""
+    """Return the entry points of report chapters, by kind of task."""
     return _of_group(f"skillplan.{_CHAPTER}")
 
 
 def registered_as(plugin: type[Any]) -> EntryPoint | None:
-    """Return the entry point through which a class was, or could be, loaded; None without one.
+    """Return the entry point of a class, or None.
 
-    By the class itself, never by a module's name: an entry point may name a package that only
-    imports the class.
+    The class decides, not the name of its module: an entry point may name a package that imports
+    the class.
     """
     name = getattr(plugin, "name", None) or getattr(plugin, "kind", None)
     for kind in GROUPS:
@@ -73,7 +73,7 @@ def registered_as(plugin: type[Any]) -> EntryPoint | None:
 
 
 def is_editable(distribution: Distribution) -> bool:
-    """Whether a distribution is installed as a folder that somebody edits."""
+    """Whether a distribution is installed in editable mode."""
     try:
         stated = json.loads(distribution.read_text("direct_url.json") or "{}")
         return bool(stated.get("dir_info", {}).get("editable"))
@@ -82,16 +82,18 @@ def is_editable(distribution: Distribution) -> bool:
 
 
 def distribution_versions() -> tuple[tuple[str, str], ...]:
-    """Return the names of distributions that provide plugins, and their versions."""
-    found = {entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None}
-    return tuple(sorted(name_and_version(one) for one in found))
+    """Return names and versions of the distributions with plugins."""
+    providers = {
+        entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None
+    }
+    return tuple(sorted(name_and_version(provider) for provider in providers))
 
 
 @cache
 def name_and_version(distribution: Distribution) -> tuple[str, str]:
-    """Return name and version of a distribution; its metadata, with a README, are read once.
+    """Return name and version of a distribution; its metadata are read once.
 
-    Where they cannot be read, the name is that of its folder.
+    If they are unreadable, the name is that of its folder.
     """
     name: str | None = None
     version: str | None = None
@@ -99,7 +101,7 @@ def name_and_version(distribution: Distribution) -> tuple[str, str]:
         metadata = distribution.metadata
         name, version = metadata["Name"], metadata["Version"]
     except Exception:
-        # Whatever is wrong with it, the caller goes on with the name of the folder.
+        # After any error, the caller continues with the name of the folder.
         version = ""
     if name is None:
         name = getattr(getattr(distribution, "_path", None), "name", "a distribution without name")
@@ -107,7 +109,7 @@ def name_and_version(distribution: Distribution) -> tuple[str, str]:
 
 
 def refresh() -> None:
-    """Read anew, so that what was installed since the first time is found."""
+    """Read again, to find distributions installed meanwhile."""
     _of_group.cache_clear()
     _entry_points.cache_clear()
     name_and_version.cache_clear()
@@ -118,22 +120,22 @@ def _of_group(group: str) -> EntryPoints:
     return _entry_points()[0].select(group=group)
 
 
-# As the library reads them, also after `shield_libraries`.
+# The original function of the library, even after `shield_libraries`.
 _read_entry_points = Distribution.entry_points.fget  # type: ignore[attr-defined]
 
 
 @cache
 def _entry_points() -> tuple[EntryPoints, tuple[Unreadable, ...]]:
-    """Return all entry points that can be read, and the distributions whose cannot.
+    """Return all readable entry points, and the distributions with unreadable ones.
 
-    Of two distributions of one name the first on the path counts, as in `importlib.metadata`.
+    If two distributions share a name, the first on the path counts, as in `importlib.metadata`.
     """
     names: set[str] = set()
     entries: list[EntryPoint] = []
     broken: list[Unreadable] = []
     for distribution in distributions():
         try:
-            # From the name of its folder: to read all metadata takes a tenth of a second.
+            # From the name of the folder: reading all metadata takes a tenth of a second.
             name = distribution._normalized_name  # type: ignore[attr-defined]
             if name not in names:
                 names.add(name)
@@ -148,9 +150,10 @@ def _entry_points() -> tuple[EntryPoints, tuple[Unreadable, ...]]:
 
 
 def shield_libraries() -> None:
-    """Let libraries read entry points, too, as numba and networkx do when they are imported.
+    """Patch `importlib.metadata` so that libraries can read the entry points.
 
-    Called only if there are some that cannot be read, which would end the import otherwise.
+    numba and networkx read them when they are imported. Called only if some entry points are
+    unreadable, which would end these imports.
     """
 
     def entry_points(distribution: Distribution) -> EntryPoints:
@@ -169,20 +172,20 @@ def _names(entry: EntryPoint, plugin: type[Any]) -> bool:
         return True
     if entry.pattern.match(entry.value) is None:
         return False
-    found: Any = sys.modules.get(entry.module)
+    named: Any = sys.modules.get(entry.module)
     for attribute in entry.attr.split("."):
-        found = getattr(found, attribute, None)
-    return found is plugin
+        named = getattr(named, attribute, None)
+    return named is plugin
 
 
 AUTO = "auto"
-"""What names no engine, but the first of `PREFERRED` that is installed."""
+"""Stands for the first installed engine of `PREFERRED`."""
 
 PREFERRED = ("pybullet", "mujoco")
-"""Engines that execute skills, the one that is taken first."""
+"""Engines that execute skills, the preferred first."""
 
 
 def installed_simulator() -> str | None:
-    """Return the name of the engine that ``auto`` stands for; None where none is installed."""
+    """Return the name of the engine for ``auto``, or None."""
     known = registered("physics").names
     return next((name for name in PREFERRED if name in known), None)

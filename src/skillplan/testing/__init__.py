@@ -5,9 +5,8 @@
     class TestMySolver(SolverSuite):
         solver = "my-solver"
 
-Every built-in passes the same suites. The tasks they use are small and made here, so that
-an installed skillplan is all they need; they go through the registry and the referee like any
-other run. Nothing but tests imports this package.
+Every built-in plugin passes the same suites. Their tasks are small and need only an installed
+skillplan. Like any run, they use the registry and the referee. Only tests import this package.
 """
 
 import lazy_loader as _lazy

@@ -1,4 +1,4 @@
-"""What engines and detectors owe the model."""
+"""Conformance suites of physics engines and collision detectors."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from skillplan.testing.tasks import assert_options_described, lid_task, reachabl
 
 
 class _BackEndSuite:
-    """What engines and detectors alike owe the model."""
+    """Requirements on every back end."""
 
     _kind: ClassVar[str]
 
     def _name(self) -> str:
-        """Return the plugin's name, which stands in the attribute named after its kind."""
+        """Return the name of the plugin, from the attribute of its kind."""
         name: str = getattr(self, self._attribute)
         return name
 
     _attribute: ClassVar[str]
 
     def task(self) -> Task:
-        """Return the task to query; override it where yours needs another."""
+        """Return the task of the queries; override it if yours needs another."""
         return lid_task()
 
     def make(self, task: Task) -> BackEnd:
@@ -49,7 +49,7 @@ class _BackEndSuite:
                 yield skill, state
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
-        """The registry finds it under its name, with described options."""
+        """The registry has it under its name, with described options."""
         plugin = registry.load(self._kind, self._name())
         assert plugin.name == self._name()
         assert plugin.version
@@ -57,7 +57,7 @@ class _BackEndSuite:
         assert_options_described(plugin)
 
     def test_a_verdict_rests_on_facts_that_hold(self) -> None:
-        """Present facts hold and absent ones do not, where the verdict was made."""
+        """Present facts hold, and absent ones do not, in the state of the verdict."""
         task = self.task()
         back_end = self.make(task)
         for skill, state in self.queries(task):
@@ -66,7 +66,7 @@ class _BackEndSuite:
             assert verdict.grounded(state, back_end.name).applies_in(state)
 
     def test_a_reused_verdict_equals_a_fresh_one(self) -> None:
-        """Wherever a verdict applies, checking again gives the same verdict."""
+        """A fresh check gives the same verdict in every state to which one applies."""
         task = self.task()
         kept: dict[str, list[Verdict]] = {}
         reused = self.make(task)
@@ -78,7 +78,7 @@ class _BackEndSuite:
             kept[skill.name].append(reused.check(skill, state).grounded(state, reused.name))
 
     def test_it_answers_the_same_whatever_was_checked_before(self) -> None:
-        """The order of the queries changes no answer."""
+        """Verdicts do not depend on the order of the queries."""
         task = self.task()
         queries = list(self.queries(task))
         forward, backward = self.make(task), self.make(task)
@@ -87,7 +87,7 @@ class _BackEndSuite:
         assert answers == list(reversed(again))
 
     def test_it_says_of_no_skill_that_it_takes_less_than_its_bound(self) -> None:
-        """In any state, and where only the precondition is known; 0 bounds every time."""
+        """In any state, and if only the precondition is known; 0 bounds every time."""
         task = self.task()
         back_end = self.make(task)
         for skill, state in self.queries(task):
@@ -102,7 +102,7 @@ class _BackEndSuite:
 
 
 class DetectorSuite(_BackEndSuite):
-    """What every collision detector owes the model."""
+    """Requirements on every collision detector."""
 
     detector: ClassVar[str]
     _kind = "collision"
@@ -110,14 +110,14 @@ class DetectorSuite(_BackEndSuite):
 
 
 class EngineSuite(_BackEndSuite):
-    """What every physics engine owes the model."""
+    """Requirements on every physics engine."""
 
     engine: ClassVar[str]
     _kind = "physics"
     _attribute = "engine"
 
     def test_what_it_grants_agrees_with_the_prediction(self) -> None:
-        """A feasible skill leads to a state whose scene has every body in its place."""
+        """A feasible skill leads to a state in which every body has a pose."""
         task = self.task()
         back_end = self.make(task)
         for skill, state in self.queries(task):
@@ -126,7 +126,7 @@ class EngineSuite(_BackEndSuite):
                 assert set(task.scene.at(state)) <= set(poses)
 
 
-# Of every such engine, with the same meaning and unit.
+# The same name and unit for every such engine.
 OPTIONS = frozenset(
     {
         "clearance_m",
@@ -144,7 +144,7 @@ OPTIONS = frozenset(
         "tilt_tolerance_rad",
     }
 )
-# A right order of the lid task.
+# A valid order of the lid task.
 PLAN = (
     "pick(box)",
     "place(box)",
@@ -158,21 +158,21 @@ PLAN = (
 
 
 class SimulationSuite(EngineSuite):
-    """What every engine that executes skills with a simulated arm owes the model.
+    """Requirements on every engine that executes skills with a simulated arm.
 
-    The task is the lid task: lifted by suction and by jaws, set down on and into each other, and
-    screwed. Where an execution is dear, mark what you override as slow.
+    The task is the lid task: parts are lifted by suction and by jaws, set down on and into each
+    other, and screwed. If executions are slow, mark overridden tests as slow.
     """
 
     def beside(self, task: Task) -> tuple[BackEnd, list[BackEnd]]:
-        """Return the engine, and it with the detectors that read its contacts, introduced."""
+        """Return the engine, alone and with the detectors that read its contacts."""
         engine = self.make(task)
         names = getattr(type(engine), "contact_detectors", ())
         readers = [registry.load("collision", name)(task) for name in names[:1]]
         return engine, list(introduce([engine, *readers]))
 
     def after(self, task: Task, *done: str) -> State:
-        """Return the state after some skills of a task."""
+        """Return the state of a task after some skills."""
         state = task.initial
         for name in done:
             skill = task.skill(name)
@@ -181,18 +181,18 @@ class SimulationSuite(EngineSuite):
         return state
 
     def executed(self, name: str, *done: str) -> Verdict:
-        """Return what a fresh engine says of a skill after others."""
+        """Return the verdict of a fresh engine on a skill after others."""
         task = self.task()
         return self.make(task).check(task.skill(name), self.after(task, *done))
 
     def test_its_options_are_those_of_every_simulator(self) -> None:
-        """By their names, so that a task file says the same to all."""
+        """By name, so that one task file fits all engines."""
         plugin = registry.load("physics", self.engine)
         assert set(plugin.Options.model_fields) >= OPTIONS
         assert plugin.expensive
 
     def test_a_part_comes_to_rest_where_it_belongs(self) -> None:
-        """Within a tenth of a millimetre; the evidence says where, how turned and what was felt."""
+        """Within a tenth of a millimetre; the evidence gives position, rotation and forces."""
         verdict = self.executed("place(box)", "pick(box)")
         assert verdict.is_feasible, verdict.reason
         evidence = verdict.evidence
@@ -204,43 +204,47 @@ class SimulationSuite(EngineSuite):
         assert evidence["steps"] > 100
 
     def test_a_part_is_felt_between_the_jaws(self) -> None:
-        """As wide as it is."""
+        """With its width."""
         verdict = self.executed("pick(fuse)")
         assert verdict.is_feasible, verdict.reason
         assert abs(verdict.evidence["sensed"]["jaw_width_m"] - 0.02) < 0.0025
 
     def test_a_screw_is_pressed_as_hard_as_it_has_to_be(self) -> None:
-        """With the force that the options tell, and no more than twice that."""
+        """With the force of the options, and at most twice that."""
         verdict = self.executed("fasten(screw)", *PLAN[:-1])
         assert verdict.is_feasible, verdict.reason
         assert 3.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 10.0
 
     def test_a_tool_is_sensed_to_be_attached(self) -> None:
-        """By its name."""
+        """By name."""
         verdict = self.executed("load(screwdriver)")
         assert verdict.is_feasible, verdict.reason
         assert verdict.evidence["sensed"]["tool_attached"] == "screwdriver"
 
     def test_what_has_nothing_beneath_it_does_not_come_to_rest(self) -> None:
-        """A fuse without its box is below its goal; the verdict rests on the box's absence."""
+        """Without its box, a fuse would end below its goal; the verdict rests on the box."""
         verdict = self.executed("place(fuse)", "pick(fuse)")
         assert verdict.is_infeasible
         assert verdict.reason == "fuse came to rest 10.0 mm below its goal"
         assert "placed(box)" in (verdict.absent or ())
 
     def test_what_is_in_the_way_is_named(self) -> None:
-        """A fuse put in after the lid: by the bodies that touch, if contacts are read."""
+        """A fuse after the lid: named by the touching bodies, if contacts are read."""
         task = self.task()
         _, back_ends = self.beside(task)
         state = self.after(task, "pick(box)", "place(box)", "pick(lid)", "place(lid)", "pick(fuse)")
         verdicts = [back_end.check(task.skill("place(fuse)"), state) for back_end in back_ends]
         assert any(verdict.is_infeasible for verdict in verdicts)
-        named = {name for one in verdicts for name in one.evidence.get("bodies", ())}
+        named = {name for verdict in verdicts for name in verdict.evidence.get("bodies", ())}
         assert not named or "lid" in named
-        assert all("placed(lid)" in (one.present or ()) for one in verdicts if one.is_infeasible)
+        assert all(
+            "placed(lid)" in (verdict.present or ())
+            for verdict in verdicts
+            if verdict.is_infeasible
+        )
 
     def test_a_right_order_is_granted_from_the_first_skill_to_the_last(self) -> None:
-        """By the engine, and by who reads its contacts."""
+        """By the engine, and by the reader of its contacts."""
         task = self.task()
         _, back_ends = self.beside(task)
         for skill, state in self._plan(task):
@@ -249,30 +253,30 @@ class SimulationSuite(EngineSuite):
                 assert verdict.is_feasible, (skill.name, back_end.name, verdict.reason)
 
     def test_answers_are_equal_to_the_bit_in_any_order(self) -> None:
-        """Of one engine forwards, and of another backwards."""
+        """One engine in order, and another in reverse."""
         task = self.task()
         queries = self._plan(task)[1:4]
         forward, backward = self.make(task), self.make(task)
-        said = [written(forward.check(*query)) for query in queries]
+        answers = [written(forward.check(*query)) for query in queries]
         again = [written(backward.check(*query)) for query in reversed(queries)]
-        assert said == again[::-1]
+        assert answers == again[::-1]
 
     def test_answers_are_equal_to_the_bit_in_other_processes(self) -> None:
-        """Of two at once, as with ``--jobs 2``."""
+        """Two at once, as with ``--jobs 2``."""
         task = self.task()
         queries = self._plan(task)[1:4]
-        said = []
+        answers = []
         for jobs in (1, 2):
             with closing(Feasibility(task, [self.make(task)], jobs=jobs)) as checks:
-                said.append([written(verdict) for verdict in checks.verdicts(queries)])
-        assert said[0] == said[1]
+                answers.append([written(verdict) for verdict in checks.verdicts(queries)])
+        assert answers[0] == answers[1]
 
     def _plan(self, task: Task) -> list[tuple[Skill, State]]:
         return [(task.skill(name), self.after(task, *PLAN[:n])) for n, name in enumerate(PLAN)]
 
 
 def written(verdict: Verdict) -> str:
-    """Return all that a verdict says, to the last digit; its stage is not the back end's."""
+    """Return the content of a verdict with all digits, without its stage."""
     facts: Sequence[Any] = [
         None if facts is None else list(facts) for facts in (verdict.present, verdict.absent)
     ]

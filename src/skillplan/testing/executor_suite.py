@@ -1,6 +1,7 @@
-"""What every executor owes those who have jobs to do.
+"""Conformance suite of executors.
 
-Each worker is given the name of a function of `executor_jobs` and calls it on what its jobs hold.
+Each worker receives the name of a function in `executor_jobs`, and calls it with the content of its
+jobs.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ from skillplan.workers.local_processes import LocalProcesses
 
 
 def here() -> tuple[str, int]:
-    """Return machine and number of this process."""
+    """Return machine and process id of this process."""
     return platform.node(), os.getpid()
 
 
 def prepare(function: str) -> Callable[[Any], Any]:
-    """Return the function of a name; called by a worker."""
+    """Return the function with a name; called by a worker."""
     return _FUNCTIONS[function]
 
 
@@ -101,23 +102,23 @@ _FUNCTIONS: dict[str, Callable[[Any], Any]] = {
 
 _WHAT = "tests"
 _PATIENCE_S = 60.0
-# So soon whoever was ended is gone [s].
+# Time in which an ended worker is gone [s].
 _GONE_S = 2.0
 
 
 class ExecutorSuite:
-    """What every executor owes those who have jobs to do."""
+    """Requirements on every executor."""
 
     executor: ClassVar[str]
     address: ClassVar[str] = ""
     options: ClassVar[dict[str, Any]] = {}
 
     def make(self, slots: int = 2) -> Executor:
-        """Return a new executor, as the command line makes it."""
+        """Return a new executor, as the command line does."""
         return make_executor(ExecutorChoice(self.executor, self.address, self.options), slots)
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
-        """The registry finds it under its name, with a summary and described options."""
+        """The registry has it under its name, with a summary and described options."""
         plugin = registry.load("executor", self.executor)
         assert plugin.name == self.executor
         assert_options_described(plugin)
@@ -129,7 +130,7 @@ class ExecutorSuite:
             self.make(0)
 
     def test_jobs_are_done_elsewhere_one_after_another(self) -> None:
-        """By the same process, which has another number, and whatever size they have."""
+        """By one process, which is not this one, with content of any size."""
         with closing(self.make()) as executor:
             worker = _started(executor, "echo")
             first, second = (_done(executor, worker, job) for job in ("one", b"\0" * 3_000_000))
@@ -140,7 +141,7 @@ class ExecutorSuite:
             assert worker.alive
 
     def test_only_those_are_ready_that_have_answered(self) -> None:
-        """The other is still at its job; among none nobody is, and nobody waits."""
+        """The other is busy; an empty list returns at once."""
         with closing(self.make()) as executor:
             assert executor.first_ready([], 600.0) == []
             slow, quick = _started(executor, "sleep"), _started(executor, "echo")
@@ -155,15 +156,15 @@ class ExecutorSuite:
             assert [quick] == heard
 
     def test_news_come_before_the_answer_in_order(self) -> None:
-        """What code in a worker tells arrives, all of it."""
+        """All news of code in a worker arrives."""
         with closing(self.make(1)) as executor:
             worker = _started(executor, "count")
             worker.take(3)
-            said = [_heard(executor, worker) for _ in range(4)]
-            assert said == [News(0), News(1), News(2), Answer(3)]
+            messages = [_heard(executor, worker) for _ in range(4)]
+            assert messages == [News(0), News(1), News(2), Answer(3)]
 
     def test_a_worker_hears_that_it_shall_stop(self) -> None:
-        """Where its code listens."""
+        """If its code listens."""
         with closing(self.make(1)) as executor:
             worker = _started(executor, "wait")
             worker.take(30)
@@ -172,7 +173,7 @@ class ExecutorSuite:
             assert Answer("asked to stop") == _heard(executor, worker)
 
     def test_what_cannot_make_itself_ready_is_an_error_in_words(self) -> None:
-        """The words say what was raised."""
+        """The message contains the exception."""
         with closing(self.make(1)) as executor:
             worker = _started(executor, "no such function")
             with pytest.raises(SkillplanError, match="could not make itself ready: KeyError"):
@@ -180,7 +181,7 @@ class ExecutorSuite:
 
     @pytest.mark.parametrize("job", ["exit", "kill"])
     def test_one_that_breaks_down_says_so_and_harms_no_other(self, job: str) -> None:
-        """It had been ready; a fresh one takes its place, and the other goes on."""
+        """It was ready; a fresh worker replaces it, and the other goes on."""
         with closing(self.make()) as executor:
             worker, other = _started(executor, job), _started(executor, "echo")
             worker.take(7)
@@ -195,7 +196,7 @@ class ExecutorSuite:
             assert _done(executor, _started(executor, "echo"), "again")[0] == "again"
 
     def test_to_end_one_leaves_nothing_and_twice_does_nothing(self) -> None:
-        """Whatever it is at; so whoever cleans up need not know what was ended before."""
+        """In any state, so that clean-up code may end it again."""
         with closing(self.make(1)) as executor:
             worker = _started(executor, "busy")
             worker.take(600)
@@ -207,7 +208,7 @@ class ExecutorSuite:
             assert _gone(place.content)
 
     def test_closing_ends_all_and_more_can_be_started(self) -> None:
-        """At once, whatever they are at."""
+        """At once, in any state."""
         executor = self.make()
         workers = [_started(executor, "busy") for _ in range(2)]
         for worker in workers:
@@ -220,13 +221,13 @@ class ExecutorSuite:
             assert _done(executor, _started(executor, "echo"), "more")[0] == "more"
 
     def test_a_worker_starts_no_others(self) -> None:
-        """It is told why."""
+        """With the reason."""
         with closing(self.make(1)) as executor:
             worker = _started(executor, "refusal")
             assert "may not start others" in _done(executor, worker, None)
 
     def test_verdicts_and_counts_are_those_of_this_process(self) -> None:
-        """Checks of a task that are made elsewhere, with one slot and with two."""
+        """Checks of a task by workers, with one slot and with two."""
         task = lid_task()
         states = reachable_states(SkillModel(Feasibility(task)), 20)
         queries = [(k, s) for s in states for k in task.skills if k.applicable(s)]
@@ -244,19 +245,19 @@ class ExecutorSuite:
 
 
 class ExpensiveBoxes(AabbDetector):
-    """The detector of boxes, as if a check of it were worth a process."""
+    """The detector of boxes, marked as expensive."""
 
     expensive = True
 
     class Options(AabbDetector.Options):
-        """How expensive it is."""
+        """Duration of a check."""
 
         check_s: float = Field(default=0.0, ge=0, description="so long a check takes at least [s]")
 
     options: Options
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Decide as the detector of boxes does, after a while."""
+        """Return the verdict of the detector of boxes, after a while."""
         time.sleep(self.options.check_s)
         return super().check(skill, state)
 
@@ -266,7 +267,7 @@ def _started(executor: Executor, function: str) -> Worker:
 
 
 def _done(executor: Executor, worker: Worker, job: Any) -> Any:
-    """Return what a worker makes of a job."""
+    """Return the answer of a worker to a job."""
     worker.take(job)
     answer = _heard(executor, worker)
     assert isinstance(answer, Answer)
@@ -274,7 +275,7 @@ def _done(executor: Executor, worker: Worker, job: Any) -> Any:
 
 
 def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
-    """Return the next thing that a worker says, once it is ready."""
+    """Return the next message of a worker, once it is ready."""
     end_s = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end_s:
         for ready in executor.first_ready([worker], 1.0):
@@ -285,7 +286,7 @@ def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
 
 
 def _gone(place: tuple[str, int]) -> bool:
-    """Whether a process is gone; one of another machine cannot be seen from here."""
+    """Whether a process is gone; unknown for other machines."""
     machine, number = place
     if machine != platform.node():
         return True

@@ -1,4 +1,4 @@
-"""What every solver owes its users."""
+"""Conformance suites of solvers, domains, exporters and samplers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from skillplan.testing.tasks import (
 
 
 class SolverSuite:
-    """What every solver owes its users."""
+    """Requirements on every solver."""
 
     solver: ClassVar[str]
     options: ClassVar[dict[str, Any]] = {}
@@ -46,30 +46,30 @@ class SolverSuite:
         return Setup(options={self.solver: self.options})
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
-        """The registry finds it under its name, with a summary and described options."""
+        """The registry has it under its name, with a summary and described options."""
         plugin = registry.load("solver", self.solver)
         assert plugin.name == self.solver
         assert_options_described(plugin)
         assert (plugin.__doc__ or "").strip()
 
     def test_it_solves_the_lid_task(self) -> None:
-        """The referee grants a plan."""
+        """The referee accepts the plan."""
         result = solve(lid_task(), self.solver, self._setup())
         assert result.status in (Status.OPTIMAL, Status.SOLVED), result.reason
 
     def test_the_same_seed_gives_the_same_plan(self) -> None:
-        """One seed governs all randomness."""
+        """One seed determines all random numbers."""
         first, second = (solve(lid_task(), self.solver, self._setup(), seed=7) for _ in range(2))
         assert [s.skill for s in first.steps] == [s.skill for s in second.steps]
         assert first.cost == second.cost
 
     def test_it_is_honest_where_there_is_no_plan(self) -> None:
-        """It finds none, and does not pretend."""
+        """It returns none."""
         result = solve(shut_box_task(), self.solver, self._setup())
         assert result.status in (Status.INFEASIBLE, Status.UNSOLVED), result.reason
 
     def test_it_stops_when_told_to(self) -> None:
-        """An interrupted search ends with what it has, not with an error."""
+        """An interrupted search returns its best result, not an error."""
         stop = Stop()
         stop.interrupt()
         result = solve(lid_task(), self.solver, self._setup(), stop=stop)
@@ -80,14 +80,14 @@ class SolverSuite:
         ), result.reason
 
     def test_it_refuses_in_words_or_not_at_all(self) -> None:
-        """A refusal is a sentence."""
+        """The refusal is a sentence."""
         model = make_model(lid_task())
         refusal = make_solver(self.solver, self.options).refuses(model)
         assert refusal is None or (isinstance(refusal, str) and refusal.strip())
 
 
 class DomainSuite:
-    """What every kind of task owes the rest."""
+    """Requirements on every kind of task."""
 
     domain: ClassVar[str]
     content: ClassVar[dict[str, Any]] = {}
@@ -100,7 +100,7 @@ class DomainSuite:
         return plugin.ground(config, "")
 
     def test_it_is_registered_under_its_kind(self) -> None:
-        """The entry point's name is the kind in the file."""
+        """The name of the entry point is the kind in the file."""
         assert registry.load("domain", self.domain).kind == self.domain
         assert self.domain in entry_points(group="skillplan.domain").names
 
@@ -112,7 +112,7 @@ class DomainSuite:
             assert task.initial == other.initial
 
     def test_exclusive_facts_stay_exclusive(self) -> None:
-        """In every reachable state at most one fact of each exclusive group holds."""
+        """In every reachable state, at most one fact of each exclusive group holds."""
         for task in self.tasks():
             groups = [task.facts.of(*group) for group in task.facts.exclusive]
             for state in reachable_states(make_model(task), 500):
@@ -120,7 +120,7 @@ class DomainSuite:
                     assert len(group & state) <= 1
 
     def test_costs_and_durations_are_never_negative(self) -> None:
-        """Every applicable skill has a cost and a duration of at least 0."""
+        """Every applicable skill has a cost and a duration >= 0."""
         for task in self.tasks():
             model = make_model(task)
             for state in reachable_states(model, 500):
@@ -129,7 +129,7 @@ class DomainSuite:
                     assert skill.duration_s.at(state) >= 0
 
     def test_a_chain_that_nobody_has_solved_is_followed_as_it_was_grounded(self) -> None:
-        """Without plans, what follows is what stands in for them."""
+        """Without plans, from the preset one."""
         plugin: Domain = registry.load("domain", self.domain)()
         config = plugin.Config.model_validate(self.content)
         followed = plugin.follow(config, "", {})
@@ -137,13 +137,13 @@ class DomainSuite:
         assert [task.initial for task in followed] == [task.initial for task in self.tasks()]
 
     def test_what_it_says_beyond_the_plans_is_json(self) -> None:
-        """Its account can be printed, also of a file that nobody has solved."""
+        """Its description can be printed, even for an unsolved file."""
         plugin: Domain = registry.load("domain", self.domain)()
         config = plugin.Config.model_validate(self.content)
         assert json_fault(plugin.account(config, {}).document) is None
 
     def test_the_schema_describes_every_key(self) -> None:
-        """Editors can show what a key of the file means."""
+        """Editors can show the meaning of a key."""
         schema = registry.load("domain", self.domain).Config.model_json_schema()
         assert schema["properties"]
 
@@ -152,14 +152,14 @@ _BY_CHART = Setup(collision=("precedence",))
 
 
 class ExporterSuite:
-    """What every exporter owes its users.
+    """Requirements on every exporter.
 
     Attributes
     ----------
     exporter
-        Its name.
+        Name of the exporter.
     options
-        Options to try it with.
+        Options of the tests.
     """
 
     exporter: ClassVar[str]
@@ -174,11 +174,11 @@ class ExporterSuite:
         return solved_lid(task)
 
     def files(self, task: Task) -> Mapping[str, str | bytes]:
-        """Return what the exporter makes of a task and its best plan."""
+        """Return the files of a task and its best plan."""
         return exported(self.make(), self.handover(task))
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
-        """The registry finds it under its name, with a summary and described options."""
+        """The registry has it under its name, with a summary and described options."""
         plugin = registry.load("exporter", self.exporter)
         assert plugin.name == self.exporter
         assert plugin.suffix == "" or plugin.suffix.startswith(".")
@@ -186,7 +186,7 @@ class ExporterSuite:
         assert (plugin.__doc__ or "").strip()
 
     def test_it_makes_files_of_plain_names(self) -> None:
-        """One where it has a suffix; none is empty, and texts can be written as UTF-8."""
+        """One file if it has a suffix; none is empty, and texts are valid UTF-8."""
         files = self.files(lid_task())
         assert files
         assert len(files) == 1 or not self.make().suffix
@@ -195,15 +195,15 @@ class ExporterSuite:
             assert content.encode() if isinstance(content, str) else content
 
     def test_the_same_plan_makes_the_same_files(self) -> None:
-        """To the byte, so that files can be compared."""
+        """Byte for byte, so that files can be compared."""
         assert self.files(lid_task()) == self.files(lid_task())
 
     def test_names_that_are_no_identifiers_do_no_harm(self) -> None:
-        """Quotes, brackets, ends of comments, line breaks, names that differ by case alone."""
+        """Quotes, brackets, ends of comments, line breaks, and names that differ only in case."""
         assert self.files(hostile_task())
 
     def test_without_a_plan_it_hands_over_the_task_or_says_that_it_needs_one(self) -> None:
-        """In words that say where plans are from."""
+        """With the source of plans."""
         model = make_model(lid_task(), _BY_CHART)
         with closing(model.feasibility):
             handover = handed_over(model, _BY_CHART, None)
@@ -214,7 +214,7 @@ class ExporterSuite:
                 exported(self.make(), handover)
 
     def test_chance_is_handed_over_or_refused_in_words(self) -> None:
-        """A grasp that may fail is not left out in silence."""
+        """A grasp that may fail is reported."""
         handover = self.handover(chance_task())
         refusal = self.make().refuses(handover)
         if refusal is None:
@@ -230,7 +230,7 @@ class ExporterSuite:
 
 
 def solved_lid(task: Task) -> Handover:
-    """Return a task that is the lid task but for names and chance, with its best plan."""
+    """Return a variant of the lid task in names or chance, and its best plan."""
     model = make_model(task, _BY_CHART)
     # The hostile task has other names in the same order.
     walked = replay(model, [task.skills[action] for action in _plan()])
@@ -241,7 +241,7 @@ def solved_lid(task: Task) -> Handover:
 
 @cache
 def _plan() -> tuple[int, ...]:
-    """Return the best plan of the lid task, which all tasks of the suite have."""
+    """Return the best plan of the lid task."""
     result = solve(lid_task(), "exact", _BY_CHART)
     return tuple(step.action for step in result.steps)
 
@@ -257,26 +257,26 @@ SPACE: tuple[Dimension, ...] = (
 
 
 class SamplerSuite:
-    """What every sampler owes its users.
+    """Requirements on every sampler.
 
     Attributes
     ----------
     sampler
-        Its name.
+        Name of the sampler.
     options
-        Options to try it with.
+        Options of the tests.
     """
 
     sampler: ClassVar[str]
     options: ClassVar[dict[str, Any]] = {}
 
     def join(self, folder: Path, first: dict[str, Any] | None = None) -> SharedTrials:
-        """Return the trials of a folder, of a study that the suite is about."""
+        """Return the trials of a folder, for the study of this suite."""
         question = Question(SPACE, {"study": "of the suite"}, first or {}, seed=7)
         return make_sampler(self.sampler, self.options).join(folder, question)
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
-        """The registry finds it under its name, with a summary and described options."""
+        """The registry has it under its name, with a summary and described options."""
         plugin = registry.load("sampler", self.sampler)
         assert plugin.name == self.sampler
         assert_options_described(plugin)
@@ -284,45 +284,45 @@ class SamplerSuite:
         assert Path(plugin.keeps).name == plugin.keeps
 
     def test_what_it_chooses_is_allowed(self, tmp_path: Path) -> None:
-        """Values lie in their ranges, whole where they have to be, and of the type listed."""
+        """Values are in their ranges, integers if required, and of the listed types."""
         trials = self.join(tmp_path)
         for count in range(15):
             trial = trials.ask()
-            assert set(trial.values) == {one.option for one in SPACE}
-            for one in SPACE:
-                assert one.holds(trial.values[one.option]), one
+            assert set(trial.values) == {dimension.option for dimension in SPACE}
+            for dimension in SPACE:
+                assert dimension.holds(trial.values[dimension.option]), dimension
             trials.tell(trial, float(count % 4), [])
 
     def test_what_is_to_be_tried_first_is(self, tmp_path: Path) -> None:
-        """Where it leaves options out, those are chosen."""
+        """If it leaves options out, these are chosen."""
         first = {"rate": 0.25, "kind": "bent", "size": 16, "quick": True, "count": 3}
         trials = self.join(tmp_path, first)
         assert trials.ask().values.items() >= first.items()
         assert not trials.ask().values.items() >= first.items()
 
     def test_what_was_told_is_there_for_every_process(self, tmp_path: Path) -> None:
-        """Values, figures and lines, by number; what was given up or is under way is not."""
-        one = self.join(tmp_path)
+        """Values, figures and lines, by number, without aborted and running trials."""
+        first = self.join(tmp_path)
         another = self.join(tmp_path)
-        asked = [one.ask(), another.ask(), one.ask(), another.ask()]
-        assert len({trial.number for trial in asked}) == 4
-        another.tell(asked[1], 2.5, ["second", "line"])
-        one.tell(asked[0], None, ["first"])
-        another.give_up(asked[3])
+        trials = [first.ask(), another.ask(), first.ask(), another.ask()]
+        assert len({trial.number for trial in trials}) == 4
+        another.tell(trials[1], 2.5, ["second", "line"])
+        first.tell(trials[0], None, ["first"])
+        another.give_up(trials[3])
         late = self.join(tmp_path)
         assert late.about == {"study": "of the suite"}
-        for seen in (one, another, late):
+        for seen in (first, another, late):
             assert seen.done() == 2
-            told = sorted(seen.finished(), key=lambda each: each.trial.number)
-            assert [each.trial for each in told] == sorted(
-                asked[:2], key=lambda trial: trial.number
+            finished = sorted(seen.finished(), key=lambda each: each.trial.number)
+            assert [each.trial for each in finished] == sorted(
+                trials[:2], key=lambda trial: trial.number
             )
-            by_number = {each.trial.number: each for each in told}
-            assert by_number[asked[0].number].value is None
-            assert by_number[asked[1].number].value == 2.5
-            assert by_number[asked[1].number].lines == ("second", "line")
+            by_number = {each.trial.number: each for each in finished}
+            assert by_number[trials[0].number].value is None
+            assert by_number[trials[1].number].value == 2.5
+            assert by_number[trials[1].number].lines == ("second", "line")
 
     def test_two_processes_do_not_begin_alike(self, tmp_path: Path) -> None:
-        """What is drawn depends on the trial's number, not on the seed alone."""
-        asked = [self.join(tmp_path).ask().values["share"] for _ in range(4)]
-        assert len(set(asked)) == 4
+        """The draw depends on the number of the trial, not only on the seed."""
+        shares = [self.join(tmp_path).ask().values["share"] for _ in range(4)]
+        assert len(set(shares)) == 4

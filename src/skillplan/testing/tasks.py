@@ -1,4 +1,4 @@
-"""Small tasks that the suites are run on."""
+"""Small tasks of the conformance suites."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from skillplan.task.task import Task
 
 
 def lid_task() -> Task:
-    """Return a box, a fuse that goes into it, and a lid that is screwed on: two tools."""
+    """Return the lid task: a box, a fuse inside it, and a lid with a screw; two tools."""
     return ground(AssemblyConfig.model_validate(lid_content()), "")
 
 
 def shut_box_task() -> Task:
-    """Return the same with a chart that wants the fuse in the box after the lid: no plan."""
+    """Return the lid task with a chart that puts the fuse into the box after the lid: no plan."""
     content = lid_content()
     content["chart"] = [
         {"before": "box", "after": ["fuse", "lid"]},
@@ -32,16 +32,16 @@ def shut_box_task() -> Task:
 
 
 def chance_task() -> Task:
-    """Return the lid task with a fuse that slips from the jaws now and then."""
+    """Return the lid task with a fuse that sometimes slips from the jaws."""
     content = lid_content()
     content["parts"]["fuse"]["grasp_failure"] = 0.25
     return ground(AssemblyConfig.model_validate(content), "")
 
 
 def hostile_task() -> Task:
-    """Return the lid task with names that are no identifiers anywhere, and end whatever they can.
+    """Return the lid task with names that are no identifiers in any format.
 
-    Only tasks from code have such names: those of files are letters, digits and hyphens.
+    Only tasks from code have such names; task files allow letters, digits and hyphens.
     """
     task = lid_task()
     names = ["pick(a-b)", "pick(A_B)", "$'N", "END_IF; -- (*", "*) ) ]]> </root>", "=1+1\n,'\""]
@@ -54,21 +54,21 @@ def hostile_task() -> Task:
 
 
 def reachable_states(model: SkillModel, most: int = 5_000) -> list[State]:
-    """Return the states that feasible skills lead to, breadth first, at most so many."""
-    found = {model.initial: None}
+    """Return the states that feasible skills reach, breadth first, up to a limit."""
+    states = {model.initial: None}
     for state in (queue := [model.initial]):
         if model.is_goal(state):
             continue
         for step in model.transitions(state):
             for _, following in step.outcomes:
-                if following not in found and len(found) < most:
-                    found[following] = None
+                if following not in states and len(states) < most:
+                    states[following] = None
                     queue.append(following)
-    return list(found)
+    return list(states)
 
 
 def lid_content() -> dict[str, Any]:
-    """Return the content of the lid task, to be varied."""
+    """Return the content of the lid task, for variants."""
     return {
         "kind": "assembly",
         "name": "lid",
@@ -112,14 +112,14 @@ def lid_content() -> dict[str, Any]:
             {"before": "fuse", "after": ["lid"]},
             {"before": "lid", "after": ["screw"]},
         ],
-        # The same back ends whatever is installed, and the suites need no geometry.
+        # Fixed back ends, which need no geometry.
         "collision": {"precedence": {}},
         "step_limit": 12,
     }
 
 
 def assert_options_described(plugin: type[Any]) -> None:
-    """Assert that every option says what it is, so that the command line can.
+    """Assert that every option has a description for the command line.
 
     Raises
     ------

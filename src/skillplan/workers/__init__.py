@@ -1,6 +1,6 @@
-"""Processes that do jobs for this one.
+"""Worker processes, which do jobs for this process.
 
-The only floor that starts any, and it never knows what a job means.
+Only this package starts processes. The content of jobs is not its concern.
 """
 
 import lazy_loader as _lazy

@@ -1,7 +1,7 @@
-"""What every executor offers: workers that each do one job at a time, somewhere else.
+"""Executors: workers elsewhere that each do one job at a time.
 
-`LocalProcesses` is the default. Another, on a cluster for example, subclasses `Executor` and
-`Worker` and is registered in the group ``skillplan.executor``; whoever has jobs to do takes any.
+`LocalProcesses` is the default. Others, such as for a cluster, subclass `Executor` and `Worker`,
+and are registered in the group ``skillplan.executor``.
 """
 
 from __future__ import annotations
@@ -17,40 +17,41 @@ from pydantic import BaseModel
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.task import back_end
 
-# Of what workers start from; returns the function that does jobs. Whatever can be pickled is a job.
+# Makes a worker ready, from the content it starts with; returns the function that does jobs. Jobs
+# can be any values that pickle.
 Prepare = Callable[[Any], Callable[[Any], Any]]
 
-# So often whoever waits may look whether to go on.
+# Interval at which waiting callers may check for a stop [s].
 POLL_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of a job."""
+    """Answer to a job."""
 
     content: Any
 
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """What a worker says ahead of its answer."""
+    """News of a worker before its answer."""
 
     content: Any
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """A worker is gone before it answered.
+    """A worker ended before its answer.
 
     Parameters
     ----------
     exit_code
-        Of its process; below 0 the signal that ended it. None where nobody can say: the process
-        is lost, and maybe its machine.
+        Exit code of its process, or minus the signal; None if the process, or its machine, was
+        lost.
     started
-        Whether it had come as far as to wait for jobs.
+        Whether it was ready for jobs.
     cause
-        What ended it, in words, where there is no exit code.
+        Description of the cause, if there is no exit code.
     """
 
     exit_code: int | None
@@ -59,24 +60,24 @@ class Ended:
 
     @property
     def killed(self) -> bool:
-        """Whether a signal ended it, or the loss of its machine: nothing that it did itself."""
+        """Whether a signal or the loss of its machine ended it, not its own code."""
         return self.exit_code is None or self.exit_code < 0
 
     @property
     def how(self) -> str:
-        """What ended it: ``signal 9``, ``exit code 1``, or the cause in words."""
+        """Cause of the end: ``signal 9``, ``exit code 1``, or its description."""
         if self.exit_code is None:
             return self.cause or "the loss of its machine"
         return f"signal {-self.exit_code}" if self.killed else f"exit code {self.exit_code}"
 
 
 class Worker(ABC):
-    """Does one job at a time.
+    """A worker, which does one job at a time.
 
     Parameters
     ----------
     what
-        What it is for, as ``the runs``; for messages.
+        Purpose, such as ``the runs``; for messages.
     """
 
     def __init__(self, what: str) -> None:
@@ -85,37 +86,37 @@ class Worker(ABC):
     @property
     @abstractmethod
     def number(self) -> int | None:
-        """The number of its process on this machine; None where it runs elsewhere."""
+        """Process id on this machine; None elsewhere."""
 
     @property
     @abstractmethod
     def alive(self) -> bool:
-        """Whether it can be given a job."""
+        """Whether it can take a job."""
 
     @abstractmethod
     def take(self, job: Any) -> None:
-        """Give it a job; it must not have one."""
+        """Start a job; the worker must be idle."""
 
     @abstractmethod
     def answer(self) -> Answer | News | Ended | None:
-        """Return what became of the job, news of it, or that the worker broke down; None if none.
+        """Return the answer, news, or the end of the worker; None if there is nothing yet.
 
         Raises
         ------
         SkillplanError
-            If the worker could not make itself ready, in its own words.
+            If the worker could not become ready; with its message.
         """
 
     @abstractmethod
     def ask_to_stop(self) -> None:
-        """Ask it to end its job; one that cannot hear goes on until it is ended."""
+        """Request the end of the job; a worker that does not listen goes on."""
 
     @abstractmethod
     def end(self, *, gently: bool = True) -> None:
-        """End it: once it is idle, or at once. To end it again does nothing."""
+        """End the worker, once it is idle or at once; no effect if it has ended."""
 
     def not_started(self) -> SkillplanError:
-        """Return the error to raise where it ended before it was ready."""
+        """Return the error for a worker that ended before it was ready."""
         return SkillplanError(
             f"A process for {self.what} could not be started; what it said is above. A "
             "script that calls this needs `if __name__ == '__main__':`."
@@ -123,37 +124,37 @@ class Worker(ABC):
 
 
 class Executor(ABC):
-    """Starts workers and waits for them.
+    """An executor, which starts workers and waits for them.
 
-    To construct one starts nothing and connects to nothing; the first worker does.
+    The constructor starts and connects nothing; the first worker does.
 
     Parameters
     ----------
     slots
-        The most workers at once, >= 1; whoever starts them keeps to it.
+        Greatest number of workers, >= 1; callers must respect it.
     options
-        An instance of `Options`; None for the defaults.
+        Options; None for the defaults.
     address
-        Of what it connects to; empty for none.
+        Address to connect to; may be empty.
 
     Attributes
     ----------
     name
         Kebab-case, as in the entry point.
     Options
-        A pydantic model whose fields carry range and description.
+        Pydantic model; its fields have ranges and descriptions.
     takes_address
-        Whether ``--executor NAME:ADDRESS`` may give it an address.
+        Whether ``--executor NAME:ADDRESS`` is allowed.
     shares_files
-        Whether its workers see the files of this machine under the same paths. Where they do not,
-        they write none that anybody is to find, and what they make is sent back.
+        Whether workers see the files of this machine under the same paths. If not, they send their
+        results instead of writing them.
 
     Raises
     ------
     ValueError
         If `slots` is below 1.
     OptionError
-        If there is an address and it takes none.
+        If there is an unexpected address.
     """
 
     name: ClassVar[str]
@@ -172,62 +173,62 @@ class Executor(ABC):
 
     @property
     def refusal(self) -> str:
-        """Why none can be started from here, in words; empty where they can."""
+        """Reason why workers cannot be started here; else empty."""
         return ""
 
     @property
     def start_up_s(self) -> float:
-        """About so long whoever starts the next worker has to wait [s], beside what that makes."""
+        """Expected delay of the next worker [s], without its own preparation."""
         return 0.0
 
     @abstractmethod
     def start(self, prepare: Prepare, content: bytes, what: str) -> Worker:
-        """Start a worker, which makes itself ready on its own.
+        """Start a worker, which makes itself ready.
 
         Parameters
         ----------
         prepare
-            Called by the worker with what `content` holds; returns the function that does jobs.
-            Must be importable.
+            Called by the worker with the content; returns the function that does jobs. Must be
+            importable.
         content
-            What `packed` returned.
+            Content from `packed`.
         what
-            What it is for, as ``the runs``; for messages.
+            Purpose, such as ``the runs``; for messages.
 
         Raises
         ------
         SkillplanError
-            If it cannot be started.
+            If the worker cannot be started.
         """
 
     @abstractmethod
     def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
-        """Return the workers whose next answer is there.
+        """Return the workers with an answer or news.
 
         Parameters
         ----------
         workers
-            Some that this executor has started.
+            Workers of this executor.
         patience_s
-            How long to wait for the first [s], >= 0.
+            Time to wait for the first one [s], >= 0.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """End all workers at once; more can be started afterwards."""
+        """End all workers at once; new ones can be started."""
 
 
 MakeExecutor = Callable[[int], Executor]
-"""Returns an executor of so many slots; None in its place stands for processes of this machine."""
+"""Returns an executor with a number of slots. None instead stands for this machine."""
 
 
 def packed(content: Any, what: str) -> bytes:
-    """Return what workers are to start from, as it is sent to them.
+    """Return the content that workers start with, pickled.
 
     Raises
     ------
     SkillplanError
-        If it cannot be sent.
+        If it cannot be pickled.
     """
     try:
         return pickle.dumps(content)
@@ -242,16 +243,16 @@ DEFAULT_EXECUTOR = "local"
 
 @dataclass(frozen=True)
 class ExecutorChoice:
-    """An executor that was chosen; nothing is imported, started or connected to.
+    """A choice of an executor; nothing is imported, started or connected.
 
     Parameters
     ----------
     name
-        Of the plugin.
+        Name of the plugin.
     address
-        What it connects to; empty for none.
+        Address to connect to; may be empty.
     options
-        Its options, as given.
+        Options of the plugin.
     """
 
     name: str = DEFAULT_EXECUTOR
@@ -267,12 +268,12 @@ class ExecutorChoice:
         text
             Such as ``local`` or ``ray:10.0.0.1:6379``.
         options
-            Plugin name to options; those of others are left alone.
+            Options by name of the plugin.
 
         Raises
         ------
         OptionError
-            If an address is announced and none given.
+            If the address is missing after a colon.
         """
         name, colon, address = text.partition(":")
         if colon and not address:
@@ -281,12 +282,12 @@ class ExecutorChoice:
 
     @property
     def is_default(self) -> bool:
-        """Whether jobs are done in processes of this machine, as without a choice."""
+        """Whether jobs run on this machine with default options."""
         return self == ExecutorChoice()
 
 
 class _Surroundings:
-    """What the process offers to the code that does its jobs."""
+    """Connections of this process, if it is a worker."""
 
     tell: Callable[[Any], None] | None = None
     on_request: Callable[[], None] | None = None
@@ -297,29 +298,29 @@ _here = _Surroundings()
 
 
 def tell(content: Any) -> None:
-    """Say something to whoever gave the job, ahead of its answer."""
+    """Send news to the client of the job; no effect outside of workers."""
     if _here.tell is not None:
         _here.tell(content)
 
 
 def when_asked_to_stop(request: Callable[[], None] | None) -> None:
-    """Have a function called where whoever gave the job wants it to end; None for none any more."""
+    """Set the function that is called when the client requests a stop; None removes it."""
     _here.on_request = request
 
 
 def asked_to_stop() -> None:
-    """Call the function of `when_asked_to_stop`; the executor does, from the worker's side."""
+    """Call the function of `when_asked_to_stop`; the executor calls this in the worker."""
     if _here.on_request is not None:
         _here.on_request()
 
 
 def connect(speak: Callable[[Any], None], *, shares_files: bool = True) -> None:
-    """Say by what `tell` speaks, and whose files these are; the executor does, from inside.
+    """Connect `tell`, and set whether files are shared; the executor calls this in the worker.
 
     Parameters
     ----------
     speak
-        Sends news to whoever gave the job.
+        Sends news to the client of the job.
     shares_files
         As `Executor.shares_files`.
     """
@@ -328,10 +329,10 @@ def connect(speak: Callable[[Any], None], *, shares_files: bool = True) -> None:
 
 
 def is_worker() -> bool:
-    """Whether this process does jobs for another one."""
+    """Whether this process is a worker."""
     return _here.tell is not None
 
 
 def shares_files() -> bool:
-    """Whether files that are written here are those of whoever gave the job."""
+    """Whether the client of the job sees files written here."""
     return _here.shares_files

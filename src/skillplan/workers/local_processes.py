@@ -1,7 +1,7 @@
-"""The executor of this machine: processes, as many at once as wanted, and none harms another.
+"""The executor of this machine: isolated worker processes.
 
-A process is spawned, talks through a pipe of its own, never sees Ctrl-C, writes nothing to
-stdout, and ends with the process that started it, however that ends.
+A process is spawned, communicates through a pipe of its own, ignores Ctrl-C, prints nothing to
+stdout, and ends with its parent process.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from skillplan.workers.executor import (
 
 
 class LocalProcesses(Executor):
-    """Do jobs in processes of this machine.
+    """Runs jobs in processes of this machine.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class LocalProcesses(Executor):
     ValueError
         If `slots` is below 1.
     OptionError
-        If there is an address.
+        If an address is given.
     """
 
     name = "local"
@@ -58,32 +58,32 @@ class LocalProcesses(Executor):
 
     @property
     def refusal(self) -> str:
-        """Why none can be started from here, in words; empty where they can."""
+        """Reason why processes cannot be started here; else empty."""
         inside = multiprocessing.current_process().daemon or is_worker()
         return "a process for jobs may not start others" if inside else ""
 
     def start(self, prepare: Prepare, content: bytes, what: str) -> WorkerProcess:
-        """Start a process; parameters and errors are those of `Executor.start`."""
+        """Start a process; parameters and errors as for `Executor.start`."""
         self._workers = [worker for worker in self._workers if not worker.ended]
         worker = WorkerProcess(prepare, content, what)
         self._workers.append(worker)
         return worker
 
     def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
-        """Return the processes whose next answer is there, within `patience_s` [s]."""
+        """Return the processes with an answer or news, within `patience_s` [s]."""
         by_line = {worker.line: worker for worker in workers if isinstance(worker, WorkerProcess)}
         ready = wait(list(by_line), timeout=patience_s) if by_line else []
         return [worker for line, worker in by_line.items() if line in ready]
 
     def close(self) -> None:
-        """End all processes at once; more can be started afterwards."""
+        """End all processes at once; new ones can be started."""
         for worker in self._workers:
             worker.end(gently=False)
         self._workers.clear()
 
 
 class WorkerProcess(Worker):
-    """A process that does one job at a time.
+    """A worker process.
 
     Parameters
     ----------
@@ -93,19 +93,19 @@ class WorkerProcess(Worker):
     Attributes
     ----------
     line
-        The near end of its pipe, to wait for.
+        This end of its pipe, to wait for.
     ended
-        Whether it was ended.
+        Whether `end` was called.
 
     Raises
     ------
     SkillplanError
-        If it cannot be started.
+        If the process cannot be started.
     """
 
     def __init__(self, prepare: Prepare, content: bytes, what: str) -> None:
         super().__init__(what)
-        # Not forked: threads and handlers of this process are no business of the other one's.
+        # Spawned, because a fork would copy threads and handlers.
         context = multiprocessing.get_context("spawn")
         self.line, far = context.Pipe()
         self.ended = False
@@ -125,27 +125,27 @@ class WorkerProcess(Worker):
 
     @property
     def number(self) -> int | None:
-        """The process number that the system gave it."""
+        """Process id."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """Whether it can be given a job."""
+        """Whether it can take a job."""
         return not self.ended and self._process.is_alive()
 
     def take(self, job: Any) -> None:
-        """Give the process a job; it must not have one."""
-        # A process that broke down is noticed where its answer is read.
+        """Start a job; the process must be idle."""
+        # `answer` detects a process that has ended.
         with suppress(OSError):
             self.line.send(job)
 
     def answer(self) -> Answer | News | Ended | None:
-        """Return what became of the job, news of it, or that it broke down; None if neither yet.
+        """Return the answer, news, or the end of the process; None if there is nothing yet.
 
         Raises
         ------
         SkillplanError
-            If the process could not make itself ready, in its own words.
+            If the process could not become ready; with its message.
         """
         try:
             kind, content = self.line.recv()
@@ -161,13 +161,13 @@ class WorkerProcess(Worker):
         return News(content) if kind == _NEWS else Answer(content)
 
     def ask_to_stop(self) -> None:
-        """Send the signal by which it hears, where the system has one."""
+        """Send the signal that requests a stop, if the system has one."""
         if self._started and self.alive and _REQUEST is not None and self.number is not None:
             with suppress(OSError):
                 os.kill(self.number, _REQUEST)
 
     def end(self, *, gently: bool = True) -> None:
-        """End the process: once it is idle, or at once. To end it again does nothing."""
+        """End the process, once it is idle or at once; no effect if it has ended."""
         if self.ended:
             return
         self.ended = True
@@ -179,19 +179,19 @@ class WorkerProcess(Worker):
 
 
 _READY, _NEWS, _DONE, _FAILED = "ready", "news", "done", "failed"
-# Heard between two lines of Python; a process that is deep in C hears it later or never.
+# Python handles signals between two lines; C code delays them.
 _REQUEST = getattr(signal, "SIGUSR1", None)
 
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Start processes that never see Ctrl-C: this one decides what becomes of them."""
+    """Start processes that ignore Ctrl-C: this process decides about them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     from multiprocessing import resource_tracker
 
-    # Started with the first process otherwise, when it makes this one hear again.
+    # Otherwise started with the first process, when it unblocks signals here.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -201,18 +201,18 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -> None:
-    """Do jobs until no more come."""
+    """Do jobs until the pipe is closed."""
     if shielded:
         shield_libraries()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if _REQUEST is not None:
         signal.signal(_REQUEST, lambda *_: asked_to_stop())
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # Libraries in C print there, too, and stdout is for one document.
+    # C libraries print there, too, and stdout is reserved for a document.
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     os.close(silence)
-    # Whoever sends jobs may be gone at any moment, and need not hear of it.
+    # The client may be gone at any time.
     with suppress(EOFError, ConnectionError):
         try:
             work = prepare(pickle.loads(content))
@@ -223,7 +223,7 @@ def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -
             words = f"A process could not make itself ready: {type(error).__name__}: {error}"
             line.send((_FAILED, (SkillplanError, words)))
             return
-        # News may come from another thread than the one that does the job.
+        # Another thread than that of the job may send news.
         speaking = threading.Lock()
 
         def say(kind: str, content: Any) -> None:
@@ -237,7 +237,7 @@ def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone, whatever it is at."""
+    """End this process as soon as its parent has ended, in any state."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,8 +1,8 @@
-"""What a command reports to the process that supervises it; without a supervisor, to nothing.
+"""Reports of a command to its supervisor process, if there is one.
 
-The command line runs in a child of the process that the user started (`skillplan.workers.
-supervisor`). The child writes lines to a pipe: what it is doing, its limits, and its exit code as
-the last one. A process that ends without that code has failed, whatever its own code.
+The command line runs in a child of the process that the user started
+(`skillplan.workers.supervisor`). The child writes lines to a pipe: its activity, its limits, and at
+last its exit code. A process that ends without this code has failed.
 """
 
 from __future__ import annotations
@@ -15,40 +15,39 @@ from contextlib import contextmanager, suppress
 
 from skillplan.errors import BackEndError
 
-# First letters of the lines.
 BEGUN, ENDED, LIMITS, FINISHING, PRINTED, DONE = b"+", b"-", b"L", b"F", b"P", b"D"
 SWALLOWED = b"S"
 NO_LIMIT = b"none"
-# A longer line would not be written in one piece.
+# Longer lines would not be written atomically.
 _LINE_BYTES = 1000
 
-# How the supervisor passes a signal on: as a request to stop, and as the last one before it ends
-# the process. The signals themselves also reach the child if they go to the group of processes, as
-# Ctrl-C does; it does not react to them, so that none counts twice.
+# Signals from the supervisor: a request to stop, and the last one before it kills the process.
+# Signals such as Ctrl-C also reach the child if they go to the process group; it ignores them, so
+# that none counts twice.
 REQUEST = getattr(signal, "SIGUSR1", None)
 LAST_REQUEST = getattr(signal, "SIGUSR2", None)
-# Ctrl-C, what a batch system interrupts by, and a terminal that is closed.
+# Ctrl-C, the interrupt of batch systems, and a closed terminal.
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 
 
-# One of the first modules that a command imports.
+# Import time; this is one of the first modules that a command imports.
 _IMPORTED_S = time.monotonic()
 
 
 class _Line:
-    """The pipe to the supervisor, and the limits that were reported through it."""
+    """The pipe to the supervisor, and the reported limits."""
 
     number: int | None = None
     deadline_s: float | None = None
     limit_s: float | None = None
-    # So long a plugin may take to be imported [s]; None for no limit.
+    # Time limit for the import of a plugin [s]; None for no limit.
     import_limit_s: float | None = None
-    # How many activities are under way, and whether they were requested to stop.
+    # Number of activities in progress, and whether a stop was requested.
     activities: int = 0
     is_stopping: bool = False
-    # Whether a signal has raised an exception, which a library may have wrapped in its own.
+    # Whether a signal has raised an exception, even if a library replaced it.
     is_interrupted: bool = False
 
 
@@ -56,7 +55,7 @@ _line = _Line()
 
 
 def connect(number: int) -> None:
-    """Report through a pipe from now on."""
+    """Use a pipe for reports from now on."""
     _line.number = number
 
 
@@ -73,7 +72,7 @@ def requests() -> tuple[signal.Signals, ...]:
 
 
 def command_age_s() -> float:
-    """Return the time since the command was started [s]; 0 without a supervisor."""
+    """Return the time since the start of the command [s]; 0 without a supervisor."""
     return 0.0 if _line.number is None else time.monotonic() - _IMPORTED_S
 
 
@@ -82,20 +81,20 @@ def limit_command(
     memory_limit_bytes: int | None = None,
     grace_s: float = 0.0,
 ) -> None:
-    """Have the whole command ended once it takes too long or holds too much memory.
+    """Limit time and memory of the whole command.
 
-    Past time limit and grace an exception ends the command; if it is still there a second later,
-    or past the memory limit, it is killed with all processes that it has started. In both cases
-    the exit code is 2 and a message names the limit.
+    Past time limit and grace, an exception ends the command. If it still runs a second later, or
+    exceeds the memory limit, it is killed with all its child processes. In both cases the exit code
+    is 2, and a message names the limit.
 
     Parameters
     ----------
     time_limit_s
         Time from the start of the command [s], > 0; None for no limit.
     memory_limit_bytes
-        Memory of the command and all its processes together [B], > 0; None for no limit.
+        Memory of the command and its processes together [bytes], > 0; None for no limit.
     grace_s
-        Time after the limit in which the command may still end by itself [s], >= 0.
+        Time after the limit for a regular end [s], >= 0.
     """
     if _line.number is None:
         return
@@ -110,24 +109,24 @@ def limit_command(
 
 
 def limit_imports(time_limit_s: float | None) -> None:
-    """Limit how long the import of a single plugin may take [s]; None for no limit."""
+    """Limit the time for the import of a plugin [s]; None for no limit."""
     _line.import_limit_s = time_limit_s
 
 
 def import_limit_s() -> float | None:
-    """Return the limit of `limit_imports`."""
+    """Return the limit set by `limit_imports`."""
     return _line.import_limit_s
 
 
 def passed_limit() -> str:
-    """Return the message if the time limit of the whole command has passed; else empty."""
+    """Return the message if the time limit has passed; else empty."""
     if _line.deadline_s is None or time.monotonic() < _line.deadline_s:
         return ""
     return time_limit_message(_line.limit_s or 0.0)
 
 
 def time_limit_message(limit_s: float) -> str:
-    """Return the message for a command that was ended by its time limit."""
+    """Return the message for a command that exceeded its time limit."""
     return f"The command took longer than --time-limit {limit_s:g} and was ended. Allow more time."
 
 
@@ -139,7 +138,7 @@ def doing(
     forced: bool = False,
     exit_code: int = BackEndError.exit_code,
 ) -> Iterator[None]:
-    """Name the present activity, for the message if the process does not survive it.
+    """Name the present activity, for the message if the process dies in it.
 
     Parameters
     ----------
@@ -148,9 +147,9 @@ def doing(
     limit_s
         Time after which the supervisor ends the activity [s], > 0; None for no limit.
     forced
-        Whether it then kills the process at once, and does not raise an exception in it first.
+        Whether it kills the process at once, without an exception before.
     exit_code
-        Exit code of the command if the process ends here.
+        Exit code of the command if the process dies here.
     """
     if _line.number is None:
         yield
@@ -181,8 +180,8 @@ def is_interrupted() -> bool:
 def report_stopping() -> None:
     """Report that a request to stop was heard.
 
-    If no activity is under way, only its result is left to be judged and written, for which the
-    supervisor gives more time than for the activity itself.
+    Without an activity, only evaluation and output are left, for which the supervisor allows more
+    time.
     """
     _line.is_stopping = True
     if _line.activities == 0:
@@ -190,7 +189,7 @@ def report_stopping() -> None:
 
 
 def report_swallowed() -> None:
-    """Report that the exception of a signal was lost in a callback, so that it is raised again."""
+    """Report that a callback lost the exception of a signal; it is raised again."""
     _report(SWALLOWED)
 
 
@@ -200,12 +199,12 @@ def report_printed() -> None:
 
 
 def report_done(exit_code: int) -> None:
-    """Report the exit code; whatever happens to the process afterwards does not matter."""
+    """Report the exit code; later events do not change it."""
     _report(DONE, b"%d" % exit_code)
 
 
 def _report(kind: bytes, text: bytes = b"") -> None:
     if _line.number is not None:
-        # A supervisor that is gone takes this process with it.
+        # This process ends with its supervisor anyway.
         with suppress(OSError):
             os.write(_line.number, kind + text.replace(b"\n", b" ")[:_LINE_BYTES] + b"\n")

@@ -1,9 +1,9 @@
-"""The process that the user started: it lets the command run in a child, and ends that if need be.
+"""The process that the user started: it runs the command in a child, and ends it if needed.
 
-A plugin may end its process with exit code 0 before there is an answer, crash it, or never come
-back. So the child reports its exit code through a pipe as the last thing it does, and only that
-code counts. Signals, limits of the whole command and a child that hangs are handled here, where no
-plugin and no library is loaded. To fork so early takes less than a millisecond.
+A plugin may end the process with exit code 0 before there is an answer, crash it, or hang. So only
+the exit code counts that the child reports through a pipe as its last action. This process handles
+signals, limits and hanging children; it loads no plugin and no library. A fork at this point takes
+less than a millisecond.
 """
 
 from __future__ import annotations
@@ -22,18 +22,17 @@ from skillplan.errors import exit_code
 from skillplan.workers import supervised
 from skillplan.workers.processes import resident_bytes_of
 
-# After the first signal, or past a limit, the child has so long until an exception ends what it
-# does, and until it is killed [s].
+# Times from the first signal, or a limit, to an exception in the child, and to its end [s].
 _PATIENCE_S, _LAST_PATIENCE_S = 2.0, 1.0
-# One that stopped its search at the signal has so long to judge and write what there is [s].
+# Time for evaluation and output after a search stopped at a signal [s].
 _FINISHING_S = 30.0
-# One that has reported its exit code has so long to end [s].
+# Time from the reported exit code to the end of the process [s].
 _EXIT_S = 5.0
-# Two signals within this time are one, sent to the process and to its group [s].
+# Two signals within this time count once: one goes to the process, one to its group [s].
 _SAME_SIGNAL_S = 0.1
-# An exception of a signal that was lost in a callback is raised again after this time [s].
+# Delay before a lost exception of a signal is raised again [s].
 _AGAIN_S = 0.05
-# How often memory is measured, if it is limited [s].
+# Interval of memory measurements, if memory is limited [s].
 _MEMORY_EVERY_S = 0.1
 
 Command = Callable[[], int]
@@ -47,7 +46,7 @@ def supervise(
     request: Callable[..., None],
     mask: Iterable[int] | None = None,
 ) -> int:
-    """Run a command in a child process and return its exit code; in the child, do not return.
+    """Run a command in a child process and return its exit code; never returns in the child.
 
     A signal that arrives after the end of the command does not change the exit code.
 
@@ -56,13 +55,13 @@ def supervise(
     load
         Imports and returns the command; called in the child.
     report
-        Called if the child fails or has to be ended.
+        Called if the child fails or is killed.
     request
         Signal handler of the child outside of searches.
     mask
-        Signals that are blocked once handlers are in place; None for those blocked now.
+        Signals that stay blocked after handlers are set; None for those blocked now.
     """
-    # A signal that is ignored, as by nohup or in a shell's background, stays so.
+    # Signals that are ignored, as by nohup or in the background of a shell, stay ignored.
     heard = [number for number in supervised.SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     requests: Iterable[int] = heard
     is_child = False
@@ -72,7 +71,7 @@ def supervise(
         try:
             watch = _fork(heard, mask, report)
         except OSError:
-            # No process or pipe is to be had: then without a supervisor.
+            # Without a process or pipe, the command runs without a supervisor.
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             mask = None
         else:
@@ -95,7 +94,7 @@ def supervise(
                 code = exit_code(interrupted=True)
             continue
         except BaseException:
-            # With SKILLPLAN_DEBUG errors arrive here.
+            # Errors arrive here with SKILLPLAN_DEBUG.
             sys.excepthook(*sys.exc_info())
             code = exit_code(back_end_failed=True)
             continue
@@ -114,7 +113,7 @@ def _fork(heard: list[signal.Signals], mask: Iterable[int], report: Report) -> _
     OSError
         If no process or pipe is to be had.
     """
-    # Before the fork, as the child of a process that ignores it leaves no exit code.
+    # Before the fork: a child leaves no exit code if its parent ignores SIGCHLD.
     on_child = signal.signal(signal.SIGCHLD, _nothing)
     folder = _temporary_folder()
     near, far = os.pipe()
@@ -145,12 +144,12 @@ def _fork(heard: list[signal.Signals], mask: Iterable[int], report: Report) -> _
 
 
 def _temporary_folder() -> str:
-    """Return a new folder for temporary files, so that none is left of a child that was killed.
+    """Return a new folder for temporary files, which is removed even if the child is killed.
 
-    Empty if there is no place for it; then the child has the usual one.
+    Empty if there is no space; then the child uses the default folder.
     """
     for place in (os.environ.get("TMPDIR", ""), "/tmp", "/var/tmp"):
-        # The current folder may be gone: a relative place is then as good as none.
+        # The current folder may be gone; then a relative path is useless.
         with suppress(OSError):
             if place:
                 folder = os.path.join(os.path.abspath(place), f"skillplan-{os.urandom(6).hex()}")
@@ -169,7 +168,7 @@ def _remove(folder: str) -> None:
 
 
 def _report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
-    """Print what cannot be raised, unless it is the exception of a signal."""
+    """Print an exception that cannot be raised, unless it is that of a signal."""
     if isinstance(unraisable.exc_value, KeyboardInterrupt):
         supervised.report_swallowed()
     else:
@@ -182,7 +181,7 @@ def _ignore_requests() -> None:
 
 
 def _die_with_parent(alive: int) -> None:
-    """Have this process killed as soon as the other end of a pipe is closed, as by SIGKILL."""
+    """Kill this process as soon as the other end of a pipe is closed, as by SIGKILL."""
     import fcntl
 
     if hasattr(fcntl, "F_SETSIG"):
@@ -202,7 +201,7 @@ def _await_end(alive: int) -> None:
 
 
 def _nothing(number: int, frame: object) -> None:
-    """Do nothing: the number of the signal is in the wake-up pipe, or another process hears it."""
+    """Do nothing: the signal is in the wake-up pipe, or another process handles it."""
 
 
 def _exit_interrupted(number: int, frame: object) -> None:
@@ -210,7 +209,7 @@ def _exit_interrupted(number: int, frame: object) -> None:
 
 
 class _Activity(NamedTuple):
-    """One thing that the child does: see `supervised.doing`."""
+    """An activity of the child: see `supervised.doing`."""
 
     deadline_s: float | None
     limit_s: float
@@ -220,18 +219,18 @@ class _Activity(NamedTuple):
 
 
 class _Watch:
-    """A child process, its reports, and when it is to be ended.
+    """A child process, its reports, and its time limits.
 
     Parameters
     ----------
     process
-        The number of the child.
+        Process id of the child.
     line
-        Where its reports arrive.
+        Pipe with its reports.
     wake
-        Where the numbers of signals arrive.
+        Pipe with the numbers of signals.
     heard
-        The signals that interrupt.
+        Signals that interrupt.
     report
         As in `supervise`.
     folder
@@ -256,20 +255,20 @@ class _Watch:
         self._text = b""
         self._code: int | None = None
         self._printed = False
-        # The last is the innermost.
+        # The last one is the innermost.
         self._activities: list[_Activity] = []
         self._deadline_s: float | None = None
         self._limit_s = 0.0
         self._memory_limit_bytes: int | None = None
         self._signalled_s: float | None = None
         self._again_s: float | None = None
-        # When the next step is due towards a child that does not stop, and why it has to.
+        # Time and reason of the next step against a child that does not stop.
         self._next_s: float | None = None
         self._is_last = False
         self._why = ""
 
     def until_end(self) -> int:
-        """Return the exit code of the child, once it has ended; below 0 the signal."""
+        """Return the exit code of the child after its end, or minus the signal."""
         poll = select.poll()
         for number in (self._line, self._wake):
             poll.register(number, select.POLLIN)
@@ -289,7 +288,7 @@ class _Watch:
             self._act(time.monotonic())
 
     def _pause_ms(self) -> float | None:
-        """Return the time until something is due [ms]; None if nothing is."""
+        """Return the time until the next step [ms], or None."""
         due = [
             self._again_s,
             self._next_s,
@@ -298,7 +297,7 @@ class _Watch:
         ]
         if self._memory_limit_bytes is not None:
             due.append(time.monotonic() + _MEMORY_EVERY_S)
-        known = [one for one in due if one is not None]
+        known = [time_s for time_s in due if time_s is not None]
         return max(0.0, (min(known) - time.monotonic()) * 1000 + 1) if known else None
 
     def _hear_signals(self) -> None:
@@ -319,7 +318,7 @@ class _Watch:
         self._next_s = now_s + (_LAST_PATIENCE_S if again else _PATIENCE_S)
 
     def _act(self, now_s: float) -> None:
-        """Take the step that is due."""
+        """Take the next step if it is due."""
         if self._again_s is not None and now_s >= self._again_s:
             self._again_s = None
             self._send(supervised.REQUEST)
@@ -336,7 +335,7 @@ class _Watch:
             self._kill()
 
     def _keep_limits(self, now_s: float) -> None:
-        """End the child if it, or what it does, has taken longer than it may."""
+        """End the child if it, or its activity, exceeds its time limit."""
         late = self._late_activity(now_s)
         if self._deadline_s is not None and now_s >= self._deadline_s:
             self._why = supervised.time_limit_message(self._limit_s)
@@ -372,8 +371,8 @@ class _Watch:
                 os.kill(self._process, number)
 
     def _kill(self) -> None:
-        """Kill the child and all that it has started."""
-        # Stopped first, so that it starts nothing meanwhile.
+        """Kill the child and all its processes."""
+        # Stopped first, so that it starts no more.
         self._send(signal.SIGSTOP)
         for number in (*descendants(self._process), self._process):
             with suppress(ProcessLookupError, PermissionError):
@@ -384,12 +383,12 @@ class _Watch:
         self._activities = [activity._replace(deadline_s=None) for activity in self._activities]
 
     def _read(self) -> bool:
-        """Take in some reports; return whether there may be more."""
+        """Read some reports, and return whether there may be more."""
         ready = select.select([self._line], [], [], 0)[0]
         content = os.read(self._line, 65536) if ready else b""
         *lines, self._text = (self._text + content).split(b"\n")
         for line in lines:
-            # A line that cannot be read comes from a plugin that wrote to the pipe.
+            # An unreadable line comes from a plugin that wrote to the pipe.
             with suppress(ValueError):
                 self._note(line[:1], line[1:])
         return bool(content)
@@ -423,14 +422,14 @@ class _Watch:
             self._next_s, self._is_last = now_s + _EXIT_S, True
 
     def _forgive(self, now_s: float) -> None:
-        """Take back that an activity took too long, if it has ended after all."""
+        """Withdraw a time-out if the activity has ended after all."""
         late = self._late_activity(now_s) is not None
         late |= self._deadline_s is not None and now_s >= self._deadline_s
         if self._why and self._signalled_s is None and not late:
             self._why, self._next_s, self._is_last = "", None, False
 
     def conclude(self, status: int) -> int:
-        """Return the exit code of the command, after its child has ended."""
+        """Return the exit code of the command after the end of its child."""
         if self._code is not None:
             return self._code
         for number in self._heard:
@@ -463,17 +462,16 @@ def _how(status: int) -> str:
 
 
 def tree_bytes(process: int) -> int:
-    """Return the memory of a process and of all that it has started [B].
+    """Return the memory of a process and its descendants [bytes].
 
-    Zero if the system does not report it. Files that several of them map, such as libraries, count
-    once.
+    Zero if the system does not report it. Shared file mappings, such as libraries, count once.
     """
     own = [resident_bytes_of(number, private=True) or 0 for number in descendants(process)]
     return (resident_bytes_of(process) or 0) + sum(own)
 
 
 def descendants(process: int) -> list[int]:
-    """Return the numbers of the processes that a process has started, and those by them.
+    """Return the ids of the descendants of a process.
 
     Empty if the system does not list them.
     """
