@@ -1,4 +1,4 @@
-"""Pictures and videos of simulated motion as files: PNG, GIF and MP4, there whole or not at all."""
+"""Images and videos as PNG, GIF and MP4 files, which are written atomically."""
 
 from __future__ import annotations
 
@@ -18,68 +18,63 @@ PICTURES = (".png",)
 ANIMATIONS = (".gif",)
 VIDEOS = (".gif", ".mp4")
 
-# Longer than this no picture of a GIF is shown [1/100 s].
+# Longest time of an image in a GIF [1/100 s].
 _LONGEST_CS = 65_535
-# Of the 256 colours of a picture of a GIF one shows what was there before.
+# One of the 256 colours is transparent.
 _MOST_COLOURS = 255
 
 
 class Video(Protocol):
-    """Takes pictures, all of one size."""
+    """Receives images of equal size."""
 
     def add(self, image: Image) -> None:
-        """Append a picture."""
+        """Append an image."""
 
 
 def save_picture(image: Image, path: Path, option: str) -> None:
-    """Write a picture as PNG, replacing what was there.
+    """Write an image as PNG, and replace an old file.
 
     Raises
     ------
     OptionError
-        If it cannot be written; the message begins with the option that named the file.
+        If it cannot be written; the message begins with the option of the file.
     """
     with refusing(option, path):
-        write_whole(path, picture_bytes(image))
-
-
-def picture_bytes(image: Image) -> bytes:
-    """Return a picture as PNG, of which equal ones make equal bytes."""
-    made = io.BytesIO()
-    _pillow(image).save(made, format="PNG", optimize=False)
-    return made.getvalue()
+        content = io.BytesIO()
+        _pillow(image).save(content, format="PNG", optimize=False)
+        write_whole(path, content.getvalue())
 
 
 @contextmanager
 def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
-    """Yield what writes a GIF or an MP4, by the suffix, picture by picture.
+    """Open a GIF or an MP4, by the suffix, to which images are added.
 
     Parameters
     ----------
     path
-        What was there is replaced in the end, unless nothing was added.
+        Path of the file. An old file is replaced at the end, unless no image was added.
     frames_per_s
-        How many pictures are shown in a second, in (0, 50] for a GIF.
+        Images per second, in (0, 50] for a GIF.
     option
-        Which names the file, for messages.
+        Option of the file, for messages.
 
     Raises
     ------
     OptionError
-        If the file cannot be written, or an MP4 wants a library that is not installed.
+        If the file cannot be written, or the library for MP4 is not installed.
     """
     with suppress(_Empty), refusing(option, path), _writer(path, frames_per_s, option) as writer:
         try:
             yield _Guarded(writer, option, path)
         finally:
             writer.close()
-        if not writer.begun:
+        if not writer.has_images:
             raise _Empty
 
 
 @contextmanager
 def _writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter | _Mp4Writer]:
-    """Yield what writes the format that the suffix says, to a file that then replaces `path`."""
+    """Open a writer for the format of the suffix, whose file then replaces `path`."""
     if path.suffix.lower() == ".gif":
         with replacing(path) as file:
             yield _GifWriter(file, frames_per_s)
@@ -89,11 +84,11 @@ def _writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter
 
 
 class _Empty(Exception):
-    """Raised where no picture was added, so that nothing is written."""
+    """Raised if no image was added; then no file is written."""
 
 
 class _Guarded:
-    """Says which file it is that cannot be written."""
+    """Names the file if an image cannot be written."""
 
     def __init__(self, writer: Video, option: str, path: Path) -> None:
         self._writer = writer
@@ -101,26 +96,26 @@ class _Guarded:
         self._path = path
 
     def add(self, image: Image) -> None:
-        """Append a picture."""
+        """Append an image."""
         with refusing(self._option, self._path):
             self._writer.add(image)
 
 
 class _GifWriter:
-    """Writes a GIF as pictures come: of each only what has changed, with colours of its own."""
+    """Writes a GIF image by image: only changed pixels, with a palette for each image."""
 
     def __init__(self, file: IO[bytes], frames_per_s: float) -> None:
-        self.begun = False
+        self.has_images = False
         self._frames_per_s = frames_per_s
         self._file = file
         self._shown: Any = None
-        # Pixels by three colours each, and which of them have changed.
+        # RGB pixels, and a mask of the changed ones.
         self._pending: Any = None
         self._begin = 0
         self._count = 0
 
     def add(self, image: Image) -> None:
-        """Append a picture."""
+        """Append an image."""
         import numpy as np
 
         pixels = np.frombuffer(image.rgb, np.uint8).reshape(image.height, image.width, 3)
@@ -137,46 +132,46 @@ class _GifWriter:
         self._count += 1
 
     def close(self) -> None:
-        """Write what is left."""
-        if self.begun:
+        """Write the last image."""
+        if self.has_images:
             self._flush()
             self._file.write(b";")
 
     def _start(self, image: Image) -> None:
-        self.begun = True
+        self.has_images = True
         size = b"".join(extent.to_bytes(2, "little") for extent in (image.width, image.height))
-        # No colours for all pictures, and the whole is shown again and again.
+        # No common palette, and an endless loop.
         self._file.write(b"GIF89a" + size + b"\x00\x00\x00")
         self._file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")
 
     def _flush(self) -> None:
-        """Write the picture that was shown until now, with the time for which it was."""
+        """Write the pending image with its duration."""
         from PIL import GifImagePlugin
 
         end = round(100 * self._count / self._frames_per_s)
         shown_cs = min(max(end - self._begin, 2), _LONGEST_CS)
         self._begin = end
-        colours, corner, seen_through = _with_few_colours(*self._pending)
+        colours, corner, transparent = _quantize(*self._pending)
         for block in GifImagePlugin.getdata(
             colours,
             corner,
             duration=10 * shown_cs,
             disposal=1,
-            transparency=seen_through,
+            transparency=transparent,
             include_color_table=True,
         ):
             self._file.write(block)
 
 
-def _with_few_colours(pixels: Any, changed: Any) -> tuple[Any, tuple[int, int], int]:
-    """Return what has changed, where its corner is, and the colour that is seen through.
+def _quantize(pixels: Any, changed: Any) -> tuple[Any, tuple[int, int], int]:
+    """Return the changed part with a palette, its corner, and its transparent colour.
 
     Parameters
     ----------
     pixels
-        By three colours each, shape (rows, columns, 3).
+        RGB pixels, shape (rows, columns, 3).
     changed
-        Which to show; others are seen through, shape (rows, columns).
+        Mask of changed pixels, shape (rows, columns); others are transparent.
     """
     import numpy as np
     from PIL import Image
@@ -189,19 +184,19 @@ def _with_few_colours(pixels: Any, changed: Any) -> tuple[Any, tuple[int, int], 
         _MOST_COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
     )
     palette = (few.getpalette() or [])[: 3 * _MOST_COLOURS]
-    seen_through = len(palette) // 3
-    numbers = np.full(mask.shape, seen_through, np.uint8)
+    transparent = len(palette) // 3
+    numbers = np.full(mask.shape, transparent, np.uint8)
     numbers[mask] = np.frombuffer(few.tobytes(), np.uint8)
-    made = Image.frombytes("P", (mask.shape[1], mask.shape[0]), numbers.tobytes())
-    made.putpalette([*palette, 0, 0, 0])
-    return made, (int(columns[0]), int(rows[0])), seen_through
+    image = Image.frombytes("P", (mask.shape[1], mask.shape[0]), numbers.tobytes())
+    image.putpalette([*palette, 0, 0, 0])
+    return image, (int(columns[0]), int(rows[0])), transparent
 
 
 class _Mp4Writer:
-    """Hands pictures to ffmpeg: H.264 with even sizes, which every player shows."""
+    """Passes images to ffmpeg: H.264 with even sizes, which all players support."""
 
     def __init__(self, path: Path, frames_per_s: float, option: str) -> None:
-        self.begun = False
+        self.has_images = False
         self._path = path
         self._frames_per_s = frames_per_s
         self._size = (0, 0)
@@ -216,9 +211,9 @@ class _Mp4Writer:
         self._ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
 
     def add(self, image: Image) -> None:
-        """Append a picture."""
+        """Append an image."""
         if self._program is None:
-            self.begun = True
+            self.has_images = True
             self._size = (image.width - image.width % 2, image.height - image.height % 2)
             self._program = self._start()
         picture = _pillow(image)
@@ -227,7 +222,7 @@ class _Mp4Writer:
         self._program.feed(picture.tobytes())
 
     def close(self) -> None:
-        """Have ffmpeg finish."""
+        """Wait until ffmpeg has finished."""
         if self._program is not None:
             self._program.finish()
 
@@ -237,13 +232,13 @@ class _Mp4Writer:
         words += ["-s", f"{width}x{height}", "-r", f"{self._frames_per_s:.6f}", "-i", "-"]
         words += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "21"]
         words += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-        # Equal pictures make equal files.
+        # Equal images make equal files.
         words += ["-fflags", "+bitexact", "-flags:v", "+bitexact", "-threads", "1"]
         return FedProgram([self._ffmpeg, *words, "-f", "mp4", str(self._path)])
 
 
 def _pillow(image: Image) -> Any:
-    """Return a picture as Pillow has it."""
+    """Return an image of Pillow."""
     from PIL import Image as PillowImage
 
     return PillowImage.frombytes("RGB", (image.width, image.height), image.rgb)

@@ -10,6 +10,7 @@ import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
+from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
@@ -87,7 +88,7 @@ RUN_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
 
 
 def figure_names() -> list[str]:
-    """Return the names of all figures of a task, those of the core first; imports no plugin."""
+    """Return the names of all figures of a task, core ones first; imports no plugin."""
     return list(dict.fromkeys([*TASK_FIGURES, *sorted(figures().names)]))
 
 
@@ -131,7 +132,9 @@ def figure_module(name: str, kind: str) -> FigureModule:
     """
     entries = [TASK_FIGURES[name]] if name in TASK_FIGURES else []
     entries += [_load_entry(point) for point in figures().select(name=name)]
-    fitting = sorted((one for one in entries if one.kind in ("", kind)), key=lambda one: one.kind)
+    fitting = sorted(
+        (entry for entry in entries if entry.kind in ("", kind)), key=attrgetter("kind")
+    )
     if not (fitting or entries):
         raise KeyError(name)
     entry = fitting[-1] if fitting else entries[-1]

@@ -1,4 +1,4 @@
-"""The product taken apart along the directions of a plan, as a picture and as a film."""
+"""Exploded views of products along the directions of a plan, and films of their assembly."""
 
 from __future__ import annotations
 
@@ -140,12 +140,12 @@ def take_apart(parts: Iterable[AddedPart]) -> list[Piece]:
     return pieces
 
 
-def _share_plan(one: AddedPart, other: AddedPart) -> bool:
-    """Whether a part would pass another part on its way."""
+def _share_plan(part: AddedPart, other: AddedPart) -> bool:
+    """Return whether a part would pass another part on its way."""
     x, y, z = (-value for value in other.along)
     for axis in ((y, z, x), (z, x, y)):
         back = (-axis[0], -axis[1], -axis[2])
-        a = (-one.body.reach_m(one.goal, back), one.body.reach_m(one.goal, axis))
+        a = (-part.body.reach_m(part.goal, back), part.body.reach_m(part.goal, axis))
         b = (-other.body.reach_m(other.goal, back), other.body.reach_m(other.goal, axis))
         if a[1] <= b[0] + 1e-6 or b[1] <= a[0] + 1e-6:
             return False
@@ -288,8 +288,8 @@ class _Film:
         points = placed + [c for piece in self.pieces for c in piece.moved(self.away_m).corners]
         room = width_px - 2 * _FILM_MARGIN_PX - _FILM_NAMES_PX
         area = (_FILM_MARGIN_PX, _HEAD_PX, room, _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX)
-        apart = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
-        camera = best_camera(apart).fitted(points, area)
+        exploded = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
+        camera = best_camera(exploded).fitted(points, area)
         tall_px = fitted_height(camera, points)
         inner_px = max(tall_px, _PITCH_PX * len(parts)) + 2 * _FILM_MARGIN_PX
         self.camera = camera.lowered((inner_px - tall_px) / 2)

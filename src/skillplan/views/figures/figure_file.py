@@ -1,4 +1,4 @@
-"""Figures as files: PNG or SVG, equal bytes for equal figures, there whole or not at all."""
+"""Figures as PNG or SVG files. Equal figures make equal bytes, and files are written atomically."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from skillplan.views.text.wording import escaped
 
 SUFFIXES = (".png", ".svg")
 DOT = ".dot"
-"""Suffix of a graph as text, of a figure that is one."""
+"""Suffix of a graph in the language of Graphviz."""
 
 
 def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
-    """Return a figure as PNG or SVG; neither holds the date or the version of a program.
+    """Return a figure as PNG or SVG, without a date or the version of a program.
 
     Parameters
     ----------
@@ -37,13 +37,13 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     Raises
     ------
     ValueError
-        If the suffix is another one.
+        If the suffix is unknown.
     """
     if suffix not in SUFFIXES:
         raise ValueError(f"A figure is saved as one of {', '.join(SUFFIXES)}, not {suffix!r}.")
-    made = io.BytesIO()
+    content = io.BytesIO()
     for text in figure.findobj(Text):
-        # Titles and labels hold names of documents.
+        # Titles and labels contain names from documents.
         text.set_text(escaped(text.get_text()))
     for image in figure.findobj(AxesImage):
         # An SVG holds images as they are; a PNG resamples them.
@@ -51,23 +51,23 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     with house_style():
         if suffix == ".png":
             FigureCanvasAgg(figure)
-            figure.savefig(made, format="png", dpi=dpi, metadata={"Software": None})
+            figure.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
         else:
             FigureCanvasSVG(figure)
             nothing = {"Date": None, "Creator": None}
-            figure.savefig(made, format="svg", metadata=nothing)
-    return made.getvalue()
+            figure.savefig(content, format="svg", metadata=nothing)
+    return content.getvalue()
 
 
 def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
-    """Return where a figure goes, having seen that it can go there before anything is solved.
+    """Return the path of a figure, and check before solving that it can be written.
 
     Parameters
     ----------
     out
-        The file as the user named it.
+        The user's file name.
     more
-        Suffixes that it may have beside those of all figures.
+        Further suffixes of this figure.
 
     Raises
     ------
@@ -78,23 +78,23 @@ def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
 
 
 def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
-    """Write a figure in the format that the suffix says, replacing what was there.
+    """Write a figure in the format of the suffix, and replace an old file.
 
     Raises
     ------
     OptionError
-        If it cannot be written; what was there stays.
+        If it cannot be written; an old file stays.
     """
     save_content(figure_bytes(figure, path.suffix.lower(), dpi), path)
 
 
 def save_content(content: bytes | str, path: Path) -> None:
-    """Write a figure that is bytes or text already, replacing what was there.
+    """Write the content of a figure file, and replace an old file.
 
     Raises
     ------
     OptionError
-        If it cannot be written; what was there stays.
+        If it cannot be written; an old file stays.
     """
     try:
         write_whole(path, content)

@@ -1,4 +1,4 @@
-"""What a figure is to show, what has to be solved before it can be drawn, and what came of it."""
+"""Requests for figures, the runs that they need, and the outcomes of these runs."""
 
 from __future__ import annotations
 
@@ -67,25 +67,25 @@ def _ends(task: Task, state: State) -> list[str]:
     return ends
 
 
-# Options that headings name even where the user left them alone, and those they never name.
+# Options that headings always name, and options that they never name.
 _TOLD = ("gamma", "alpha", "epsilon", "episodes")
 _UNTOLD = ("watch", "record")
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One solving that a figure needs.
+    """A run of a solver that a figure needs.
 
     Parameters
     ----------
     task
         The task; None for the whole chain of the file.
     options
-        Options of the solver beyond those that the user gave.
+        Solver options in addition to the user's.
     seed
-        Added to the user's seed, >= 0.
+        Offset from the user's seed, >= 0.
     may_fail
-        Whether the figure can be drawn all the same where no plan is found.
+        True if the figure can be drawn without a plan.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of a run: a result of its task, or of the whole chain."""
+    """The result of a run: of its task, or of the whole chain."""
 
     run: Run
     answer: Result | ChainResult
@@ -139,32 +139,27 @@ class Outcome:
 
 @dataclass(frozen=True)
 class FigureRequest:
-    """What the user wants drawn.
+    """A figure that the user requests.
 
     Parameters
     ----------
     figure
-        The figure's name.
+        Name of the figure.
     problem
         The loaded file.
     solver, options, seed
-        How it is solved; options that the user gave, as texts.
+        Solver, the user's options for it as texts, and seed.
     parameters
-        All options of the solver with their values, to be named in headings.
+        All solver options with their values, for headings.
     chart
-        What derives the precedence relation of a task, and names the back ends; None where the
-        hand-made one is all that is shown.
+        Function that derives the precedence relation of a task and returns it with the names of
+        the back ends; None if only the hand-made relation is shown.
     part
-        The task meant; None for the figure's own choice.
+        Name of the task; None for the figure's own choice.
     states
-        Names of the states meant; empty for the figure's own choice.
+        Names of states; empty for the figure's own choice.
     seeds
-        How often learning is repeated, >= 1.
-
-    Raises
-    ------
-    ValueError
-        If there are no repetitions.
+        Number of repetitions of learning, >= 1.
     """
 
     figure: str
@@ -183,17 +178,17 @@ class FigureRequest:
             raise ValueError(f"Learning is repeated at least once, not {self.seeds} times.")
 
     def unfit(self, reason: str, hint: str = "") -> OptionError:
-        """Return the error that says why the figure cannot be drawn, and a sentence that helps."""
+        """Return an error with the reason why the figure cannot be drawn, and a hint."""
         words = f"Figure {self.figure!r} of {self.problem.name!r}: {reason}. {hint}"
         return OptionError(words.rstrip())
 
     def check_records(self, options: Iterable[str], what: str) -> None:
-        """See that the solver has the options that make it record what is to be drawn.
+        """Check that the solver has the options that make it record the data.
 
         Raises
         ------
         OptionError
-            If it lacks one.
+            If an option is missing.
         """
         if not set(options) <= self.parameters.keys():
             raise self.unfit(
@@ -206,14 +201,14 @@ class FigureRequest:
         Raises
         ------
         OptionError
-            If a part was named.
+            If the request names a part.
         """
         if self.part is not None:
             raise self.unfit("it shows all tasks of the file; leave --part out")
         return Run() if self.problem.is_chain else Run(self.problem.tasks[0])
 
     def walks(self) -> list[Task]:
-        """Return the tasks of walking from a place to another one."""
+        """Return the tasks of walking from one place to another."""
         return [
             task
             for task in self.problem.tasks
@@ -221,12 +216,12 @@ class FigureRequest:
         ]
 
     def walk(self) -> Task:
-        """Return the task meant: as named, or the first that leads elsewhere.
+        """Return the requested task of walking, or else the first one of the file.
 
         Raises
         ------
         OptionError
-            If there is none, or the named one is none of walking.
+            If there is none, or the requested task is of another kind.
         """
         if self.part is None:
             walks = self.walks()
@@ -236,23 +231,23 @@ class FigureRequest:
         task = self.problem.part(self.part)
         if None in _find_ends(task):
             names = ", ".join(walk.name for walk in self.walks()[:8]) or "none"
-            raise self.unfit(f"{task.name} is no task of walking; such are: {names}")
+            raise self.unfit(f"{task.name} is not a task of walking; such are: {names}")
         return task
 
     def ends(self, task: Task) -> tuple[str, str]:
-        """Return the names of the places where a task of walking starts and leads."""
+        """Return the names of the start and the goal of a task of walking."""
         start, goal = _find_ends(task)
         assert start is not None
         assert goal is not None
         return start, goal
 
     def walk_steps(self, task: Task) -> WalkSteps:
-        """Return what leads from place to place in a task of walking."""
+        """Return the graph of places of a task of walking."""
         (goal,) = (fact for fact in task.goal.requires if fact in task.places)
         return WalkSteps(task, goal)
 
     def details(self, *runs: Run, solver: str | None = None) -> str:
-        """Return what a figure says of how it came about."""
+        """Return the task, solver, seed and options for the heading of a figure."""
         chosen = {key: self.parameters[key] for key in _TOLD if key in self.parameters}
         chosen |= {key: value for key, value in self.options.items() if key not in _UNTOLD}
         for run in runs:
@@ -277,18 +272,18 @@ def _find_ends(task: Task) -> tuple[str | None, str | None]:
 
 
 class FigureModule(Protocol):
-    """What the module of a figure has, named after it: ``q-values`` is ``q_values_figure``.
+    """Members of a module that draws a figure.
 
     Attributes
     ----------
     SOLVER
-        The solver's name if the user names none.
+        Name of the default solver.
     """
 
     SOLVER: str
 
     def runs(self, request: FigureRequest) -> Sequence[Run]:
-        """Return what has to be solved first.
+        """Return the runs that have to be solved first.
 
         Raises
         ------
@@ -297,12 +292,12 @@ class FigureModule(Protocol):
         """
 
     def draw(self, request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
-        """Return the figure, from what came of the runs.
+        """Return the figure.
 
         Raises
         ------
         OptionError
-            If what came of them does not show it.
+            If the outcomes lack the data.
         """
 
 

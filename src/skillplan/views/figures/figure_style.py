@@ -1,4 +1,8 @@
-"""The look that all figures share: fonts, headings, and an empty sheet in inches."""
+"""The common style of figures: colours, fonts, headings and empty sheets.
+
+The palette of Okabe and Ito ("Color universal design", 2008) is safe for people with common colour
+vision deficiencies.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +35,13 @@ PALETTE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, OLIVE, GREY)
 
 @lru_cache(maxsize=4096)
 def text_width_in(text: str, size_pt: float) -> float:
-    """Return how wide a text is [in] at a font size [pt]."""
+    """Return the width of a text [in] at a font size [pt]."""
     if not text.strip():
         return 0.0
     font = FontProperties(family="DejaVu Sans")
     outlines, codes = text_to_path.get_text_path(font, text, ismath=False)
     drawn_pt = np.asarray(outlines)[np.asarray(codes) != Path.CLOSEPOLY, 0]
-    # Outlines of fonts have points at their extremes: ten times as fast as to bound the curves.
+    # Glyph outlines have points at their extremes, so the curves need no bounds of their own.
     drawn_pt = drawn_pt * (size_pt / text_to_path.FONT_SCALE)
     return float(drawn_pt.max() - drawn_pt.min()) / 72
 
@@ -81,14 +85,14 @@ _R = TypeVar("_R")
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What stands above a figure.
+    """The heading of a figure.
 
     Parameters
     ----------
     title
-        What is shown.
+        Subject of the figure.
     details
-        Of what: the task, the solver, the seed and the parameters.
+        Task, solver, seed and parameters.
     """
 
     title: str
@@ -103,13 +107,13 @@ class Heading:
         return _wrapped(self.title, 1.12 * TITLE_PT, width_in)
 
     def height_in(self, width_in: float) -> float:
-        """Return the height that the heading takes at a width [in]."""
+        """Return the height of the heading at a width [in]."""
         titles, lines = len(self.title_lines(width_in)), len(self.lines(width_in))
         return 0.22 + TITLE_IN * titles + LINE_IN * lines
 
 
 def _wrapped(text: str, size_pt: float, width_in: float) -> list[str]:
-    """Return a text as lines no wider than a width [in], or single words."""
+    """Return a text as lines no wider than a width [in]; longer words stay whole."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
@@ -121,7 +125,7 @@ def _wrapped(text: str, size_pt: float, width_in: float) -> list[str]:
 
 
 def text_colour(colour: str) -> str:
-    """Return a colour dark enough to be read on white, of the same hue."""
+    """Return a colour of the same hue that is dark enough to read on white."""
     red, green, blue = to_rgb(colour)
     light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
     share = min(1.0, 0.36 / max(light, 1e-9))
@@ -130,7 +134,7 @@ def text_colour(colour: str) -> str:
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw as this package draws, whatever the user's matplotlibrc says."""
+    """Apply the style of this package and ignore the user's matplotlibrc."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
@@ -138,7 +142,7 @@ def house_style() -> Iterator[None]:
 
 
 def in_house_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Have a function draw in the house style."""
+    """Decorate a function so that it draws in the house style."""
 
     @wraps(draw)
     def styled(*args: _P.args, **kwargs: _P.kwargs) -> _R:
@@ -149,7 +153,7 @@ def in_house_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
-    """Return a figure of a size [in] that holds nothing but its heading.
+    """Return a figure of a size [in] with a heading only.
 
     Raises
     ------
@@ -182,17 +186,7 @@ def write_heading(figure: Figure, heading: Heading) -> None:
 def axes_in(
     figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
 ) -> Axes:
-    """Return axes at a place of a figure.
-
-    Parameters
-    ----------
-    figure
-        Of a known size.
-    left_in, bottom_in
-        Where the lower left corner of the axes is, from that of the figure [in].
-    width_in, height_in
-        How large they are, > 0 [in].
-    """
+    """Return axes whose lower left corner and size are given in inches."""
     whole_w, whole_h = figure.get_size_inches()
     return figure.add_axes(
         (left_in / whole_w, bottom_in / whole_h, width_in / whole_w, height_in / whole_h)
@@ -200,9 +194,9 @@ def axes_in(
 
 
 def label_log_axis(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers, also between powers of ten where few show.
+    """Label a logarithmic axis with plain numbers, also between powers of ten if few fit.
 
-    Matplotlib's own labels are formulas, and formulas are not read in the house style.
+    The labels of matplotlib are formulas, which the house style does not parse.
     """
 
     def between(value: float, _: int | None) -> str:
@@ -217,7 +211,7 @@ def label_log_axis(axis: Axis) -> None:
 
 
 def legend_columns(labels: list[str], width_in: float) -> tuple[int, float]:
-    """Return how many columns a legend below a figure has, and its height [in]."""
+    """Return the number of columns of a legend below a figure, and its height [in]."""
     if not labels:
         return 1, 0.0
     widest = max(text_width_in(label, SMALL_PT + 0.5) for label in labels)

@@ -129,12 +129,12 @@ def gantt_picture(
     width_px
         Width of the picture.
     seeks
-        Whether bars and a cursor are connected with the player of a page.
+        True if bars and a cursor are connected with the player of a page.
 
     Raises
     ------
     ValueError
-        If there is no bar.
+        If `bars` is empty.
     """
     if not bars:
         raise ValueError("A Gantt chart needs at least one bar.")
@@ -218,7 +218,7 @@ def _draw_bar(
 
 
 def _write_entry(picture: Picture, x: float, y: float, words: str) -> float:
-    """Write a legend entry beside its square, and return the left end of the next."""
+    """Write a legend entry next to its square, and return the left end of the next."""
     picture.label((x + 15, y), words, "muted", SMALL_PX, "start")
     return x + 30 + text_width_px(words, SMALL_PX)
 

@@ -1,9 +1,10 @@
-"""The hulls that a collision detector compares, in three dimensions."""
+"""The hulls that a collision detector compares, in 3-D."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence, Set
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -32,46 +33,45 @@ from skillplan.views.figures.figure_style import (
 )
 
 _WIDE_IN, _TALL_IN, _LEGEND_IN = 7.6, 5.8, 0.7
-# From the front, from above, and a little from the right.
 _ELEVATION_DEG, _AZIMUTH_DEG = 26.0, -62.0
 _LOOKS = {
     HullRole.MOVING: (BLUE, 0.16, "swept by hand, load and arm"),
     HullRole.STANDING: (GREY, 0.45, "stands there"),
     HullRole.MET: (RED, 0.75, "named by the verdict"),
 }
-# Faces that look away from the light are darker by this share.
+# Loss of brightness of faces that look away from the light.
 _SHADE = 0.45
 _LIGHT = np.array([0.3, -0.5, 0.8])
 _MARGIN_M = 0.02
-# What stands no farther from the motion is shown too [m].
+# Bodies within this distance of the motion are shown, too [m].
 _BESIDE_M = 0.1
 _MOST_TICKS = 6
-# A name stands above the corners that are at most so far below the highest [m].
+# A name stands above the corners within this distance of the highest [m].
 _TOP_M = 0.005
-# In front of all hulls, which matplotlib numbers by their depth.
+# Order in front of all hulls, which matplotlib numbers by their depth.
 _IN_FRONT = 10_000
-# Of a name, the width of a letter and the distance of two lines, as shares of the size of type.
+# Width of a letter and distance of lines, as shares of the font size.
 _LETTER, _LINE = 0.6, 1.15
 
 
 @in_house_style
 def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
-    """Draw the hulls of a swept motion and of the bodies that stand near it.
+    """Draw the hulls of a swept motion and of bodies near it.
 
-    The bodies of an infeasible verdict, and only these, carry their names; without one, all
-    standing bodies do.
+    Names are shown for the bodies that an infeasible verdict blames, or else for all bodies that
+    do not move.
 
     Parameters
     ----------
     scene
-        With at least one hull.
+        Scene with at least one hull.
     heading
-        What stands above.
+        Heading of the figure.
 
     Raises
     ------
     ValueError
-        If there is no hull.
+        If the scene is empty.
     """
     if not scene.hulls:
         raise ValueError("There is no hull to draw.")
@@ -112,15 +112,7 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
 
 
 def figure_image(figure: Figure, dpi: int = 150) -> Image:
-    """Return a figure as a picture.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    dpi
-        Dots per inch, > 0.
-    """
+    """Return a figure as an image of a resolution [dots per inch]."""
     with PillowImage.open(io.BytesIO(figure_bytes(figure, ".png", dpi))) as opened:
         picture = opened.convert("RGB")
     return Image(*picture.size, picture.tobytes())
@@ -147,7 +139,7 @@ def _facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[
 
 
 def _named(hulls: Sequence[Hull], subjects: Set[str]) -> Iterator[tuple[str, Point]]:
-    """Yield each body to be named, and the place of its name: above its highest corner."""
+    """Yield the name of each named body and its place above the highest corner."""
     bodies: dict[str, list[Point]] = {}
     for hull in hulls:
         if hull.name in subjects or (not subjects and hull.role is not HullRole.MOVING):
@@ -159,14 +151,14 @@ def _named(hulls: Sequence[Hull], subjects: Set[str]) -> Iterator[tuple[str, Poi
 
 
 def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> None:
-    """Write the names of bodies above them and before everything, none across another."""
+    """Write the names of bodies above them, in front of everything, without overlaps."""
     points = 72 / axes.get_figure().dpi
     written: list[tuple[float, float, float]] = []
     for body, above in _named(hulls, subjects):
         x, y, _ = proj3d.proj_transform(*above, axes.get_proj())
         across, up = (points * float(at) for at in axes.transData.transform((x, y)))
         half, lifted = _LETTER * SMALL_PT * len(body) / 2, up
-        for other, height, wide in sorted(written, key=lambda one: one[1]):
+        for other, height, wide in sorted(written, key=itemgetter(1)):
             if abs(across - other) < half + wide and abs(lifted - height) < _LINE * SMALL_PT:
                 lifted = height + _LINE * SMALL_PT
         written.append((across, lifted, half))
@@ -185,18 +177,18 @@ def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> Non
 
 
 def _shown(hulls: Sequence[Hull]) -> list[Hull]:
-    """Return all that moves or is met, what stands beside it, and what lies among these."""
-    looked_at = [hull for hull in hulls if hull.role is not HullRole.STANDING]
-    low, high = _corners_about(looked_at or hulls)
-    beside = {
+    """Return moving and met hulls, hulls near them, and hulls inside the box of all these."""
+    moving = [hull for hull in hulls if hull.role is not HullRole.STANDING]
+    low, high = _corners_about(moving or hulls)
+    near = {
         hull.name
         for hull in hulls
         if all(low[i] - _BESIDE_M < x < high[i] + _BESIDE_M for i, x in enumerate(_middle(hull)))
     }
-    low, high = _corners_about([hull for hull in hulls if hull.name in beside] or hulls)
+    low, high = _corners_about([hull for hull in hulls if hull.name in near] or hulls)
     corners = {hull.name: np.array(hull.vertices) for hull in hulls}
-    beside |= {name for name, at in corners.items() if (low <= at).all() and (at <= high).all()}
-    return [hull for hull in hulls if hull.name in beside]
+    near |= {name for name, at in corners.items() if (low <= at).all() and (at <= high).all()}
+    return [hull for hull in hulls if hull.name in near]
 
 
 def _lay_out(axes: Axes3D, hulls: Sequence[Hull]) -> None:
@@ -216,6 +208,6 @@ def _middle(hull: Hull) -> NDArray[np.float64]:
 
 
 def _corners_about(hulls: Sequence[Hull]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lower and upper corner of the box about some hulls, with a margin [m]."""
-    corners = np.concatenate([np.array(one.vertices) for one in hulls])
+    """Return the lower and upper corner of the box around hulls, with a margin [m]."""
+    corners = np.concatenate([np.array(hull.vertices) for hull in hulls])
     return corners.min(axis=0) - _MARGIN_M, corners.max(axis=0) + _MARGIN_M

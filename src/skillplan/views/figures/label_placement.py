@@ -1,4 +1,4 @@
-"""Where labels go so that they cover nothing: greedily, the emptiest of some places near by."""
+"""Greedy placement of labels: each takes the emptiest of several places near its anchor."""
 
 from __future__ import annotations
 
@@ -19,14 +19,12 @@ _OUTSIDE = 400.0
 
 
 class LabelPlacer:
-    """Keeps what is drawn already, and finds the emptiest place for the next label.
-
-    All coordinates are in inches of the paper.
+    """Finds places for labels among obstacles. All coordinates are in inches.
 
     Parameters
     ----------
     width_in, height_in
-        The paper's size from (0, 0), which labels should not leave.
+        Size of the paper from (0, 0), > 0.
     """
 
     def __init__(self, width_in: float, height_in: float) -> None:
@@ -52,13 +50,13 @@ class LabelPlacer:
             self._obstacles.append(around + centre)
 
     def avoid_box(self, centre: Point, width_in: float, height_in: float) -> None:
-        """Keep labels off a box, such as that of another text."""
+        """Keep labels off a box, such as another text."""
         x, y = centre
         half_w, half_h = width_in / 2, height_in / 2
         self._boxes.append((x - half_w, y - half_h, x + half_w, y + half_h))
 
     def is_free(self, centre: Point, text: str, size_pt: float) -> bool:
-        """Whether a text of a font size [pt] covers nothing at a place."""
+        """Return whether a text of a font size [pt] covers no obstacle at a place."""
         width, height = _size_in(text, size_pt)
         points = np.concatenate(self._obstacles) if self._obstacles else np.empty((0, 2))
         return self._cost(centre, width, height, points) == 0
@@ -71,18 +69,18 @@ class LabelPlacer:
         distances_in: Sequence[float],
         preferred_rad: float = math.pi / 2,
     ) -> Point:
-        """Return the centre of the emptiest place for a text near an anchor, and take it.
+        """Return the centre of the emptiest place for a text near an anchor, and reserve it.
 
         Parameters
         ----------
         anchor
-            What is labelled.
+            Labelled point.
         text, size_pt
-            The label and its font size [pt].
+            Label and its font size [pt].
         distances_in
-            How far from the anchor the nearest point of the label may be; the first is best.
+            Distances from the anchor to the nearest point of the label, best first.
         preferred_rad
-            Direction in which the label stands if everything is empty.
+            Direction of the label if all places are empty.
         """
         width, height = _size_in(text, size_pt)
         points = np.concatenate(self._obstacles) if self._obstacles else np.empty((0, 2))
@@ -126,5 +124,5 @@ class LabelPlacer:
 
 
 def _size_in(text: str, size_pt: float) -> tuple[float, float]:
-    """Return the box of a text with a little air [in]."""
+    """Return the size of a text with a small margin [in]."""
     return text_width_in(text, size_pt) + 0.07, 1.35 * size_pt / 72

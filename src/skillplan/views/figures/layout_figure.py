@@ -221,7 +221,7 @@ class _Layout:
             row.draw(self.picture, "; ".join(names))
 
     def _write_names(self) -> None:
-        """Write the names of parts beside their starts, and of stations."""
+        """Write the names of parts near their starts, and of stations."""
         for step in self.steps:
             self.placer.avoid_disc(self._inches(step.stops[-1]), (NUMBER_PX + 3) / PIXELS_PER_IN)
             self.placer.avoid_line([*map(self._inches, step.stops)])
@@ -247,7 +247,7 @@ class _Layout:
             self.picture.label((x, y), name, "muted", _NAME_PX, halo=True)
 
     def _has_room(self, name: str) -> bool:
-        """Whether the name of a body fits into its footprint beside a number at its origin."""
+        """Return whether the name of a body and a number at its origin fit into its footprint."""
         if name not in self.starts:
             return False
         shapes = outlines(self.scene.body(name), self.starts[name])

@@ -1,4 +1,4 @@
-"""Learning curves: how many steps episodes take, for two sets of parameters.
+"""Learning curves: steps of an episode against episodes, for two sets of parameters.
 
 Veeramani and Muthuswamy 2022, Fig. 8 and section 5.2.
 """
@@ -54,16 +54,16 @@ class LearningCurve:
     Parameters
     ----------
     label
-        What the legend says of it.
+        Legend entry.
     episodes
-        Ends of the stretches over which steps are averaged, ascending, shape (n,).
+        Ends of the intervals over which steps are averaged, ascending, shape (n,).
     steps
-        Mean steps of an episode in each stretch, shape (runs, n), at least one run.
+        Mean steps of an episode in each interval, shape (runs, n), at least one run.
 
     Raises
     ------
     ValueError
-        If there is nothing to draw, the shapes differ or episodes do not ascend from 1 on.
+        If runs are missing, the shapes differ, or episodes do not ascend from 1 on.
     """
 
     label: str
@@ -82,14 +82,14 @@ class LearningCurve:
             raise ValueError(f"Episodes of {self.label!r} must ascend from 1 on.")
 
     def binned(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return middles and steps of stretches that are about equally long on a log axis."""
+        """Return middles and steps of intervals of about equal length on a log axis."""
         widths = np.diff(self.episodes, prepend=0.0)
         edges = np.geomspace(1.0, self.episodes[-1] + 1.0, _BINS + 1)
         member = np.clip(np.searchsorted(edges, self.episodes, side="right") - 1, 0, _BINS - 1)
         bins = np.unique(member)
         middles, steps = [], []
-        for one in bins.tolist():
-            inside = member == one
+        for number in bins.tolist():
+            inside = member == number
             middles.append(np.average(self.episodes[inside] - (widths[inside] - 1) / 2))
             steps.append(np.average(self.steps[:, inside], axis=1, weights=widths[inside]))
         return np.array(middles), np.array(steps).T
@@ -102,16 +102,16 @@ class LearningPanel:
     Parameters
     ----------
     title
-        What is learned.
+        Title of the panel.
     curves
-        At most one for each set of parameters.
+        At most one curve for each set of parameters.
     fewest
         Mean of the fewest steps over all starts; None if unknown.
 
     Raises
     ------
     ValueError
-        If there is no curve, or there are too many.
+        If the number of curves is not 1 or 2.
     """
 
     title: str
@@ -125,19 +125,19 @@ class LearningPanel:
 
 @in_house_style
 def learning_figure(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
-    """Draw learning curves on logarithmic axes: the mean of all runs, and a band of all of them.
+    """Draw learning curves on logarithmic axes: mean and range of all runs.
 
     Parameters
     ----------
     panels
-        One for each task, at least one.
+        One panel for each task, at least one.
     heading
-        What stands above.
+        Heading of the figure.
 
     Raises
     ------
     ValueError
-        If there is no panel.
+        If `panels` is empty.
     """
     if not panels:
         raise ValueError("There is no learning curve to draw.")
@@ -201,12 +201,12 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: every task with each set and every seed.
+    """Return a run for every task, set of parameters and seed.
 
     Raises
     ------
     OptionError
-        If an option is one that the sets choose, or the solver does not learn from episodes.
+        If the user gives an option that the sets give, or the solver does not learn from episodes.
     """
     chosen = [key for key in next(iter(SETS.values())) if key in request.options]
     if chosen:
@@ -222,19 +222,19 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def _tasks(request: FigureRequest) -> list[Task]:
-    """Return the task named, or the first two that lead elsewhere, or the only one."""
+    """Return the requested task, or the first two tasks of walking, or the only task."""
     if request.part is not None:
         return [request.problem.part(request.part)]
     return request.walks()[:_PANELS] or [request.problem.task]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the curves that a learner has recorded.
+    """Draw the curves that a learner recorded.
 
     Raises
     ------
     OptionError
-        If it has recorded none.
+        If the solver recorded none.
     """
     panels = []
     for task in _tasks(request):
@@ -250,10 +250,10 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         start, goal = request.ends(task) if task in request.walks() else (None, None)
         title = task.name if start is None else f"{task.name}: {start} to {goal}"
         panels.append(LearningPanel(title, tuple(curves), _fewest(request, task)))
-    runs_said = "1 run" if request.seeds == 1 else f"mean and range of {request.seeds} runs"
+    repetitions = "1 run" if request.seeds == 1 else f"mean and range of {request.seeds} runs"
     heading = Heading(
         f"Learning curves of {request.solver} on {request.problem.name}",
-        f"{request.details(*(outcome.run for outcome in outcomes))},  {runs_said} a set,  "
+        f"{request.details(*(outcome.run for outcome in outcomes))},  {repetitions} a set,  "
         "episodes begin anywhere",
     )
     return learning_figure(panels, heading)
@@ -272,7 +272,7 @@ def _curve(request: FigureRequest, label: str, results: Sequence[Result]) -> Lea
 
 
 def _fewest(request: FigureRequest, task: Task) -> float | None:
-    """Return the mean of the fewest steps to the goal over all starts, where that is known."""
+    """Return the mean of the fewest steps to the goal over all starts; None if unknown."""
     if task not in request.walks():
         return None
     fewest = [steps for steps in request.walk_steps(task).fewest.values() if steps > 0]

@@ -90,7 +90,7 @@ class Picture:
     notes
         Notes by the ``gid`` of the shape.
     cursor
-        Left, right, top and bottom of the time axis [px]; None if there is no time axis.
+        Left, right, top and bottom of the time axis [px]; None without a time axis.
 
     Raises
     ------
@@ -140,7 +140,7 @@ class Picture:
         width_px
             Width of the stroke, > 0.
         dashed
-            Whether the stroke is dashed.
+            True for a dashed stroke.
         opacity
             Opacity of the fill, in [0, 1].
         note
@@ -225,9 +225,9 @@ class Picture:
         anchor
             ``middle``, ``start`` or ``end``.
         bold
-            Whether the text is bold.
+            True for bold text.
         halo
-            Whether the text stands on a patch of paper.
+            True for a patch of paper behind the text.
         """
         patch = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
         self._axes.text(
@@ -340,7 +340,7 @@ class NumberRow:
     at
         The place [px].
     centre
-        Centre of the row [px]: the place, or beside it.
+        Centre of the row [px]: the place itself, or near it.
     half_px
         Half the width.
     numbers
@@ -353,7 +353,7 @@ class NumberRow:
     numbers: tuple[int, ...]
 
     def draw_leader(self, picture: Picture) -> None:
-        """Draw a line from the place to a row beside it. Leaders belong behind all rows."""
+        """Draw a line from the place to a row that is not there. Leaders belong behind all rows."""
         if self.centre != self.at:
             picture.line((self.at, self.centre), "ink", 0.8)
             picture.disc(self.at, 2.5, "ink")
@@ -371,7 +371,7 @@ class NumberRow:
 
 
 def number_rows(ends: Mapping[Point, Sequence[int]], room_px: Point) -> list[NumberRow]:
-    """Return a row of numbers for each place, beside it if it would cover another row.
+    """Return a row of numbers for each place, moved aside if it would cover another row.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def precedence_picture(graph: PrecedenceGraph, title: str) -> Picture:
     Raises
     ------
     ValueError
-        If there is no component.
+        If the graph is empty.
     """
     if not graph.components:
         raise ValueError("There is nothing to order.")
@@ -105,7 +105,7 @@ class _GraphPicture:
     def _draw_edge(self, edge: Edge) -> None:
         """Draw a curve from the right side of a node to the left side of another.
 
-        It passes the layers between them horizontally, beside their nodes.
+        It passes the layers between them horizontally, between their nodes.
         """
         start = (self.boxes[edge.before][1], self.boxes[edge.before][2])
         end = (self.boxes[edge.after][0], self.boxes[edge.after][2])

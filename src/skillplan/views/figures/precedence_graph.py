@@ -30,9 +30,9 @@ class Edge:
     why
         Reasons, in words.
     derived, drawn
-        Whether back ends derive the pair, and whether the hand-made chart has it.
+        True if back ends derive the pair, and if the hand-made chart has it.
     closing
-        Whether it closes a cycle, so that no order exists.
+        True if it closes a cycle, which rules out any order.
     """
 
     before: str

@@ -1,4 +1,4 @@
-"""The values of all actions in some states, as they are learned.
+"""Values of all actions in several states during learning.
 
 Veeramani and Muthuswamy 2022, Fig. 7.
 """
@@ -44,12 +44,12 @@ class StateValues:
     state
         Its name.
     values
-        By action, one value for every point on the x axis.
+        Curves by action, with one value for each point on the x axis.
 
     Raises
     ------
     ValueError
-        If there is no action, or they have different numbers of points.
+        If actions are missing, or the numbers of points differ.
     """
 
     state: str
@@ -61,7 +61,7 @@ class StateValues:
 
     @property
     def best(self) -> str:
-        """The action of the largest value at the end; of equals the first."""
+        """The action with the largest last value; the first of several."""
         return max(self.values, key=lambda action: self.values[action][-1])
 
 
@@ -73,23 +73,23 @@ def q_values_figure(
     *,
     order: Sequence[str] = (),
 ) -> Figure:
-    """Draw the values of actions against episodes, one panel a state.
+    """Draw the values of actions against episodes, with a panel for each state.
 
     Parameters
     ----------
     episodes
-        Where the points are, ascending.
+        Episodes of the points, ascending.
     states
-        At least one.
+        At least one state.
     heading
-        What stands above.
+        Heading of the figure.
     order
-        In which order the actions stand; those that are missing come last.
+        Order of the actions; missing ones come last.
 
     Raises
     ------
     ValueError
-        If there is no state, or one has another number of points than there are episodes.
+        If states are missing, or a state has not one value for each episode.
     """
     if not states:
         raise ValueError("There is no state to draw.")
@@ -167,12 +167,12 @@ def _draw_state(
 
 
 def look(number: int) -> tuple[str, str]:
-    """Return colour and marker of an action by its number: no two of up to 24 are alike."""
+    """Return colour and marker of an action by its number; up to 24 differ."""
     return PALETTE[number % len(PALETTE)], _MARKS[number % len(_MARKS)]
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the task, with the states watched.
+    """Return the run that solves the task and watches the states.
 
     Raises
     ------
@@ -188,14 +188,14 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def _task(request: FigureRequest) -> Task:
-    """Return the task named, or the first that leads elsewhere, or the only one."""
+    """Return the requested task, or the first task of walking, or the only task."""
     if request.part is None and not request.problem.is_chain:
         return request.problem.task
     return request.walk()
 
 
 def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
-    """Return the fact that selects each state, by the state's name for people."""
+    """Return the fact that selects each state, by the displayed name of the state."""
     facts = {place.name: fact for fact, place in task.places.items()}
     known = {**{name: name for name in task.facts.names}, **facts}
     for name in request.states:
@@ -212,7 +212,7 @@ def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
 
 
 def _first_on_the_path(request: FigureRequest, task: Task) -> list[str]:
-    """Return the facts of the start and some places between it and the goal, farther first."""
+    """Return the facts of the start and of the next places on the way to the goal."""
     walk = request.walk_steps(task)
     here = next(fact for fact in task.initial if fact in task.places)
     facts = [here]
@@ -224,12 +224,12 @@ def _first_on_the_path(request: FigureRequest, task: Task) -> list[str]:
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the values that a learner has recorded.
+    """Draw the values that a learner recorded.
 
     Raises
     ------
     OptionError
-        If it has recorded none.
+        If the solver recorded none.
     """
     task, result = _task(request), outcomes[0].result
     recorded = result.trace.get("q_values")
@@ -238,10 +238,10 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         raise request.unfit(f"{result.solver} was stopped before it had recorded a value")
     states = []
     for name, fact in _watched(request, task).items():
-        found = [key for key in recorded if fact in key.split(", ") and recorded[key]]
-        if not found:
+        keys = [key for key in recorded if fact in key.split(", ") and recorded[key]]
+        if not keys:
             raise request.unfit(f"nothing is to be decided in state {name}, the goal or an end")
-        states.append(StateValues(name, recorded[found[0]]))
+        states.append(StateValues(name, recorded[keys[0]]))
     title = f"Action values of {task.name}"
     if task in request.walks():
         title += ": from {} to {}".format(*request.ends(task))

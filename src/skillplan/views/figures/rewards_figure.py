@@ -1,4 +1,4 @@
-"""The action and the reward of every step.
+"""Action and reward of every step.
 
 Veeramani and Muthuswamy 2022, Fig. 10.
 """
@@ -34,7 +34,7 @@ from skillplan.views.figures.figure_style import (
 
 SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
-# Bars that are smaller than the largest by more than this cannot be seen beside it.
+# Bars smaller than the largest by more than this factor are invisible on a linear axis.
 _MOST_RATIO = 100.0
 
 
@@ -45,13 +45,13 @@ class RewardStep:
     Parameters
     ----------
     sequence
-        Name of the task that it belongs to.
+        Name of its task.
     action
         Name of the skill.
     place
-        Where it ends; empty where the robot does not walk.
+        Place where it ends; empty if the robot does not walk.
     reward
-        Its reward.
+        Reward of the step.
     """
 
     sequence: str
@@ -67,16 +67,16 @@ def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading:
     Parameters
     ----------
     steps
-        In order, at least one.
+        Steps in order, at least one.
     actions
-        All actions there are, in the order in which they are to stand.
+        All actions in the order of the axis.
     heading
-        What stands above.
+        Heading of the figure.
 
     Raises
     ------
     ValueError
-        If there is no step, or a step's action is not among the actions.
+        If steps are missing, or the action of a step is not among the actions.
     """
     if not steps:
         raise ValueError("There is no step to draw.")
@@ -141,7 +141,7 @@ def _draw_rewards(axes: Axes, steps: Sequence[RewardStep], wide_in: float) -> No
 
 
 def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
-    """Set the axis of rewards, with room for figures; logarithmic where small bars would vanish."""
+    """Scale the axis of rewards with room for numbers; logarithmic if small bars would vanish."""
     low, high = min(0.0, *rewards), max(0.0, *rewards)
     sizes = [abs(reward) for reward in rewards if reward]
     if not sizes or max(sizes) <= _MOST_RATIO * min(sizes):
@@ -150,11 +150,11 @@ def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
         axes.set_ylabel("reward [-]")
         return
     # From zero to the smallest bar the axis is linear, beyond it logarithmic on both sides.
-    least = 10.0 ** math.floor(math.log10(min(sizes)))
-    axes.set_yscale("symlog", linthresh=least, linscale=0.5)
+    linear = 10.0 ** math.floor(math.log10(min(sizes)))
+    axes.set_yscale("symlog", linthresh=linear, linscale=0.5)
     axes.set_ylim(8 * low if low < 0 else 0.0, 8 * high if high > 0 else 0.0)
-    decades = math.floor(math.log10(max(sizes))) - round(math.log10(least))
-    powers = [least * 10.0**power for power in range(0, decades + 1, -(-decades // 3))]
+    decades = math.floor(math.log10(max(sizes))) - round(math.log10(linear))
+    powers = [linear * 10.0**power for power in range(0, decades + 1, -(-decades // 3))]
     ticks = [-power for power in powers if -power >= low] + [0.0]
     ticks += [power for power in powers if power <= high]
     axes.set_yticks(ticks, [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
@@ -163,7 +163,7 @@ def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
 
 
 def _reward_text(reward: float) -> str:
-    """Return a reward with two decimals, or two digits where that were 0."""
+    """Return a reward with two decimals, or with two digits if that would be 0."""
     text = f"{reward:.2g}" if 0 < abs(reward) < 0.095 else f"{reward:.2f}"
     return text.replace("-", "\N{MINUS SIGN}")
 
@@ -173,7 +173,7 @@ def _tick(number: int, step: RewardStep) -> str:
 
 
 def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_in: float) -> None:
-    """Part the steps of one task from those of the next, and name the tasks above."""
+    """Separate the steps of different tasks, and write the names of the tasks above."""
     begins = [i for i, step in enumerate(steps) if i == 0 or step.sequence != steps[i - 1].sequence]
     if len(begins) == 1:
         return
@@ -214,7 +214,7 @@ def _write_above(axes: Axes, x: float, text: str, align: Literal["center", "righ
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return the run to solve first: all tasks of the file."""
+    """Return the run that solves all tasks of the file."""
     return [request.chain_run()]
 
 
@@ -226,7 +226,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     Raises
     ------
     OptionError
-        If it is solved without a step.
+        If the plan has no step.
     """
     answer = outcomes[0].answer
     results: list[Result] = (

@@ -224,7 +224,7 @@ class SolidPainter:
         Returns
         -------
         int
-            Number of pixels that the body covers if nothing is in front of it.
+            Number of pixels that the body covers without other bodies in front of it.
         """
         corners, triangles = _triangulate(body, pose)
         seen = self.camera.project(corners) * OVERSAMPLING
@@ -289,20 +289,20 @@ class SolidPainter:
                 yield pixels, depths.astype(np.float32), k[member]
 
     def image(self, opacity: float = 1.0) -> Bytes:
-        """Return the image with thin edges, transparent where there is no body, shape (h, w, 4)."""
+        """Return the image with thin edges, transparent without bodies, shape (h, w, 4)."""
         opaque = np.where(self._bodies >= 0, opacity, 0.0)
         shades = np.round(255 * np.column_stack([self._colours, opaque])).astype(np.uint8)
         image: Bytes = shades[self._triangles]
         ink = np.round(255 * np.array([*to_rgb(INK), opacity])).astype(np.uint8)
-        for one, other in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
-            change = np.nonzero(self._triangles[one] != self._triangles[other])
-            a, b = self._triangles[one][change], self._triangles[other][change]
-            depth_a, depth_b = self._depths[one][change], self._depths[other][change]
+        for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+            change = np.nonzero(self._triangles[here] != self._triangles[there])
+            a, b = self._triangles[here][change], self._triangles[there][change]
+            depth_a, depth_b = self._depths[here][change], self._depths[there][change]
             edge = self._bodies[a] != self._bodies[b]
             edge |= ~(np.abs(depth_a - depth_b) <= _STEP_PX)
             edge |= np.einsum("ij,ij->i", self._normals[a], self._normals[b]) < _CREASE
             # The edge belongs to the nearer pixel.
-            for side, nearer in ((one, depth_a >= depth_b), (other, depth_a < depth_b)):
+            for side, nearer in ((here, depth_a >= depth_b), (there, depth_a < depth_b)):
                 rows, columns = (index[edge & nearer] for index in change)
                 image[side][rows, columns] = ink
         return image

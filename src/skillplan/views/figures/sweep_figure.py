@@ -1,4 +1,4 @@
-"""A panel for every option that was varied: who arrives, who at the optimum, and how long it took.
+"""Success, optimality and learning time of a parameter study, with a panel for every option.
 
 Veeramani and Muthuswamy 2022, Fig. 6.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -48,9 +49,9 @@ _GREEK = {
 }
 _MARKERS = "osD^vP*X"
 _MOST_STARTS, _MOST_AXES = len(_MARKERS), 6
-# From this ratio on an axis is logarithmic.
+# Smallest ratio of the ends of a logarithmic axis.
 _WIDE = 30.0
-# So many evenly scaled values are labelled one by one.
+# Largest number of values on a linear axis that are labelled one by one.
 _FEW = 5
 _TALL_IN, _WIDE_IN, _LEFT_IN, _GAP_IN = 1.5, 3.1, 0.8, 0.3
 _SIDE_PT = 2.6
@@ -58,7 +59,7 @@ _SIDE_PT = 2.6
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """What is shown of every option: a figure of each start, or of all together."""
+    """A row of panels: a figure of each start, or of all starts together."""
 
     label: str
     figure: Callable[[StartSummary], Estimate | None]
@@ -70,19 +71,14 @@ class _Row:
 def sweep_figure(result: SweepResult) -> Figure:
     """Draw a study: shares and times by start, against the values of every option.
 
-    Points stand side by side where starts share a value; bars are 95 % intervals. With the
-    design ``grid`` a point is the mean of all settings of its value. Of settings that a sampler
-    chose a point is a trial, whatever its other options are, without bars.
-
-    Parameters
-    ----------
-    result
-        The study.
+    Points of different starts stand side by side; bars are 95 % intervals. With the design
+    ``grid``, a point is the mean of all settings with its value. If a sampler chose the settings,
+    a point is a trial, without bars.
 
     Raises
     ------
     OptionError
-        If nothing or too much was varied to be drawn, or there are too many starts.
+        If no options or too many vary, or there are too many starts.
     """
     plan = result.plan
     if not 1 <= len(plan.axes) <= _MOST_AXES:
@@ -133,15 +129,15 @@ def sweep_figure(result: SweepResult) -> Figure:
 
 def _rows(result: SweepResult) -> list[_Row]:
     known = all(start.optimum is not None for start in result.plan.starts)
-    rows = [_Row("arrive [%]", lambda one: one.arrived_share, percent=True)]
+    rows = [_Row("arrive [%]", attrgetter("arrived_share"), percent=True)]
     if known:
-        rows.append(_Row("arrive at the\noptimum [%]", lambda one: one.best_share, percent=True))
+        rows.append(_Row("arrive at the\noptimum [%]", attrgetter("best_share"), percent=True))
     if result.plan.design == SAMPLED:
-        rows.append(_Row("steps", lambda one: one.steps))
+        rows.append(_Row("steps", attrgetter("steps")))
         if known:
             unit = f" [{result.plan.cost_unit}]" if result.plan.cost_unit else ""
-            rows.append(_Row(f"cost above the\noptimum{unit}", lambda one: one.excess))
-    rows.append(_Row("learning [s]", lambda one: one.learning_s, together=result.shared))
+            rows.append(_Row(f"cost above the\noptimum{unit}", attrgetter("excess")))
+    rows.append(_Row("learning [s]", attrgetter("learning_s"), together=result.shared))
     return rows
 
 
@@ -158,15 +154,15 @@ def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row
         ]
         if not points:
             continue
-        # Side by side, for most points of most starts coincide.
+        # Side by side, as many points of different starts coincide.
         side_in = (number - (len(names) - 1) / 2) * _SIDE_PT / 72
         shift = ScaledTranslation(side_in, 0, figure.dpi_scale_trans)
         factor = 100.0 if row.percent else 1.0
         values = [factor * estimate.value for _, estimate in points]
         colour = INK if name is None else PALETTE[number]
         bars = [
-            [factor * (one.value - _or(one.low, one)) for _, one in points],
-            [factor * (_or(one.high, one) - one.value) for _, one in points],
+            [factor * (estimate.value - _or(estimate.low, estimate)) for _, estimate in points],
+            [factor * (_or(estimate.high, estimate) - estimate.value) for _, estimate in points],
         ]
         sampled = plan.design == SAMPLED
         axes.errorbar(
@@ -234,12 +230,12 @@ def _lay_out(
 
 
 def _sampled_ticks(axes: Axes, axis: Axis, wide_in: float) -> None:
-    """Label round values: those that were tried are as good as at random."""
+    """Label round values, as sampled values are not round."""
     if not _logarithmic(axis):
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=_whole(axis)))
         return
     low, high = axes.get_xlim()
-    powers = [10.0**one for one in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
+    powers = [10.0**n for n in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
     axes.xaxis.set_major_locator(FixedLocator(powers[:: 1 + len(powers) // int(3 * wide_in)]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -250,7 +246,7 @@ def _whole(axis: Axis) -> bool:
 
 
 def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
-    """Give all panels of a row the same axis, logarithmic where times differ much."""
+    """Give all panels of a row the same axis, logarithmic if values differ much."""
     estimates = [
         estimate
         for axis in result.plan.axes
@@ -258,20 +254,20 @@ def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
         for name in _names(result, row)
         if (estimate := row.figure(result.summary(settings, name))) is not None
     ]
-    values = [one.value for one in estimates]
-    highest = max((_or(one.high, one) for one in estimates), default=1.0) or 1.0
+    values = [estimate.value for estimate in estimates]
+    highest = max((_or(estimate.high, estimate) for estimate in estimates), default=1.0) or 1.0
     if values and 0 < _WIDE * min(values) <= max(values):
         axes.set_yscale("log", nonpositive="clip")
         axes.set_ylim(min(values) / 2, 1.5 * highest)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_locator(NullLocator())
     else:
-        # A point at 0 is drawn whole.
+        # A margin below keeps points at 0 whole.
         axes.set_ylim(-0.05 * highest if 0.0 in values else 0.0, 1.08 * highest)
 
 
 def _places(axis: Axis) -> list[float]:
-    """Return where on the axis the values stand: words one after another."""
+    """Return the places of the values on the axis; words stand at 0, 1, 2, ..."""
     if axis.numeric:
         return [float(value) for value in axis.values if value is not None]
     return [float(index) for index in range(len(axis.values))]
@@ -283,7 +279,7 @@ def _logarithmic(axis: Axis) -> bool:
 
 
 def _thinned(axis: Axis, wide_in: float) -> list[int]:
-    """Return the values whose labels do not run into each other; the ends come first."""
+    """Return the values whose labels do not overlap; the ends come first."""
     places = [math.log(place) for place in _places(axis)] if _logarithmic(axis) else _places(axis)
     low, high = min(places), max(places)
     scale_in = wide_in / 1.12 / ((high - low) or 1.0)
@@ -324,7 +320,7 @@ def _details(result: SweepResult) -> str:
     if plan.design == GRID:
         parts.append("all combinations; a point is the mean of all settings of its value")
     elif plan.design == SAMPLED:
-        parts.append(f"a point is one of {len(plan.settings)} trials, whatever its other options")
+        parts.append(f"a point is one of {len(plan.settings)} trials with any other options")
     else:
         parts.append(f"others at the centre (dotted): {setting_text(plan.centre)}")
     if plan.design != SAMPLED:

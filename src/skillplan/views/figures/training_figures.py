@@ -61,7 +61,7 @@ class RunCurve:
     ends
         Step at which each episode ended, ascending, shape (n,).
     success
-        Whether each episode completed the task, shape (n,).
+        True for each episode that completed the task, shape (n,).
     costs
         Cost of each episode in the task's metric, shape (n,).
 
@@ -286,7 +286,7 @@ def distances_figure(
     optimum
         Proved optimum, drawn as a line; None if none is proved.
     chance
-        Whether the optimum is an expected cost, which a single episode may undercut.
+        True if the optimum is an expected cost, which a single episode may undercut.
 
     Raises
     ------
@@ -340,7 +340,7 @@ def _find_cost_range(curves: Sequence[RunCurve], optimum: float | None) -> tuple
 def _thin_out(
     places: Numbers, costs: Numbers, furthest: int, height: float
 ) -> tuple[Numbers, Numbers]:
-    """Return the points without those that would cover another point."""
+    """Return the points that do not cover each other."""
     cells = np.stack(
         [np.floor(places / furthest * _CELLS_X), np.floor(costs / height * _CELLS_Y)], axis=1
     )

@@ -1,4 +1,4 @@
-"""What a page's player shows: bodies, where they are at every moment, and what goes on.
+"""Data of the player in pages: bodies, their motions, skills and contacts.
 
 The document ``skillplan.playback/1``; lengths in m, angles in rad, z up, quaternions x, y, z, w.
 """

@@ -1,4 +1,4 @@
-"""A plan of an arm, as it was performed or planned: every link, tool and part at every moment."""
+"""The playback of an arm's plan, performed or planned: links, tools, parts and contacts."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from skillplan.views.playback.document import Playback, box
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, link_frames, matrix, rows_of
 
-# What is weaker is not shown [N].
+# Smallest force that is shown [N].
 _LEAST_N = 1.0
-# One entry stands for forces and places that differ by no more [N, share, m].
+# Largest differences of forces and places within an entry [N, share, m].
 _OFF_N, _OFF_SHARE, _OFF_M = 2.0, 0.3, 0.02
-# A touch that is lost for no more frames goes on.
+# Largest gap within a contact, in frames.
 _GAP_FRAMES = 3
 _MOST = 600
 
@@ -33,14 +33,9 @@ _Frames = list[tuple[int, Contact]]
 
 
 def contact_entries(samples: Sequence[Sample], most: int = _MOST) -> list[dict[str, Any]]:
-    """Return the contacts of a trace, by time, in at most `most` entries.
+    """Return the contacts of a trace by time, merged until there are at most `most` entries.
 
-    Parameters
-    ----------
-    samples
-        One a frame.
-    most
-        How many entries; where there are more, they are made coarser.
+    Each entry lasts for a while and has the force of its peak. A sample is one frame.
     """
     pairs: dict[tuple[str, str], _Frames] = {}
     for frame, sample in enumerate(samples):
@@ -53,17 +48,17 @@ def contact_entries(samples: Sequence[Sample], most: int = _MOST) -> list[dict[s
         if len(runs) <= most or coarse > 64:
             break
         coarse *= 1.5
-    # The strongest, where even coarse ones are too many.
+    # If there are still too many, the strongest ones are kept.
     runs = sorted(runs, key=lambda run: -_force_n(_peak(run)))[:most]
     return sorted(map(_entry, runs), key=lambda entry: float(entry["time_s"]))
 
 
 def _runs(frames: _Frames, coarse: float) -> list[_Frames]:
-    """Return frames in a row whose contacts are alike."""
-    found: list[_Frames] = []
+    """Return groups of successive frames with similar contacts."""
+    runs: list[_Frames] = []
     for frame, contact in frames:
-        if found:
-            run = found[-1]
+        if runs:
+            run = runs[-1]
             last, first = run[-1][0], run[0][1]
             off_n = max(_OFF_N, _OFF_SHARE * _force_n(first)) * coarse
             if (
@@ -73,8 +68,8 @@ def _runs(frames: _Frames, coarse: float) -> list[_Frames]:
             ):
                 run.append((frame, contact))
                 continue
-        found.append([(frame, contact)])
-    return found
+        runs.append([(frame, contact)])
+    return runs
 
 
 def _peak(run: _Frames) -> Contact:
@@ -100,7 +95,7 @@ SIMULATED = "simulated, with contacts"
 PLANNED = "planned, not simulated: no contact forces"
 
 _ARM, _JAWS = "#d5d9de", "#8b929b"
-# Meshes of links are made coarser to this [m]; links may be played back so far off.
+# Cell size of coarse meshes of links, and largest error of their playback [m].
 _CELL_M, _LINK_OFF_M = 0.009, 2e-4
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -112,22 +107,22 @@ def arm_playback(
     looks: Sequence[Path | None] = (),
     note: str = SIMULATED,
 ) -> Playback:
-    """Return what is shown of a plan.
+    """Return the playback of a plan.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     skills
-        When each began and ended.
+        Skills with begin and end.
     samples
-        One or more rows of the trace, 60 a second.
+        Rows of the trace, 60 a second, at least one.
     looks
-        Meshes of base and links; None where there is none, empty for none at all.
+        Mesh files of base and links, or None for links without one; empty for no meshes.
     note
-        Where the motion is from.
+        Source of the motion.
     """
-    return _ArmPlayback(task, skills, samples, looks, note).made()
+    return _ArmPlayback(task, skills, samples, looks, note).build()
 
 
 class _ArmPlayback:
@@ -142,25 +137,25 @@ class _ArmPlayback:
         self.task, self.scene = task, task.scene
         self.robot: Robot = task.scene.robots[0]
         self.skills = skills
-        # The first row is noted a frame after the beginning.
+        # The first row is recorded one frame after the start.
         self.samples = [samples[0], *samples]
         self.looks = looks
         self.playback = Playback(task.name, len(self.samples), note)
 
-    def made(self) -> Playback:
-        """Return all of it."""
+    def build(self) -> Playback:
+        """Return the playback."""
         joints = np.array([sample.joints_rad for sample in self.samples])
         frames = link_frames(self.robot.model, self.robot.mount, joints)
-        self._environment()
-        self._links(frames)
-        self._hand(frames[-1])
-        self._parts()
-        self._skills()
+        self._add_environment()
+        self._add_links(frames)
+        self._add_hand(frames[-1])
+        self._add_parts()
+        self._add_skills()
         self.playback.contacts.extend(contact_entries(self.samples))
-        self._look()
+        self._set_view()
         return self.playback
 
-    def _links(self, frames: Sequence[Numbers]) -> None:
+    def _add_links(self, frames: Sequence[Numbers]) -> None:
         model = self.robot.model
         names = ["base", *(joint.name for joint in model.joints)]
         for number, name in enumerate(names):
@@ -172,36 +167,37 @@ class _ArmPlayback:
                 shapes = [self.playback.link(shape) for shape in model.shapes[number]]
             if not shapes:
                 continue
-            named = f"{self.robot.name} {name}"
+            full_name = f"{self.robot.name} {name}"
             if number == 0:
-                self.playback.add_body(named, "link", shapes, self.robot.mount, color=_ARM)
+                self.playback.add_body(full_name, "link", shapes, self.robot.mount, color=_ARM)
                 continue
             rows = rows_of(frames[number])
-            self.playback.add_body(named, "link", shapes, rows=rows, color=_ARM, off_m=_LINK_OFF_M)
+            self.playback.add_body(
+                full_name, "link", shapes, rows=rows, color=_ARM, off_m=_LINK_OFF_M
+            )
 
-    def _hand(self, flange: Numbers) -> None:
-        """Add hand, jaws and tools; what is not attached lies in its holder."""
+    def _add_hand(self, flange: Numbers) -> None:
+        """Add hand, jaws and tools; tools that are not attached lie in their holders."""
         hand = self.robot.hand
         hand_frames = flange @ matrix(hand.on_flange)
         tip = flange @ matrix(hand.tip_on_flange)
         attached = self._attached()
-        grips = np.array([one is None or one.kind is ToolKind.GRIPPER for one in attached])
-        self._gripper(hand, hand_frames, grips)
+        grips = np.array([tool is None or tool.kind is ToolKind.GRIPPER for tool in attached])
+        self._add_gripper(hand, hand_frames, grips)
         for tool in self.robot.tools:
             shapes = [self.playback.solid(shape) for shape in tool_shapes(tool, hand)]
             if not shapes:
                 continue
-            on = np.array([one is not None and one.name == tool.name for one in attached])
+            on = np.array([other is not None and other.name == tool.name for other in attached])
             rows = rows_of(tip @ _FLIP)
             rows[~on] = [*tool.holder, 0.0, 0.0, 0.0, 1.0]
             self.playback.add_body(tool.name, "tool", shapes, rows=rows, label=True)
         number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=rows_of(tip))
         self.playback.arms.append({"name": self.robot.name, "tip_track": number})
 
-    def _gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
+    def _add_gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
         if not shown.any():
             return
-        # The first piece is the body as it is described.
         body = [(across, along, deep) for along, across, deep in hand.body[0]]
         rows = rows_of(frames)
         rows[~shown] = np.nan
@@ -220,10 +216,10 @@ class _ArmPlayback:
             self.playback.add_body(name, "link", [shape], rows=rows, color=_JAWS)
 
     def _attached(self) -> list[Tool | None]:
-        """Return the tool of every frame; it changes where the tip is lowest in such a skill."""
+        """Return the tool of every frame; it changes at the lowest point of a tool change."""
         state = self.task.initial
         tool = self.robot.tool(state)
-        found: list[Tool | None] = [tool] * len(self.samples)
+        tools: list[Tool | None] = [tool] * len(self.samples)
         for done in self.skills:
             skill = _skill_of(self.task, done.skill)
             if not done.verdict.is_feasible:
@@ -237,11 +233,11 @@ class _ArmPlayback:
             if heights:
                 last = max(k for k, z in enumerate(heights) if z <= min(heights) + 1e-4)
                 begin += last
-            found[begin:] = [after] * (len(found) - begin)
+            tools[begin:] = [after] * (len(tools) - begin)
             tool = after
-        return found
+        return tools
 
-    def _parts(self) -> None:
+    def _add_parts(self) -> None:
         goals = self.scene.at(self.task.goal.requires)
         screws = {skill.parameters.get("screw") for skill in self.task.skills}
         for number, body in enumerate(self.scene.bodies):
@@ -254,7 +250,7 @@ class _ArmPlayback:
             shapes = [self.playback.solid(shape) for shape in body.exact_shapes]
             goal = goals.get(body.name)
             kind = "screw" if body.name in screws else "part"
-            # As in the pictures beside it.
+            # The same colour as in the pictures.
             colour = COLOURS[SERIES[number % len(SERIES)]]
             if np.isnan(rows).any(axis=1).all():
                 if goal is None:
@@ -271,7 +267,7 @@ class _ArmPlayback:
                 color=colour,
             )
 
-    def _skills(self) -> None:
+    def _add_skills(self) -> None:
         for done in self.skills:
             skill = _skill_of(self.task, done.skill)
             subject = skill.parameters.get("part") or skill.parameters.get("screw")
@@ -288,7 +284,7 @@ class _ArmPlayback:
                 }
             )
 
-    def _environment(self) -> None:
+    def _add_environment(self) -> None:
         low, high = extent(self.scene)
         middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, -0.01)
         size = (high[0] - low[0] + 0.2, high[1] - low[1] + 0.2, 0.02)
@@ -306,7 +302,7 @@ class _ArmPlayback:
                 shapes = [box((0.05, 0.05, 0.02))]
                 self.playback.add_body(name, "feeder", shapes, Pose((x, y, z - 0.01)), label=True)
 
-    def _look(self) -> None:
+    def _set_view(self) -> None:
         low, high = extent(self.scene)
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
         far = max(0.6, 1.25 * max(b - a for a, b in zip(low, high, strict=True)))
@@ -317,7 +313,7 @@ class _ArmPlayback:
 
 
 def extent(scene: Scene) -> tuple[list[float], list[float]]:
-    """Return the corners of the table that a scene takes, its robots included [m]."""
+    """Return the corners of the table of a scene, including its robots [m]."""
     points = [
         p.pose.position for body in scene.bodies for p in body.placements if p.frame == "world"
     ]
@@ -329,8 +325,8 @@ def extent(scene: Scene) -> tuple[list[float], list[float]]:
 
 
 def _skill_of(task: Task, name: str) -> Skill:
-    """Return a performed skill; one of several ways is named after the skill and the way."""
+    """Return a performed skill; the name may end with the name of a path."""
     known = {skill.name for skill in task.skills}
     if name not in known:
-        name = max((one for one in known if name.startswith(one)), key=len)
+        name = max((prefix for prefix in known if name.startswith(prefix)), key=len)
     return task.skill(name)

@@ -1,4 +1,4 @@
-"""The document ``skillplan.playback/1``, put together body by body."""
+"""The document ``skillplan.playback/1``."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def row_of(pose: Pose) -> list[float]:
 
 @dataclass
 class Playback:
-    """What is shown of one plan.
+    """The playback of a plan.
 
     Parameters
     ----------
     title
-        What it shows.
+        Title of the playback.
     frames
-        How many, >= 1.
+        Number of frames, >= 1.
     note
-        Where the motion is from.
+        Source of the motion.
     """
 
     title: str
@@ -65,31 +65,30 @@ class Playback:
         color: str | None = None,
         off_m: float | None = None,
     ) -> int | None:
-        """Add a body and return the number of its track, or None where it stands.
+        """Add a body and return the number of its track, or None if it does not move.
 
         Parameters
         ----------
         name, kind
-            Of the body.
+            Name and kind of the body.
         shapes
-            As `box`, `solid` and `mesh` give them.
+            Shapes from `box`, `solid`, `mesh` or `link`.
         pose
-            Where it stands.
+            Pose of a body that does not move.
         rows
-            Where it is in every frame, shape (frames, 7); NaN where it is nowhere.
+            Pose in every frame, shape (frames, 7); NaN in frames without the body.
         goal
-            Where its ghost stands.
+            Pose of its ghost.
         label
-            Whether its name is shown.
+            True if its name is shown.
         color
-            Of the form #rrggbb; None for that of its kind.
+            Colour #rrggbb; None for the colour of its kind.
         off_m
-            How far off it may be played back [m]; None for a default.
+            Largest error of the playback [m]; None for the default.
         """
         track = None
         if rows is not None:
-            given = {} if off_m is None else {"off_m": off_m}
-            track = self.tracks.add(rows, **given)
+            track = self.tracks.add(rows) if off_m is None else self.tracks.add(rows, off_m)
         self.bodies.append(
             {
                 "name": name,
@@ -105,12 +104,12 @@ class Playback:
         return track
 
     def mesh(self, points: Numbers, triangles: Triangles, pose: Pose = _NOWHERE) -> dict[str, Any]:
-        """Return a shape that is a mesh, which is kept."""
+        """Store a mesh and return its shape."""
         self.meshes.append(mesh_document(points, triangles))
         return {"type": "mesh", "mesh": len(self.meshes) - 1, "pose": row_of(pose)}
 
     def solid(self, shape: Shape) -> dict[str, Any]:
-        """Return a shape of a task's body."""
+        """Return the shape of a task's body."""
         if isinstance(shape, Box):
             return box(shape.size, Pose(shape.centre))
         if isinstance(shape, Cylinder):
@@ -120,7 +119,7 @@ class Playback:
         return self.mesh(*hull_mesh(shape.corners))
 
     def link(self, shape: LinkShape) -> dict[str, Any]:
-        """Return a shape of an arm's link."""
+        """Return the shape of an arm's link."""
         if not isinstance(shape, Capsule | Rod):
             return self.mesh(*hull_mesh(shape.corners_m))
         start, end = np.array(shape.start_m), np.array(shape.end_m)
@@ -166,12 +165,12 @@ class Playback:
 
 
 def box(size_m: Sequence[float], pose: Pose = _NOWHERE) -> dict[str, Any]:
-    """Return a box about its middle."""
+    """Return a box around its centre."""
     return {"type": "box", "size_m": [round(v, 6) for v in size_m], "pose": row_of(pose)}
 
 
 def cylinder(radius_m: float, length_m: float, pose: Pose = _NOWHERE) -> dict[str, Any]:
-    """Return a cylinder about its middle, along z."""
+    """Return a cylinder around its centre, along z."""
     return {
         "type": "cylinder",
         "radius_m": round(radius_m, 6),
@@ -181,7 +180,7 @@ def cylinder(radius_m: float, length_m: float, pose: Pose = _NOWHERE) -> dict[st
 
 
 def upright_along(position: tuple[float, float, float], along: Sequence[float]) -> Pose:
-    """Return a pose whose z is a unit vector."""
+    """Return a pose whose z axis is a unit vector."""
     x, y, z = along
     if z < -1 + 1e-9:
         return Pose(position, (1.0, 0.0, 0.0, 0.0))

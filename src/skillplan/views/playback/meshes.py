@@ -1,8 +1,9 @@
-"""Meshes as few and short numbers."""
+"""Meshes in compact form."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,7 @@ Triangles = NDArray[np.int64]
 
 
 def mesh_document(points: Numbers, triangles: Triangles) -> dict[str, Any]:
-    """Return a mesh as JSON values.
-
-    Parameters
-    ----------
-    points
-        Corners [m], shape (n, 3).
-    triangles
-        By three corners each, shape (m, 3).
-    """
+    """Return a mesh as JSON values, from corners [m] and triangles, shapes (n, 3) and (m, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     offset = (low + high) / 2
     scale = max(float((high - low).max()) / 2 / 32767, 1e-9)
@@ -41,39 +34,39 @@ def mesh_document(points: Numbers, triangles: Triangles) -> dict[str, Any]:
 
 
 def hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangles]:
-    """Return the convex hull of some points as corners and triangles, seen from outside."""
-    # What trimesh asks as well; to import that takes as long as all the rest of a page.
+    """Return the convex hull of points as corners and outward triangles."""
+    # trimesh calls the same function, but takes as long to import as the rest of a page.
     from scipy.spatial import ConvexHull
 
-    found = ConvexHull(np.array(points, dtype=np.float64), qhull_options="QbB Pp Qt")
-    used, renumbered = np.unique(found.simplices, return_inverse=True)
-    corners, triangles = found.points[used], renumbered.reshape(-1, 3)
+    convex = ConvexHull(np.array(points, dtype=np.float64), qhull_options="QbB Pp Qt")
+    used, renumbered = np.unique(convex.simplices, return_inverse=True)
+    corners, triangles = convex.points[used], renumbered.reshape(-1, 3)
     a, b, c = corners[triangles].transpose(1, 0, 2)
     across = np.cross(b - a, c - a)
-    inward = (across * found.equations[:, :3]).sum(axis=1) < 0
+    inward = (across * convex.equations[:, :3]).sum(axis=1) < 0
     triangles[inward] = triangles[inward, ::-1]
     wide = np.linalg.norm(across, axis=1) > 0
     return corners, triangles[wide].astype(np.int64)
 
 
 def read_obj(path: Path) -> tuple[Numbers, Triangles]:
-    """Return corners and triangles of a Wavefront file, whatever else it holds.
+    """Return corners and triangles of a Wavefront file, and ignore everything else in it.
 
     Raises
     ------
     OSError, ValueError
-        If it cannot be read or is no such file.
+        If it cannot be read or has another format.
     """
     lines = read_bytes(path, _MOST_BYTES).decode("latin-1").splitlines()
     points = [line.split()[1:4] for line in lines if line.startswith("v ")]
     faces = [line.split()[1:] for line in lines if line.startswith("f ")]
     corners = [[int(word.partition("/")[0]) - 1 for word in face] for face in faces]
-    triangles = [(one[0], one[k], one[k + 1]) for one in corners for k in range(1, len(one) - 1)]
+    triangles = [(face[0], *pair) for face in corners for pair in pairwise(face[1:])]
     return np.array(points, dtype=np.float64), np.array(triangles, dtype=np.int64)
 
 
 def coarser(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbers, Triangles]:
-    """Return a mesh whose corners in one cell of a grid are one (Rossignac and Borrel, 1993).
+    """Return a mesh with the corners in each cell of a grid merged (Rossignac and Borrel, 1993).
 
     Parameters
     ----------
@@ -90,7 +83,7 @@ def coarser(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbe
     merged = group[triangles]
     a, b, c = merged.T
     merged = merged[(a != b) & (b != c) & (a != c)]
-    # One face seen from either side is one: the direction of the first is kept.
+    # Of several triangles with the same corners, the first is kept.
     _, first = np.unique(np.sort(merged, axis=1), axis=0, return_index=True)
     merged = merged[np.sort(first)]
     used, renumbered = np.unique(merged, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Motions of bodies as few and short numbers: what lies on a straight line is left out."""
+"""Motions of bodies in compact form, without poses that can be interpolated."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def pose_matrix(pose: Pose) -> Numbers:
 
 
 def _filled(rows: Numbers, origin: Numbers) -> Numbers:
-    made = np.eye(4)
-    made[:3, :3], made[:3, 3] = rows, origin
-    return made
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rows, origin
+    return transform
 
 
 def about(axis: Sequence[float], angles_rad: Numbers) -> Numbers:
     """Return rotations about a unit axis, shape (n, 4, 4) (Rodrigues)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    made = np.tile(np.eye(4), (len(angles_rad), 1, 1))
+    rotations = np.tile(np.eye(4), (len(angles_rad), 1, 1))
     sine, versine = np.sin(angles_rad)[:, None, None], 1 - np.cos(angles_rad)[:, None, None]
-    made[:, :3, :3] += sine * skew + versine * (skew @ skew)
-    return made
+    rotations[:, :3, :3] += sine * skew + versine * (skew @ skew)
+    return rotations
 
 
 def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[Numbers]:
@@ -50,11 +50,11 @@ def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[N
     Parameters
     ----------
     arm
-        With as many joints as there are columns.
+        Description of the arm.
     mount
-        Of its base in the world.
+        Pose of its base in the world.
     joints_rad
-        Angles, shape (n, joints).
+        Joint angles, shape (n, joints).
     """
     frames = [np.tile(pose_matrix(mount), (len(joints_rad), 1, 1))]
     for number, joint in enumerate(arm.joints):
@@ -64,10 +64,10 @@ def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[N
 
 
 def rows_of(frames: Numbers) -> Numbers:
-    """Return frames as positions and quaternions, shape (n, 7); neighbours in one hemisphere."""
+    """Return frames as positions and continuous quaternions, shape (n, 7)."""
     r = frames[:, :3, :3]
     trace = r[:, 0, 0] + r[:, 1, 1] + r[:, 2, 2]
-    # Of four ways to a quaternion each frame takes the one that divides by the most (Shepperd).
+    # Each frame uses the formula with the largest divisor (Shepperd).
     choice = np.argmax(np.stack([r[:, 0, 0], r[:, 1, 1], r[:, 2, 2], trace], axis=1), axis=1)
     q = np.empty((len(r), 4))
     for axis in range(3):
@@ -87,7 +87,7 @@ def rows_of(frames: Numbers) -> Numbers:
 
 
 def hemisphere(quaternions: Numbers) -> Numbers:
-    """Return the same rotations, each quaternion on the side of the one before."""
+    """Return the same rotations, with signs that make the quaternions continuous."""
     if len(quaternions) < 2:
         return quaternions
     flips = np.sign(np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]))
@@ -96,20 +96,20 @@ def hemisphere(quaternions: Numbers) -> Numbers:
 
 
 FRAMES_PER_S = 60
-"""As many as engines note samples."""
+"""Sampling rate of the engines."""
 
-# How far off a pose may be between two that are kept [m], and a component of its quaternion.
+# Largest errors of interpolated positions [m] and of components of quaternions.
 _OFF_M, _OFF_TURN = 5e-5, 4e-4
 
 
 @dataclass
 class Tracks:
-    """Motions, each of as many frames.
+    """Motions of equal length.
 
     Parameters
     ----------
     frames
-        How many, >= 1.
+        Number of frames, >= 1.
     """
 
     frames: int
@@ -123,15 +123,15 @@ class Tracks:
         Parameters
         ----------
         rows
-            Position and quaternion of every frame, shape (frames, 7); NaN where the body is
-            nowhere, which is not everywhere.
+            Position and quaternion of every frame, shape (frames, 7); NaN in frames without the
+            body.
         off_m
-            How far off it may be played back [m].
+            Largest error of the playback [m].
 
         Raises
         ------
         ValueError
-            If there are more or fewer rows than frames, or no pose.
+            If the number of rows differs from the number of frames, or all rows are NaN.
         """
         known: NDArray[np.bool_] = np.asarray(~np.isnan(rows).any(axis=1))
         if len(rows) != self.frames or not known.any():
@@ -141,7 +141,7 @@ class Tracks:
         filled = rows[_nearest(known)]
         filled = np.hstack([filled[:, :3], hemisphere(filled[:, 3:])])
         kept = _kept(filled, np.array([off_m] * 3 + [_OFF_TURN] * 4))
-        # Where a body appears it does not come from anywhere.
+        # Frames around an appearance are kept: a body does not move there from elsewhere.
         ends = [end for _, first, last in self.hidden if _ == number for end in (first, last)]
         near = [k for end in ends for k in (end - 1, end, end + 1) if 0 <= k < self.frames]
         keys = np.union1d(kept, np.array(near, dtype=np.int64))
@@ -166,18 +166,18 @@ class Tracks:
             "orientations": packed(np.round(rows[:, 3:] * 32767), "<i2"),
             "keys": packed(keys, "<u4" if wide else "<u2"),
             "wide_keys": wide,
-            "key_counts": [len(one) for one in self._keys],
-            "hidden": [list(one) for one in self.hidden],
+            "key_counts": [len(keys) for keys in self._keys],
+            "hidden": [list(frames) for frames in self.hidden],
         }
 
 
 def packed(values: NDArray[Any], kind: str) -> str:
-    """Return numbers as base64 of their bytes."""
+    """Return the bytes of numbers as base64."""
     return base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
 
 
 def _kept(rows: Numbers, tolerance: Numbers) -> NDArray[np.int64]:
-    """Return the rows between which all others lie on lines, within a tolerance.
+    """Return the rows from which all others can be interpolated within a tolerance.
 
     After Douglas and Peucker (1973), with time as the parameter.
     """
@@ -205,7 +205,7 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return for every frame the nearest one with a pose."""
+    """Return the nearest frame with a pose for every frame."""
     at = np.flatnonzero(known)
     after = np.clip(np.searchsorted(at, np.arange(len(known))), 0, len(at) - 1)
     before = np.clip(after - 1, 0, len(at) - 1)

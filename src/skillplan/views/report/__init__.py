@@ -1,4 +1,4 @@
-"""A report as one page of HTML that needs nothing else; what others named is text in it."""
+"""Reports as single pages of HTML, in which names from documents are escaped."""
 
 import lazy_loader as _lazy
 

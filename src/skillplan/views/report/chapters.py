@@ -1,4 +1,4 @@
-"""What the page says of a plan: of one task, or of a chain of them."""
+"""Chapters on a plan of one task, or of a chain of tasks."""
 
 from __future__ import annotations
 
@@ -34,39 +34,38 @@ from skillplan.views.report.plan_sections import (
 from skillplan.views.report.summary import chip, lead, summary_section
 
 Plugins = Sequence[tuple[str, str]]
-# Of remarks of a domain, as they are written for a terminal.
+# Width of the name column in remarks, which are written for a terminal.
 _NAME_COLUMN = 11
 
 
 @dataclass(frozen=True)
 class PlanInput:
-    """What a chapter on one task is made of.
+    """The input of a chapter on one task.
 
     Parameters
     ----------
     document
         ``skillplan.result/1``.
     task
-        What was solved.
+        The solved task.
     description
-        What the file says of it.
+        Description in the task file.
     plugins
         Distributions and their versions.
     graph
-        The precedence relation; None where there is none.
+        Precedence relation; None for none.
     performance, engine
-        What was measured when the plan was performed, and by which engine; None and empty where
-        it was not.
+        Performance of the plan and name of its engine; None and empty if it was not performed.
     playback
-        ``skillplan.playback/1``; None where there is none.
+        ``skillplan.playback/1``; None for none.
     missing
-        Why there is no playback.
+        Reason for a missing playback.
     played
-        When each skill begins and ends in a playback of what was not performed.
+        Skills with begin and end in the playback of a plan that was not performed.
     extra
         Further sections.
     certificate
-        The verification of a stored result; None of one that was solved for the page.
+        Verification of a stored result; None for a result that was solved for the page.
     """
 
     document: Mapping[str, Any]
@@ -84,7 +83,7 @@ class PlanInput:
 
 
 def plan_chapter(given: PlanInput, name: str) -> Chapter:
-    """Return all that is said of a plan of one task."""
+    """Return the chapter on a plan of one task."""
     document, task = given.document, given.task
     has_plan = bool(document.get("steps"))
     in_cell = bool(task.scene.robots and task.scene.bodies)
@@ -118,7 +117,7 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
     sections += given.extra
     sections.append(summary_section(document, given.description, given.plugins, given.certificate))
     took_s = measured.simulated_s if measured is not None and measured.failed is None else None
-    played_s = max((one.end_s for one in given.played), default=None)
+    played_s = max((skill.end_s for skill in given.played), default=None)
     return Chapter(name, task.name, lead(document, took_s, played_s, given.certificate), sections)
 
 
@@ -132,24 +131,20 @@ def _still(given: PlanInput, name: str) -> Markup | None:
 
 @dataclass(frozen=True)
 class ChainInput:
-    """What a chapter on a chain of tasks is made of.
+    """The input of a chapter on a chain of tasks; other parameters as in `PlanInput`.
 
     Parameters
     ----------
     document
         ``skillplan.result/1`` of a chain.
-    description, plugins
-        As of `PlanInput`.
     listings
         Tables of the domain.
     refused
-        What cannot be done, what was found, and why.
+        Names, findings and reasons of refusals.
     images
         Figures as markup.
     bars
-        The time line; empty where there is none.
-    playback, missing, certificate
-        As of `PlanInput`.
+        Bars of the time line; may be empty.
     """
 
     document: Mapping[str, Any]
@@ -181,7 +176,7 @@ def chain_input(
     name
         Name of the chapter, unique on the page.
     playing
-        Whether the chapter may bring a playback; a page has one at most.
+        True if the chapter may bring a playback; a page has one at most.
 
     Raises
     ------
@@ -214,7 +209,7 @@ def chain_account(problem: Problem, document: Mapping[str, Any]) -> Account:
 
 
 def chain_chapter(given: ChainInput, name: str) -> Chapter:
-    """Return all that is said of a chain of tasks."""
+    """Return the chapter on a chain of tasks."""
     document = given.document
     sections = [playback_section(given.playback, None, given.missing)]
     if given.bars:
@@ -241,9 +236,9 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
     caption = f"{len(rows)} {'task' if len(rows) == 1 else 'tasks'} of the chain"
     sections.append(Section("plan", "The plan", table(caption, columns, rows, "   nnnn")))
     for index, listing in enumerate(given.listings):
-        made = [table(listing.title, listing.columns, listing.rows, captioned=False)]
-        made += _remarks(listing.notes)
-        sections.append(Section(f"listing-{index + 1}", listing.title, join(made)))
+        parts = [table(listing.title, listing.columns, listing.rows, captioned=False)]
+        parts += _remarks(listing.notes)
+        sections.append(Section(f"listing-{index + 1}", listing.title, join(parts)))
     sections.append(refused_section(given.refused))
     sections.append(summary_section(document, given.description, given.plugins, given.certificate))
     title = str(document.get("task", {}).get("name"))
@@ -251,14 +246,14 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
 
 
 def _remarks(notes: Sequence[str]) -> list[Markup]:
-    """Return remarks; those that have a name in a column of its own, as on a terminal, as facts."""
+    """Return remarks; a remark with a name in the first column becomes a fact."""
     named: list[tuple[str, str]] = []
     others = []
     for words in notes:
-        column, said = words[:_NAME_COLUMN], words[_NAME_COLUMN:].strip()
+        column, value = words[:_NAME_COLUMN], words[_NAME_COLUMN:].strip()
         name = column.strip()
-        if column.endswith(" ") and " " not in name and said:
-            named.append((name, said))
+        if column.endswith(" ") and " " not in name and value:
+            named.append((name, value))
         else:
             others.append(note(words))
     return [facts(named), *others] if named else others

@@ -1,4 +1,4 @@
-"""Elements of HTML and SVG, whose texts and attributes are escaped where they are made."""
+"""Elements of HTML and SVG with escaped texts and attributes, tables and lists of facts."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ _VOID = frozenset(("br", "hr", "meta", "link", "img", "input", "col"))
 
 
 class Markup(str):
-    """Text that is markup already."""
+    """Text that needs no escaping."""
 
     __slots__ = ()
 
 
 def text(value: object) -> Markup:
-    """Return a value as text of a page: control characters are shown, markup is none."""
+    """Return a value as text of a page, with markup and control characters escaped."""
     if isinstance(value, Markup):
         return value
     return Markup(html.escape(escaped(str(value)), quote=True))
 
 
 def join(parts: Iterable[object]) -> Markup:
-    """Return parts one after the other; those that are no markup are text."""
+    """Return parts one after the other, escaped unless they are markup."""
     return Markup("".join(text(part) for part in parts))
 
 
@@ -35,22 +35,22 @@ def tag(name: str, attributes: Mapping[str, object] | None = None, *inner: objec
     Parameters
     ----------
     name
-        Of the element; ours.
+        Name of the element, never from a document.
     attributes
-        Their values are escaped; one that is None is left out, one that is True has no value.
+        Attributes, whose values are escaped. None omits an attribute, True omits its value.
     inner
-        What is in it: markup, or text that is escaped.
+        Content: markup, or text that is escaped.
     """
-    made = [f"<{name}"]
+    parts = [f"<{name}"]
     for key, value in (attributes or {}).items():
         if value is True:
-            made.append(f" {key}")
+            parts.append(f" {key}")
         elif value is not None and value is not False:
-            made.append(f' {key}="{text(str(value))}"')
-    made.append(">")
+            parts.append(f' {key}="{text(str(value))}"')
+    parts.append(">")
     if name not in _VOID:
-        made += [join(inner), f"</{name}>"]
-    return Markup("".join(made))
+        parts += [join(inner), f"</{name}>"]
+    return Markup("".join(parts))
 
 
 def table(
@@ -61,20 +61,20 @@ def table(
     *,
     captioned: bool = True,
 ) -> Markup:
-    """Return a table whose first cell of a row names it.
+    """Return a table whose first column names the rows.
 
     Parameters
     ----------
     caption
-        What it shows.
+        Caption of the table.
     columns
-        Their headings.
+        Headings.
     rows
-        As many cells each; markup, or what is shown as text.
+        Cells: markup, or values that are shown as text.
     numbers
-        A character a column: ``n`` where it is of numbers, ``p`` where its cells are in one piece.
+        One character per column: ``n`` for numbers, ``p`` for cells that do not wrap.
     captioned
-        Whether the caption is shown; screen readers hear it in any case.
+        True if the caption is visible. Screen readers read it in any case.
     """
     kinds = numbers.ljust(len(columns))
 
@@ -93,7 +93,7 @@ def table(
             for index, cell in enumerate(row)
         ]
         lines.append(tag("tr", {}, *cells))
-    made = tag(
+    whole = tag(
         "table",
         {},
         tag("caption", {}, caption) if captioned else Markup(""),
@@ -101,18 +101,18 @@ def table(
         tag("tbody", {}, *lines),
     )
     return tag(
-        "div", {"class": "scroll", "tabindex": "0", "role": "region", "aria-label": caption}, made
+        "div", {"class": "scroll", "tabindex": "0", "role": "region", "aria-label": caption}, whole
     )
 
 
 def facts(entries: Iterable[tuple[str, object]]) -> Markup:
-    """Return names with what is said of them; those that say nothing are left out."""
-    made = [
+    """Return a list of names with values, without empty values."""
+    items = [
         join([tag("dt", {}, name), tag("dd", {}, value)])
         for name, value in entries
         if value not in (None, "")
     ]
-    return tag("dl", {"class": "facts"}, *made)
+    return tag("dl", {"class": "facts"}, *items)
 
 
 def note(words: object) -> Markup:
@@ -121,7 +121,7 @@ def note(words: object) -> Markup:
 
 
 def number(value: object, digits: int = 6) -> str:
-    """Return a number for people; a dash where there is none."""
+    """Return a number for people; a dash for other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return "-"
     if isinstance(value, int):
@@ -140,14 +140,14 @@ def numbers(values: Sequence[object], most: int = 5) -> list[str]:
 
 
 def seconds(value: object) -> str:
-    """Return a time [s] for people; a dash where there is none."""
+    """Return a time [s] for people; a dash for other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return "-"
     return f"{value:.2f}"
 
 
 def share(value: object) -> str:
-    """Return a fraction as per cent; a dash where there is none."""
+    """Return a fraction as per cent; a dash for other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return "-"
     return f"{100 * value:.4g} %"

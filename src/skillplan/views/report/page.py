@@ -1,4 +1,4 @@
-"""The page: one file, no network, a policy that allows what is in it and nothing else."""
+"""The page: one file without network access, whose policy allows only its own content."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOW_TO_GET = "make web builds it from the sources; released packages hold it"
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """The player: its script, its style sheet, and the licences of what is bundled."""
+    """The player: script, style sheet, and licences of bundled libraries."""
 
     script: str
     style: str
@@ -32,7 +32,7 @@ def page_style() -> str:
 
 
 def player() -> Player | None:
-    """Return the player, or None where it has not been built."""
+    """Return the player, or None if it has not been built."""
     script = _text("player", "player.js")
     if script is None:
         return None
@@ -51,7 +51,7 @@ _CLOSING = re.compile(r"</(?=script)", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the page: its anchor, heading and content."""
+    """A section of a chapter: anchor, heading and content."""
 
     name: str
     heading: str
@@ -60,18 +60,18 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Chapter:
-    """All that is said of one input.
+    """The chapter on one input.
 
     Parameters
     ----------
     name
-        Unique in the page; anchors begin with it.
+        Prefix of anchors, unique in the page.
     heading
-        What it is of.
+        Heading of the chapter.
     lead
-        What was found, in a sentence or two, with its figures.
+        Summary in a sentence or two, with figures.
     sections
-        In order.
+        Sections in order.
     """
 
     name: str
@@ -91,13 +91,13 @@ def page_html(
     Parameters
     ----------
     title
-        Of the page.
+        Title of the page.
     chapters
-        At least one.
+        Chapters, at least one.
     playback
-        A document ``skillplan.playback/1``; None for none.
+        Document ``skillplan.playback/1``; None for none.
     player
-        What shows it; None where it has not been built.
+        The player; None if it has not been built.
     """
     style = page_style() + ("" if player is None else player.style)
     script = "" if player is None or playback is None else _in_script(player.script)
@@ -135,25 +135,25 @@ def page_html(
 
 
 def json_in_page(document: Mapping[str, Any]) -> str:
-    """Return a document as JSON that no page takes for markup.
+    """Return a document as JSON that is safe within HTML.
 
     Raises
     ------
     ValueError
         If a number is not finite.
     """
-    made = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    return made.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _in_script(script: str) -> str:
-    """Return a script that ends where it ends; in strings the two mean the same."""
+    """Return a script with closing tags escaped, which keeps the meaning of its strings."""
     return _CLOSING.sub(r"<\\/", script).replace("<!--", "<\\!--")
 
 
 def _digest(content: str) -> str:
-    made = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode("ascii")
-    return f"'sha256-{made}'"
+    digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode("ascii")
+    return f"'sha256-{digest}'"
 
 
 def _skip_link() -> Markup:
@@ -162,32 +162,35 @@ def _skip_link() -> Markup:
 
 def _header(title: str, chapters: Sequence[Chapter]) -> Markup:
     links = [
-        tag("li", {}, tag("a", {"href": f"#{chapter.name}-{one.name}"}, one.heading))
+        tag("li", {}, tag("a", {"href": f"#{chapter.name}-{section.name}"}, section.heading))
         for chapter in chapters
-        for one in chapter.sections
+        for section in chapter.sections
     ]
     if len(chapters) > 1:
-        links = [tag("li", {}, tag("a", {"href": f"#{one.name}"}, one.heading)) for one in chapters]
+        links = [
+            tag("li", {}, tag("a", {"href": f"#{chapter.name}"}, chapter.heading))
+            for chapter in chapters
+        ]
     nav = tag("nav", {"aria-label": "Contents"}, tag("ul", {}, *links))
     brand = tag("p", {"class": "brand"}, "skillplan report")
     return tag("header", {"class": "top"}, brand, tag("h1", {}, title), nav)
 
 
 def _main(chapters: Sequence[Chapter]) -> Markup:
-    made = []
+    articles = []
     several = len(chapters) > 1
     for chapter in chapters:
         inner: list[Markup] = []
         if several:
             inner.append(tag("h2", {}, chapter.heading))
         inner.append(chapter.lead)
-        for one in chapter.sections:
-            name = f"{chapter.name}-{one.name}"
-            heading = tag("h3" if several else "h2", {"id": f"{name}-h"}, one.heading)
+        for section in chapter.sections:
+            name = f"{chapter.name}-{section.name}"
+            heading = tag("h3" if several else "h2", {"id": f"{name}-h"}, section.heading)
             attributes = {"id": name, "aria-labelledby": f"{name}-h", "class": "card"}
-            inner.append(tag("section", attributes, heading, one.content))
-        made.append(tag("article", {"id": chapter.name}, *inner))
-    return tag("main", {"id": "content"}, *made)
+            inner.append(tag("section", attributes, heading, section.content))
+        articles.append(tag("article", {"id": chapter.name}, *inner))
+    return tag("main", {"id": "content"}, *articles)
 
 
 def _foot(player: Player | None) -> Markup:

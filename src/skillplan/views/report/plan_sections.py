@@ -1,4 +1,4 @@
-"""The plan as a table, its time line, its pictures, and what was measured when it was performed."""
+"""Sections on a plan: playback, time line, table, pictures, refusals and measurements."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from skillplan.views.tables.trials import difference_words
 
 
 def figure(picture: Picture, name: str, caption: str, description: str = "") -> Markup:
-    """Return a picture with its caption, which scrolls by itself where the page is narrow."""
-    made = picture_svg(picture, name, description)
+    """Return a picture with its caption, which scrolls on narrow pages."""
+    svg = picture_svg(picture, name, description)
     scroll = tag(
-        "div", {"class": "wide", "tabindex": "0", "role": "region", "aria-label": caption}, made
+        "div", {"class": "wide", "tabindex": "0", "role": "region", "aria-label": caption}, svg
     )
     return tag("figure", {}, scroll, tag("figcaption", {}, caption))
 
@@ -34,34 +34,34 @@ def figure(picture: Picture, name: str, caption: str, description: str = "") -> 
 def playback_section(
     playback: Mapping[str, Any] | None, still: Markup | None, missing: str = ""
 ) -> Section:
-    """Return the section of the player.
+    """Return the section with the player.
 
     Parameters
     ----------
     playback
-        A document ``skillplan.playback/1``; None where there is none.
+        Document ``skillplan.playback/1``; None for none.
     still
-        A picture that stands there until the player has started.
+        Picture that is shown until the player starts.
     missing
-        Why there is no playback, in words.
+        Reason for a missing playback, in words.
     """
     if playback is None:
-        return Section("playback", "Playback", note(f"There is no playback: {missing}."))
+        return Section("playback", "Playback", note(f"The page has no playback: {missing}."))
     words = "Playing it in 3-D needs JavaScript and WebGL; all else on this page does not."
     inner = [still] if still is not None else []
     inner.append(tag("noscript", {}, note(words)))
     root = tag("div", {"id": "playback-root", "aria-label": playback["title"]}, *inner)
-    said = str(playback.get("note") or "")
-    if "not simulated" in said:
-        # Also where no player says it.
-        root = join([root, note(f"The motion is {said}.")])
+    source = str(playback.get("note") or "")
+    if "not simulated" in source:
+        # Readers without the player need this, too.
+        root = join([root, note(f"The motion is {source}.")])
     return Section("playback", "Playback", root)
 
 
 def bars_of(
     task: Task, document: Mapping[str, Any], played: Sequence[PerformedSkill]
 ) -> list[PlanBar]:
-    """Return a plan as bars: as far as it is played with those times, then as planned."""
+    """Return a plan as bars, with measured times as far as known, then as planned."""
     steps = _steps(document)
     times = {index: (skill.begin_s, skill.end_s) for index, skill in enumerate(played)}
     names = [str(step["skill"]) for step in steps]
@@ -79,7 +79,7 @@ def _failed_index(played: Sequence[PerformedSkill]) -> int | None:
 def gantt_section(
     bars: Sequence[PlanBar], name: str, *, measured: bool, played: bool, along_paths: bool = False
 ) -> Section:
-    """Return the time line; where the plan is played, a cursor marks the moment on it."""
+    """Return the time line, with a cursor if the plan is played."""
     planned = "Times along the planned paths." if along_paths else "Times as planned."
     caption = "Times as simulated." if measured else planned
     failed = next((index for index, bar in enumerate(bars) if bar.mark == FAILED), None)
@@ -102,12 +102,12 @@ def plan_section(
     Parameters
     ----------
     task, document
-        What was solved, and ``skillplan.result/1``.
+        The task and its ``skillplan.result/1``.
     done
-        Begin and end of skills, as far as they were done; None if no times but planned ones are
-        known. Later skills follow as planned.
+        Performed skills with begin and end; later ones follow as planned. None if only planned
+        times are known.
     how
-        They were done: ``simulated`` or ``played``.
+        Source of their times: ``simulated`` or ``played``.
     """
     now_s, rows = 0.0, []
     costs = numbers([step["cost"] for step in _steps(document)])
@@ -139,7 +139,7 @@ def plan_section(
 
 
 def _took(measured: PerformedSkill | None, how: str) -> Markup:
-    """Return how long a skill took, marked if it failed or was not done."""
+    """Return the time of a skill, marked if it failed or was not done."""
     if measured is None:
         return join([f"not {how}"])
     took = seconds(measured.end_s - measured.begin_s)
@@ -149,35 +149,35 @@ def _took(measured: PerformedSkill | None, how: str) -> Markup:
 
 
 def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:
-    """Return the cell from above and, where there is a plan, the product taken apart."""
+    """Return the cell from above and, if there is a plan, the exploded view."""
     skills = [str(step["skill"]) for step in _steps(document)]
     above = layout_picture(task, skills)
     words = "The cell from above" + (
         ", with the path of the plan; a number stands where its step ends." if skills else "."
     )
-    made = [figure(above, f"{name}-layout", words)]
+    figures = [figure(above, f"{name}-layout", words)]
     try:
-        apart = exploded_picture(task, skills)
+        exploded = exploded_picture(task, skills)
     except ValueError:
         pass
     else:
         words = "The product taken apart, numbered in the order in which parts are added."
-        made.append(figure(apart, f"{name}-exploded", words))
-    return Section("pictures", "Cell and product", join(made))
+        figures.append(figure(exploded, f"{name}-exploded", words))
+    return Section("pictures", "Cell and product", join(figures))
 
 
 def precedence_section(graph: PrecedenceGraph, name: str) -> Section:
-    """Return the precedence relation as a graph, and as a table with why."""
+    """Return the precedence relation as a graph, and as a table with reasons."""
     picture = precedence_picture(graph, "What comes before what")
     caption = (
-        "What comes before what. Rest the pointer on an arrow to read why; the table says it, too."
+        "What comes before what. Rest the pointer on an arrow to read why; the table has it, too."
     )
     rows = [[edge.before, edge.after, edge.why.partition(": ")[2]] for edge in graph.edges]
-    made = [figure(picture, f"{name}-precedence", caption)]
+    parts = [figure(picture, f"{name}-precedence", caption)]
     if rows:
         listed = table("Pairs that follow from no others", ["before", "after", "why"], rows)
-        made.append(tag("details", {}, tag("summary", {}, f"All {len(rows)} pairs"), listed))
-    return Section("precedence", "Precedence", join(made))
+        parts.append(tag("details", {}, tag("summary", {}, f"All {len(rows)} pairs"), listed))
+    return Section("precedence", "Precedence", join(parts))
 
 
 def refusals_section(
@@ -186,15 +186,14 @@ def refusals_section(
     graph: PrecedenceGraph | None,
     performance: Performance | None,
 ) -> Section:
-    """Return what is unreachable or refused, each with why."""
+    """Return unreachable facts and refused skills with reasons."""
     rows: list[tuple[object, object, object]] = []
     rows += [(fact, "out of reach", why) for fact, why in unreachable_facts(task).items()]
     if performance is not None:
-        for one in performance.skills:
-            if not one.verdict.is_feasible:
-                rows.append(
-                    (one.skill, f"{one.verdict.status.value} in simulation", one.verdict.reason)
-                )
+        for skill in performance.skills:
+            if not skill.verdict.is_feasible:
+                finding = f"{skill.verdict.status.value} in simulation"
+                rows.append((skill.skill, finding, skill.verdict.reason))
     if graph is not None:
         skills = {skill.name for skill in task.skills}
         for words in graph.notes:
@@ -210,27 +209,27 @@ def refusals_section(
 
 
 def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
-    """Return what cannot be done: of each what it is, what was found, and why."""
+    """Return unreachable facts and refused skills: name, finding and reason of each."""
     if not rows:
-        made = note("Nothing of this task was found to be out of reach or refused.")
+        content = note("Nothing of this task was found to be out of reach or refused.")
     else:
-        made = table(
+        content = table(
             "What cannot be done, or only in some orders", ["what", "finding", "why"], rows
         )
-    return Section("refused", "Unreachable or refused", made)
+    return Section("refused", "Unreachable or refused", content)
 
 
 def measured_section(
     task: Task, document: Mapping[str, Any], performance: Performance, engine: str
 ) -> Section:
-    """Return how far from their goals bodies ended, and how the time differs from the plan's."""
+    """Return the final offsets of bodies, and the difference from the planned time."""
     rows = [
         [
-            one.body,
-            number(1000 * one.offset_m, 3),
-            number(math.degrees(one.tilt_rad), 3),
+            arrival.body,
+            number(1000 * arrival.offset_m, 3),
+            number(math.degrees(arrival.tilt_rad), 3),
         ]
-        for one in performance.arrivals
+        for arrival in performance.arrivals
     ]
     words = (
         f"Executed by {engine} in one continuous world: {performance.simulated_s:.2f} s, "
@@ -245,8 +244,8 @@ def measured_section(
     if times is not None:
         words += f" Times: {difference_words(times, performance.pace)}."
     columns = ["body", "off its goal [mm]", "turned off it [deg]"]
-    made = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
-    return Section("measured", "As simulated", join([note(words), made]))
+    offsets = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
+    return Section("measured", "As simulated", join([note(words), offsets]))
 
 
 def _steps(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:

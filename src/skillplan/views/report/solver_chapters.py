@@ -1,4 +1,4 @@
-"""What the page says of solvers: a comparison side by side, and runs of a learner."""
+"""Chapters on solvers: a comparison, or the runs of a learner."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     Parameters
     ----------
     document
-        ``skillplan.comparison/1``, which anybody may have written.
+        ``skillplan.comparison/1`` from an untrusted source.
     name
-        Of the chapter.
+        Name of the chapter.
     """
-    found = document.get("rows")
-    rows = [row for row in found if isinstance(row, Mapping)] if isinstance(found, list) else []
+    entries = document.get("rows")
+    rows = [row for row in entries if isinstance(row, Mapping)] if isinstance(entries, list) else []
     lines = []
     for row in rows:
         stats = _mapping(row.get("stats"))
@@ -46,7 +46,7 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     title = f"Solvers compared: {', '.join(sorted(names)) or 'no task'}"
     words = "Each solver began with a cold cache." if not document.get("warm") else "Warm cache."
     words += " The figures are those of the file; nothing was verified for this page."
-    made = table(f"{len(lines)} solvers side by side", columns, lines, "   nnnnn")
+    solvers = table(f"{len(lines)} solvers side by side", columns, lines, "   nnnnn")
     timed = [
         PlanBar(
             str(row.get("solver")), str(row.get("status")), str(row.get("status")), 0.0, took, ""
@@ -54,7 +54,7 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
         for row in rows
         if (took := _seconds_of(row)) is not None
     ]
-    sections = [Section("solvers", "Solvers", made)]
+    sections = [Section("solvers", "Solvers", solvers)]
     if timed:
         picture = gantt_picture(timed, "Seconds of each solver")
         caption = "How long each solver took [s]; the colour is its status."
@@ -72,8 +72,8 @@ def _mapping(value: object) -> Mapping[str, Any]:
 
 
 def _shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, object]]:
-    """Return what kept runs from completing the task, as names with what is said of them."""
-    failed = (f"{one['skill']} {one['times']:,} times" for one in short["failed_skills"])
+    """Return the obstacles that kept runs from completing the task, as names and values."""
+    failed = (f"{entry['skill']} {entry['times']:,} times" for entry in short["failed_skills"])
     entries = [
         ("Runs that do not complete it", ", ".join(map(str, short["runs"]))),
         ("Goals reached at most", f"{short['most_goals_reached']} of {short['goals']}"),
@@ -86,7 +86,7 @@ def _shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, o
         ("What ended it", cause_words(short["cause"], short["last_progress_step"], steps)),
         ("Try", short["advice"]),
     ]
-    return [(name, said) for name, said in entries if said]
+    return [(name, value) for name, value in entries if value]
 
 
 def training_chapter(
@@ -96,18 +96,18 @@ def training_chapter(
     heading: str,
     name: str,
 ) -> Chapter:
-    """Return what runs of a learner came to, with their learning curves.
+    """Return the runs of a learner with their learning curves.
 
     Parameters
     ----------
     manifest
-        What was to be learned, and how: names with what is said of them.
+        Task and options of the training, as names and values.
     document
-        ``skillplan.training/1``; None where it is not finished.
+        ``skillplan.training/1``; None for an unfinished training.
     images
         Learning curves.
     heading, name
-        Of the chapter.
+        Heading and name of the chapter.
     """
     sections = []
     if images:
@@ -128,8 +128,8 @@ def training_chapter(
         )
     columns = ["run", "seed", "status", "cost", "deviation", "success", "best seen", "seconds"]
     if lines:
-        made = table(f"{len(lines)} runs", columns, lines, " n nnnnn")
-        sections.append(Section("runs", "Runs", made))
+        runs = table(f"{len(lines)} runs", columns, lines, " n nnnnn")
+        sections.append(Section("runs", "Runs", runs))
     short = (document or {}).get("shortfall")
     if short:
         sections.append(

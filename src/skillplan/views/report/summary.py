@@ -1,4 +1,4 @@
-"""What was asked and found: status, figures, how it was proved, with which versions."""
+"""The summary of a result: status, figures, proof and versions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def chip(status: object) -> Markup:
 
 
 def planned_by(document: Mapping[str, Any]) -> str:
-    """Return in words what a result has its planned times from."""
+    """Return the source of planned times in words."""
     return str(document.get("timed_by") or "the task's own figures")
 
 
@@ -51,24 +51,24 @@ def lead(
     played_s: float | None = None,
     certificate: Certificate | None = None,
 ) -> Markup:
-    """Return what a result is in a sentence, and its figures.
+    """Return a result in a sentence, with its figures.
 
     Parameters
     ----------
     document
         ``skillplan.result/1``.
     measured_s
-        How long the plan took when it was performed [s]; None where it was not.
+        Time of the performed plan [s]; None if it was not performed.
     played_s
-        How long it takes along its planned paths, as it is played [s]; None where it is not.
+        Time of the playback along planned paths [s]; None for no such playback.
     certificate
-        The verification of a stored result; None of one that was solved for the page.
+        Verification of a stored result; None for a result that was solved for the page.
     """
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
-    reasons = [one.rstrip(".") for one in str(document.get("reason") or "").splitlines()]
-    words = [*_verified(document, certificate), *(f"{one}." for one in reasons if one)]
-    sentence = join([tag("p", {"class": "lead"}, one) for one in words])
+    reasons = [line.rstrip(".") for line in str(document.get("reason") or "").splitlines()]
+    words = [*_verified(document, certificate), *(f"{reason}." for reason in reasons if reason)]
+    sentence = join([tag("p", {"class": "lead"}, line) for line in words])
     planned, cost, bound = (document.get(k) for k in ("makespan_s", "cost", "lower_bound"))
     figures: list[tuple[str, object]] = [("Status", chip(status))]
     simulation = _of(document, "simulation")
@@ -96,12 +96,12 @@ def lead(
         if played_s is not None and seconds(played_s) != seconds(planned):
             small += f"; {seconds(played_s)} s along the paths that are played"
         figures.append(("Time of the plan", _with(f"{seconds(planned)} s", small)))
-    made = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
-    return join([sentence, tag("dl", {"class": "figures"}, *made)])
+    items = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
+    return join([sentence, tag("dl", {"class": "figures"}, *items)])
 
 
 def _verified(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
-    """Return the claim of a status, worst first; unverified it is a claim of the result."""
+    """Return the claim of a result, failures first; an unverified claim is marked as such."""
     claim, limits = _claim(document), _limits(document, certificate)
     if certificate is None:
         return [claim, *limits]
@@ -114,13 +114,13 @@ def _verified(document: Mapping[str, Any], certificate: Certificate | None) -> l
             f"The result claims: {plain}",
             *limits,
         ]
-    open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]
+    open_ = [claim.claim for claim in certificate.claims if claim.outcome is Outcome.NOT_CHECKED]
     left = f", without {', '.join(open_[:_MOST_NAMED])}" if open_ else ""
     return [claim, *limits, f"Verified for this page{left}."]
 
 
 def _claim(document: Mapping[str, Any]) -> str:
-    """Return what is proved, by which back ends, and how a simulation went."""
+    """Return the proved claim, its back ends, and the outcome of a simulation."""
     status, names = str(document.get("status")), checked_by(document)
     kind = "geometry " if any(name in _GEOMETRIC for name in names) else ""
     by = f" by {kind}({', '.join(names)})" if kind else f" by {', '.join(names)}" if names else ""
@@ -132,7 +132,7 @@ def _claim(document: Mapping[str, Any]) -> str:
 
 
 def _limits(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
-    """Return what back ends leave unchecked, in one sentence; none if that is nothing."""
+    """Return a sentence on properties that back ends leave unchecked, if any."""
     sentences = not_checked(document, certificate)
     more = len(sentences) - _MOST_NAMED
     if not sentences:
@@ -142,7 +142,7 @@ def _limits(document: Mapping[str, Any], certificate: Certificate | None) -> lis
 
 
 def checked_by(document: Mapping[str, Any]) -> list[str]:
-    """Return the back ends under which the status was checked; results of old versions too."""
+    """Return the back ends of the status; results of old versions have them, too."""
     if document.get("status") not in ("optimal", "solved", "infeasible"):
         return []
     names = [document.get("physics"), *str(document.get("collision") or "").split(",")]
@@ -150,14 +150,14 @@ def checked_by(document: Mapping[str, Any]) -> list[str]:
 
 
 def not_checked(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
-    """Return what back ends leave unchecked, as verified for the page if it was."""
+    """Return the unchecked properties, from the verification if there is one."""
     if certificate is not None:
         return list(certificate.not_checked)
     return [str(sentence) for sentence in document.get("not_checked") or ()]
 
 
 def _simulation_words(document: Mapping[str, Any]) -> str:
-    """Return how the simulation of the plan went, as the end of a sentence; empty without one."""
+    """Return the outcome of the simulation as the end of a sentence; empty without one."""
     simulation = _of(document, "simulation")
     if not simulation:
         return ""
@@ -174,18 +174,18 @@ def summary_section(
     plugins: Sequence[tuple[str, str]],
     certificate: Certificate | None = None,
 ) -> Section:
-    """Return all that a result says of how it came about.
+    """Return the facts of a result: task, solver, proof, effort and versions.
 
     Parameters
     ----------
     document
         ``skillplan.result/1``.
     description
-        What the task file says of the task; empty for nothing.
+        Description in the task file; may be empty.
     plugins
-        Names of installed distributions, and their versions.
+        Names and versions of installed distributions.
     certificate
-        The verification of a stored result; None of one that was solved for the page.
+        Verification of a stored result; None for a result that was solved for the page.
     """
     task, stats = _of(document, "task"), _of(document, "stats")
     origin = _of(document, "origin")
@@ -217,16 +217,16 @@ def summary_section(
 
 
 def _unchecked(value: object, certificate: Certificate | None) -> object:
-    """Return a value, marked as a statement of the result if it cannot be checked."""
+    """Return a value, marked as unchecked if the result was stored."""
     return value if certificate is None or not value else f"{value}, says the result"
 
 
 def _verification(certificate: Certificate | None) -> list[tuple[str, object]]:
-    """Return the methods that verified a stored result, and the keys that none can check."""
+    """Return the methods that verified a stored result, and the keys without a check."""
     if certificate is None:
         return []
-    held = [one for one in certificate.claims if one.outcome is Outcome.HOLDS]
-    methods = ", ".join(dict.fromkeys(one.method for one in held))
+    held = [claim for claim in certificate.claims if claim.outcome is Outcome.HOLDS]
+    methods = ", ".join(dict.fromkeys(claim.method for claim in held))
     return [
         ("Verified by", f"{len(held)} of {len(certificate.claims)} claims: {methods or 'nothing'}"),
         ("Cannot be verified", ", ".join(certificate.unchecked)),
@@ -234,5 +234,5 @@ def _verification(certificate: Certificate | None) -> list[tuple[str, object]]:
 
 
 def _of(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = document.get(key)
-    return found if isinstance(found, Mapping) else {}
+    value = document.get(key)
+    return value if isinstance(value, Mapping) else {}

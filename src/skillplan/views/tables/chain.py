@@ -1,4 +1,4 @@
-"""Chains of tasks as tables: one solver part by part, and several solvers side by side."""
+"""Results of chains as tables: one solver task by task, and several solvers side by side."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skillplan.views.text.wording import number, percent
 
 
 def chain_tables(result: ChainResult) -> list[Table]:
-    """Return what the domain has to show, then a row for every task, and the sum below."""
+    """Return the tables of the domain, then a row for every task, with the sum below."""
     columns = (
         Column("task"),
         Column("from"),
@@ -69,7 +69,7 @@ def _makespan(result: ChainResult) -> list[str]:
 
 
 def _bounds(result: ChainResult) -> str:
-    """Return what is proved of a chain's cost."""
+    """Return the proved bound on a chain's cost."""
     main = result.main[0].task
     if result.lower_bound is None and result.bound_given is not None:
         return f"given the stages before at least {main.cost_text(result.bound_given)}"
@@ -77,18 +77,18 @@ def _bounds(result: ChainResult) -> str:
 
 
 def _because(result: ChainResult) -> str:
-    """Return who has proved it, if not the solver itself, and what else is to be said."""
+    """Return the prover, if it is not the solver itself, and the reason of the result."""
     own = all(
         part.result.status is Status.OPTIMAL
         for part in result.parts
         if part.task.preset is None and not part.reused
     )
-    beside = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
-    return beside + (f" ({one_line(result.reason)})" if result.reason else "")
+    by = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
+    return by + (f" ({one_line(result.reason)})" if result.reason else "")
 
 
 def appendix_tables(result: ChainResult) -> dict[str, Table]:
-    """Return the domain's tables that are saved but not shown, by the name of the file."""
+    """Return the domain's tables that are saved but not shown, by file name."""
     return {name: listing_table(listing) for name, listing in result.account.appendix.items()}
 
 
@@ -110,7 +110,7 @@ def _row(part: ChainPart) -> tuple[str, ...]:
 
 
 def _path(part: ChainPart) -> str:
-    """Return the places and, where their names are short, the skills between them."""
+    """Return the places and, if their names are short, the skills between them."""
     skills = [step.skill for step in part.result.steps]
     if not part.path:
         more = [f"and {len(skills) - _MOST} more"] if len(skills) > _MOST else []
@@ -123,9 +123,9 @@ def _path(part: ChainPart) -> str:
     )
 
 
-# The longest name of a skill that is shown between places.
+# Longest name of a skill that is shown between places.
 _SHORT = 6
-# Of a long sequence without places so many skills are shown; JSON and CSV hold them all.
+# Number of shown skills of a sequence without places; JSON and CSV have all.
 _MOST = 12
 
 
@@ -171,7 +171,7 @@ def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[
 
 
 def _incomparable(results: Sequence[ChainResult]) -> list[str]:
-    """Say so where costs do not stand on the same plans of the stages before."""
+    """Return a note if costs rest on different plans of earlier stages."""
     upper = {
         tuple(
             tuple(step.skill for step in part.result.steps)
@@ -187,12 +187,12 @@ def _incomparable(results: Sequence[ChainResult]) -> list[str]:
 
 
 def _is_single(result: ChainResult) -> bool:
-    """Whether the chain is of one robot, whose makespan is its number of steps."""
+    """Return whether the chain is of one robot, whose makespan is its number of steps."""
     return result.account.parallel_steps is None
 
 
 def _steps(result: ChainResult) -> str:
-    """Return the makespan in steps; those of several robots are taken in parallel."""
+    """Return the makespan in steps, which several robots take in parallel."""
     parallel = result.account.parallel_steps
     steps = result.makespan if parallel is None else parallel
     return "-" if steps is None else str(steps)
@@ -222,15 +222,15 @@ def _sequences(results: Sequence[ChainResult]) -> Table:
     rows = []
     for index, part in enumerate(results[0].main):
         start, goal = part.ends
-        beside = [result.main[index].result for result in results]
+        parts = [result.main[index].result for result in results]
         rows.append(
             (
                 part.task.name,
                 start or "-",
                 goal or "-",
-                *(_figure(result, "makespan") for result in beside),
-                *(_figure(result, "wall_s") for result in beside),
-                *(_figure(result, "expanded") for result in beside),
+                *(_figure(result, "makespan") for result in parts),
+                *(_figure(result, "wall_s") for result in parts),
+                *(_figure(result, "expanded") for result in parts),
             )
         )
     return Table(f"{results[0].name}: sequence by sequence", columns, rows)

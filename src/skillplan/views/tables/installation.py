@@ -1,4 +1,4 @@
-"""What a domain has to show in its own words, as a table."""
+"""Tables of plugins, the verdict cache, imported products, and listings of domains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skillplan.views.text.table import Column, Table
 
 
 def listing_table(listing: Listing) -> Table:
-    """Return a domain's listing as a table; columns of figures are set flush right."""
+    """Return a domain's listing as a table, with columns of numbers aligned to the right."""
     columns = []
     for index, heading in enumerate(listing.columns):
         cells = [row[index] for row in listing.rows]
@@ -37,7 +37,7 @@ _BOUNDS = {
 
 
 def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
-    """Return the plugins and, where there is one only, its options."""
+    """Return the plugins and the options of a single one."""
     headings = ("kind", "name", "distribution", "version", "what it does")
     rows = [
         (
@@ -73,19 +73,19 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
 
 
 def _default(field: Mapping[str, Any]) -> str:
-    """Return the default of an option, as a file and ``-O`` have it."""
+    """Return the default of an option in the syntax of files and ``-O``."""
     default = field.get("default", "required")
     return default if isinstance(default, str) else json.dumps(default)
 
 
 def _type(field: Mapping[str, Any]) -> str:
-    """Return the type of an option; of an optional one that of its value."""
+    """Return the type of an option; for an optional one, the type of its value."""
     kinds = [kind.get("type") for kind in field.get("anyOf", ())]
     return str(field.get("type") or " or ".join(str(k) for k in kinds if k != "null") or "any")
 
 
 def _range(field: Mapping[str, Any]) -> str:
-    """Return the bounds of an option, or its words."""
+    """Return the bounds of an option, or its allowed words."""
     kinds = (field, *field.get("anyOf", ()))
     for kind in kinds:
         if "enum" in kind or "const" in kind:
@@ -121,21 +121,21 @@ def survey_table(survey: CacheSurvey) -> Table:
     ]
     notes = [f"folder  {survey.folder}"]
     if survey.kept:
-        total_s = sum(one.record.took_s for one in survey.kept)
+        total_s = sum(entry.record.took_s for entry in survey.kept)
         notes.append(f"saved   {total_s:.1f} s of checks, whenever all of them are needed")
     if survey.others:
         notes.append(
             f"{survey.others} more files are damaged, unfinished or of an earlier version: "
             "'skillplan cache clear' removes them."
         )
-    what = "verdicts kept"
+    title = "verdicts kept"
     if survey.task is not None:
-        what = f"{survey.task.name}: verdicts that it would use"
-    return Table(f"{what}: {len(survey.kept):,}", columns, rows, notes)
+        title = f"{survey.task.name}: verdicts that it would use"
+    return Table(f"{title}: {len(survey.kept):,}", columns, rows, notes)
 
 
 def cache_test_table(test: CacheTest) -> Table:
-    """Return a row for every verdict tried."""
+    """Return a row for every rechecked verdict."""
     columns = [Column(name) for name in ("back end", "skill", "kept", "fresh")]
     columns += [Column("differs in"), Column("rests on", below=True)]
     rows = [
@@ -198,7 +198,7 @@ def filling_table(filling: CacheFilling) -> Table:
 
 
 def clearing_table(folder: Path, task: str | None, removed: int) -> Table:
-    """Return how many files were removed."""
+    """Return the number of removed files."""
     columns = [Column("of"), Column("files removed", right=True)]
     rows = [("all tasks" if task is None else task, f"{removed:,}")]
     return Table("kept verdicts removed", columns, rows, [f"folder  {folder}"])
@@ -216,14 +216,14 @@ def _age(age_s: float) -> str:
 
 
 def imported_table(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
-    """Return a row for every part, and below the rows what was found.
+    """Return a row for every part, with findings below.
 
     Parameters
     ----------
     document
-        `skillplan.import/1`.
+        ``skillplan.import/1``.
     lines
-        What was found, in words.
+        Findings in words.
     """
     columns = [
         Column("part"),
@@ -237,7 +237,7 @@ def imported_table(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
             part["name"],
             part["kind"],
             f"{part['mass_kg']:.4g}",
-            " x ".join(f"{one:.4g}" for one in part["size_mm"]),
+            " x ".join(f"{side:.4g}" for side in part["size_mm"]),
             str(len(part["free"])),
         )
         for part in document["parts"]

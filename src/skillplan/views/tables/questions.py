@@ -1,4 +1,4 @@
-"""A derived precedence relation beside the hand-made one."""
+"""Answers of check, chart, explain and evaluate as tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from skillplan.views.text.wording import (
 
 
 def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
-    """Return the derived relation as a table, the comparison below."""
+    """Return the derived relation, with a comparison with the hand-made chart below."""
     direct = reduction([(r.before, r.after) for r in chart.relations])
     by_hand = set(chart.hand_made or ())
     implied = closure(by_hand)
@@ -73,13 +73,13 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
 
 
 def _choices(chart: DerivedChart) -> list[str]:
-    """Return between what orders have to choose; of several skills with one choice at once."""
+    """Return a note for each choice that orders leave, with all skills that share it."""
     skills: dict[str, list[str]] = {}
-    for one in chart.alternatives:
-        skills.setdefault(str(one), []).append(one.skill)
+    for alternative in chart.alternatives:
+        skills.setdefault(str(alternative), []).append(alternative.skill)
     return [
-        f"{' and '.join(those)} leave{'s' * (len(those) == 1)} a choice: {choice}"
-        for choice, those in skills.items()
+        f"{' and '.join(names)} leave{'s' * (len(names) == 1)} a choice: {choice}"
+        for choice, names in skills.items()
     ]
 
 
@@ -87,7 +87,7 @@ _RESTS_ON = "rests on"
 
 
 def explanation_tables(explanation: Explanation) -> list[Table]:
-    """Return the stages as a table, the state and the skill's conditions below."""
+    """Return the stages, with the state and the conditions of the skill below."""
     task = explanation.task
     rows = [
         (
@@ -141,7 +141,7 @@ _MM_PER_M = 1000.0
 
 
 def freedom_tables(freedom: Freedom) -> list[Table]:
-    """Return the directions as a table, and below it what is in place."""
+    """Return the directions, with the parts in place below."""
     rows = [_row(way) for way in freedom.ways]
     columns = [
         Column("direction"),
@@ -153,7 +153,7 @@ def freedom_tables(freedom: Freedom) -> list[Table]:
     free = [direction_name(way.direction) for way in freedom.ways if not way.obstacles]
     outcome = f"free along {', '.join(free)}" if free else "blocked in all directions"
     notes = [f"in place   {', '.join(freedom.present) or 'no other part'}"]
-    if any(one.sensitive for way in freedom.ways for one in way.obstacles):
+    if any(obstacle.sensitive for way in freedom.ways for obstacle in way.obstacles):
         tolerance_mm = freedom.tolerance_m * _MM_PER_M
         notes.append(f"* half or double the tolerance of {tolerance_mm:g} mm says otherwise")
     notes += [f"{what:<10} {path}" for what, path in freedom.files.items()]
@@ -165,7 +165,9 @@ def _row(way: Way) -> tuple[str, ...]:
     if not way.obstacles:
         return (name, "nothing: free", "-", "-", "-")
     first = way.obstacles[0]
-    parts = ", ".join(f"{one.part}{'*' if one.sensitive else ''}" for one in way.obstacles)
+    parts = ", ".join(
+        f"{obstacle.part}{'*' if obstacle.sensitive else ''}" for obstacle in way.obstacles
+    )
     return (name, parts, _mm(first.distance_m), _mm(first.width_m), _place(first))
 
 
@@ -178,13 +180,13 @@ def _mm(length_m: float) -> str:
 
 
 def evaluation_table(evaluation: Evaluation) -> Table:
-    """Return the steps, what they cost, and what fails where."""
+    """Return the steps of a sequence with their costs and violations."""
     task, walked = evaluation.task, evaluation.walked
     notes = [f"feasible   {yes_no(walked.feasible)}", f"complete   {yes_no(walked.complete)}"]
     if walked.steps:
         what = "cost" if walked.complete else "so far"
-        apart = walked.duration_s and not task.metric.is_duration
-        lasts = f", {walked.duration_s:.1f} s" if apart else ""
+        timed = walked.duration_s and not task.metric.is_duration
+        lasts = f", {walked.duration_s:.1f} s" if timed else ""
         notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
     if evaluation.deviation is not None:
         notes.append(
@@ -217,19 +219,19 @@ def evaluation_table(evaluation: Evaluation) -> Table:
 
 
 def _bound_notes(evaluation: Evaluation) -> list[str]:
-    """Return what is known of an optimum that was not proved."""
+    """Return the bound and the best plan if no optimum was proved."""
     best, task = evaluation.best, evaluation.task
     if best is None or best.lower_bound is None:
         return []
-    least = task.cost_text(best.lower_bound)
-    notes = [f"bound      {least} by {best.bound_method}, gap {percent(evaluation.gap)}"]
+    bound = task.cost_text(best.lower_bound)
+    notes = [f"bound      {bound} by {best.bound_method}, gap {percent(evaluation.gap)}"]
     if best.cost is not None and best.cost < evaluation.walked.cost - tolerance(best.cost):
         notes.append(f"found      a plan of {task.cost_text(best.cost)}")
     return notes
 
 
 def checked_tables(checked: Checked) -> list[Table]:
-    """Build the table of a file's tasks, one row per task."""
+    """Return a row for every task of a file."""
     return [_tasks(checked)]
 
 
@@ -255,7 +257,7 @@ def _tasks(checked: Checked) -> Table:
 
 
 def _preview_notes(preview: Preview) -> list[str]:
-    """Return what is known before anything is solved: what there is to see, orders, warnings."""
+    """Return findings before solving: overview, orders and warnings."""
     notes = list(preview.overview.lines)
     for order in preview.orders:
         if not order.back_ends:

@@ -1,4 +1,4 @@
-"""Results as tables: the plan of one solver, and several solvers side by side."""
+"""Results and certificates as tables."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ PROOF = {
 }
 
 
-# So many parts, screws and tools with dwell times of their own are named.
+# Largest number of named parts, screws and tools with dwell times of their own.
 _MOST_OWNERS = 6
 
 
 def plan_table(result: Result, task: Task) -> Table:
-    """Return the steps of a result's plan, and its figures below."""
+    """Return the steps of a plan, with the figures of the result below."""
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
     notes = status_notes(result.status, result.reason)
@@ -66,9 +66,9 @@ def plan_table(result: Result, task: Task) -> Table:
     notes += _trace_notes(result, task.metric.decimals)
     nodes = "-" if result.expanded is None else result.expanded
     timed = task.metric.is_duration and result.timed_by
-    asked = f"{result.trajectories} trajectories, " if timed else ""
+    trajectories = f"{result.trajectories} trajectories, " if timed else ""
     notes.append(
-        f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {asked}"
+        f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {trajectories}"
         f"{nodes} nodes, {result.wall_s:.2f} s"
     )
     notes += _ahead_note(result)
@@ -76,7 +76,7 @@ def plan_table(result: Result, task: Task) -> Table:
 
 
 def _ahead_note(result: Result) -> list[str]:
-    """Return how many checks were made before they were asked for, where any were."""
+    """Return a note on checks that idle processes made ahead of the search, if any."""
     match result.trace.get("ahead"):
         case {"useful": int(useful), "wasted": int(wasted)}:
             return [f"ahead      {useful} checks made by idle processes of use, {wasted} wasted"]
@@ -84,16 +84,16 @@ def _ahead_note(result: Result) -> list[str]:
 
 
 def _bound_note(result: Result, task: Task) -> list[str]:
-    """Return what proved the bound; where there is no plan, also what it says."""
+    """Return the lower bound and its method; nothing without a bound."""
     if result.lower_bound is None or not math.isfinite(result.lower_bound):
         return []
-    least = task.cost_text(result.lower_bound)
-    claim = least if result.cost is not None else f"no plan costs less than {least},"
+    bound = task.cost_text(result.lower_bound)
+    claim = bound if result.cost is not None else f"no plan costs less than {bound},"
     return [f"bound      {claim} by {result.bound_method or result.solver}"]
 
 
 def times_note(result: Result, metric: Metric) -> list[str]:
-    """Return, where time is what is minimised, who told it."""
+    """Return the source of times if time is minimised."""
     if not metric.is_duration:
         return []
     if result.timed_by:
@@ -105,7 +105,7 @@ def times_note(result: Result, metric: Metric) -> list[str]:
 
 
 def dwells_note(task: Task) -> list[str]:
-    """Return the parts, screws and tools that have dwell times of their own, if any do."""
+    """Return a note on parts, screws and tools with dwell times of their own, if any."""
     own = list(dict.fromkeys(path.rpartition(".durations_s")[0] for path in task.dwells_from[:-1]))
     if not own:
         return []
@@ -117,7 +117,7 @@ def dwells_note(task: Task) -> list[str]:
 def step_rows(
     steps: Sequence[Step], metric: Metric
 ) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
-    """Return columns and rows of the steps of a plan, without what none of them has."""
+    """Return columns and rows of the steps of a plan, without empty columns."""
     walks = any(step.place is not None for step in steps)
     moves = any(step.goal is not None for step in steps) or not steps
     lasts = any(step.duration_s for step in steps) or not steps
@@ -150,9 +150,9 @@ def step_rows(
 
 
 def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
-    """Return several solvers' results side by side, their costs with so many decimals.
+    """Return the results of several solvers side by side.
 
-    Where costs are times that back ends tell, also how many trajectories were computed for them.
+    If costs are times by back ends, a column shows the number of computed trajectories.
     """
     unit = results[0].cost_unit if results else ""
     timed = unit == "s" and any(result.timed_by for result in results)
@@ -215,7 +215,7 @@ def _trace_notes(result: Result, decimals: int) -> list[str]:
 
 
 def status_notes(status: Status, reason: str) -> list[str]:
-    """Return the status with its reason; one of several lines stands below."""
+    """Return the status with its reason; a reason of several lines follows below."""
     lines = reason.splitlines()
     if len(lines) < 2:
         return [f"status     {PROOF[status]}" + (f" ({reason})" if reason else "")]
@@ -234,7 +234,7 @@ def proved_by_notes(result: Result | ChainResult) -> list[str]:
 
 
 def _simulation_note(result: Result, task: Task) -> list[str]:
-    """Return how a simulation of the plan went, if bodies can be simulated."""
+    """Return the outcome of the simulation of the plan, if the task has bodies."""
     if result.cost is None or not task.scene.bodies:
         return []
     if result.simulation is None:
@@ -243,7 +243,7 @@ def _simulation_note(result: Result, task: Task) -> list[str]:
 
 
 def simulation_words(simulation: SimulationOutcome, steps: int) -> str:
-    """Return how a simulation of a plan of so many steps went, as the end of a sentence."""
+    """Return the outcome of the simulation of a plan as the end of a sentence."""
     by = f"by {simulation.engine}"
     if simulation.complete:
         return f"{by} completes the plan"
@@ -254,12 +254,12 @@ def simulation_words(simulation: SimulationOutcome, steps: int) -> str:
 
 
 def not_checked_notes(sentences: Sequence[str]) -> list[str]:
-    """Return a note for each sentence about what the back ends leave unchecked."""
+    """Return a note for each sentence about unchecked properties."""
     return [f"not checked  {sentence}" for sentence in sentences]
 
 
 def one_line(reason: str) -> str:
-    """Return a reason of several lines as one."""
+    """Return a reason in one line."""
     return "; ".join(reason.splitlines())
 
 
@@ -268,14 +268,14 @@ def _point(point: Point | None) -> str:
 
 
 def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
-    """Return the plan, or what the domain has to show of a chain and a row for every task.
+    """Return the tables of a result: its plan, or the tables of a chain.
 
     Parameters
     ----------
     result
-        Of a task or a chain.
+        Result of a task or a chain.
     task
-        The single task; of a chain any.
+        The task, or any task of the chain.
     """
     if isinstance(result, Result):
         return [plan_table(result, task)]
@@ -285,7 +285,7 @@ def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
 
 
 def saved_tables(result: Result | ChainResult) -> dict[str, Table]:
-    """Return the tables that are saved beside and not shown, by the name of the file."""
+    """Return the tables that are saved but not shown, by file name."""
     if isinstance(result, Result):
         return {}
     from skillplan.views.tables.chain import appendix_tables
@@ -301,11 +301,11 @@ def comparison_tables(
     Parameters
     ----------
     results
-        All of tasks, or all of chains.
+        Results of tasks, or of chains.
     title
-        What stands above.
+        Title of the table.
     decimals
-        Of the costs of a single task.
+        Decimals of the costs of a single task.
     """
     single = [result for result in results if isinstance(result, Result)]
     chains = [result for result in results if not isinstance(result, Result)]
@@ -317,32 +317,32 @@ def comparison_tables(
 
 
 def csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
-    """Return what is saved beside a result as CSV: its plan, and what the domain has to show.
+    """Return the CSV files of a result by name: its plan and tables of the domain.
 
     Parameters
     ----------
     result
-        Of a task or a chain.
+        Result of a task or a chain.
     task
-        The single task; of a chain any.
+        The task, or any task of the chain.
     """
     tables = {PLAN: solved_tables(result, task)[-1], **saved_tables(result)}
     return {name: as_csv(table) for name, table in tables.items()}
 
 
-# How claims were checked, by the label that stands in front; every other method is a proof.
+# Labels of methods; every other method is a proof.
 _LABELS = {"replay": "replay", "arithmetic": "figures", "grounding": "replay"}
 _PROOF = "proof"
 _MOST_NAMED = 5
 
 
 def certificate_table(certificate: Certificate) -> Table:
-    """Return a row for every claim, and what they come to below."""
+    """Return a row for every claim, with the verdict below."""
     everything = len(certificate.claims)
-    asked = [_asked(one) for one in certificate.asked]
+    back_ends = [_describe_back_end(back_end) for back_end in certificate.asked]
     notes = [
         *_task_notes(certificate),
-        f"asked      {'; '.join(asked) or 'no back end'}"
+        f"asked      {'; '.join(back_ends) or 'no back end'}"
         + (", with verdicts kept on disk" if certificate.warm else ""),
         *(f"unchecked  {key}: {why}" for key, why in certificate.unchecked.items()),
     ]
@@ -351,15 +351,15 @@ def certificate_table(certificate: Certificate) -> Table:
 
 
 def certificate_summary(certificate: Certificate) -> Table:
-    """Return a row for every claim that does not hold, and below in short what does."""
-    amiss = [one for one in certificate.claims if one.outcome is not Outcome.HOLDS]
+    """Return a row for every claim that does not hold, with a summary of the others below."""
+    amiss = [claim for claim in certificate.claims if claim.outcome is not Outcome.HOLDS]
     groups: dict[str, list[Claim]] = {}
-    for one in certificate.claims:
-        groups.setdefault(_LABELS.get(one.method, _PROOF), []).append(one)
+    for claim in certificate.claims:
+        groups.setdefault(_LABELS.get(claim.method, _PROOF), []).append(claim)
     notes = [
         *_task_notes(certificate),
         *(
-            f"{label:<10} {_held(groups[label])}"
+            f"{label:<10} {_describe_held(groups[label])}"
             for label in dict.fromkeys((*_LABELS.values(), _PROOF))
             if label in groups
         ),
@@ -369,47 +369,47 @@ def certificate_summary(certificate: Certificate) -> Table:
 
 
 def _task_notes(certificate: Certificate) -> list[str]:
-    """Return the options that made another task of the file; no note without them."""
+    """Return a note on options that changed the task of the file, if any."""
     origin = certificate.origin
     if origin is None or not origin.given():
         return []
     return [f"task       {origin.file} with {' '.join(origin.given())}"]
 
 
-def _asked(one: Asked) -> str:
-    options = ", ".join(f"{key}={value}" for key, value in one.options.items())
-    return f"{one.name} {one.version}" + (f" ({options})" if options else "")
+def _describe_back_end(back_end: Asked) -> str:
+    options = ", ".join(f"{key}={value}" for key, value in back_end.options.items())
+    return f"{back_end.name} {back_end.version}" + (f" ({options})" if options else "")
 
 
 def _table(certificate: Certificate, claims: Iterable[Claim], notes: Sequence[str]) -> Table:
     columns = (Column("claim"), Column("outcome"), Column("by"), Column("detail"))
-    rows = [(one.claim, one.outcome.value, one.method, one.detail) for one in claims]
+    rows = [(claim.claim, claim.outcome.value, claim.method, claim.detail) for claim in claims]
     return Table(f"{certificate.name}: verification", columns, rows, notes)
 
 
-def _held(claims: Sequence[Claim]) -> str:
-    """Return which claims hold, of how many tasks, and how those that were proved were."""
-    held = [one for one in claims if one.outcome is Outcome.HOLDS]
+def _describe_held(claims: Sequence[Claim]) -> str:
+    """Return the names or the number of the claims that hold, and the methods of proofs."""
+    held = [claim for claim in claims if claim.outcome is Outcome.HOLDS]
     if len(held) < len(claims):
         words = f"{len(held)} of {len(claims)} claims hold"
     else:
-        names = list(dict.fromkeys(one.claim.rpartition(": ")[2] for one in held))
+        names = list(dict.fromkeys(claim.claim.rpartition(": ")[2] for claim in held))
         words = f"{', '.join(names)} {'holds' if len(names) == 1 else 'hold'}"
-        tasks = len({one.claim.rpartition(": ")[0] for one in held} - {""})
+        tasks = len({claim.claim.rpartition(": ")[0] for claim in held} - {""})
         words += f", {len(claims)} claims of {tasks} tasks" if tasks > 1 else ""
-    methods = list(dict.fromkeys(one.method for one in held if one.method not in _LABELS))
+    methods = list(dict.fromkeys(claim.method for claim in held if claim.method not in _LABELS))
     return f"{words}, by {' and '.join(methods)}" if methods else words
 
 
 def _verdict(certificate: Certificate, most: int) -> str:
     """Return the conclusion with the names of the claims that do not hold, or their number."""
-    refuted = [one.claim for one in certificate.refuted]
+    refuted = [claim.claim for claim in certificate.refuted]
     if refuted:
         return f"verdict    NOT VALID: {_named(refuted, most)}"
-    unconfirmed = [one.claim for one in certificate.unconfirmed]
+    unconfirmed = [claim.claim for claim in certificate.unconfirmed]
     if unconfirmed:
         return f"verdict    NOT CONFIRMED: not checked: {_named(unconfirmed, most)}"
-    open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]
+    open_ = [claim.claim for claim in certificate.claims if claim.outcome is Outcome.NOT_CHECKED]
     rest = f", but for what was not checked: {_named(open_, most)}" if open_ else ""
     return f"verdict    valid{rest}"
 

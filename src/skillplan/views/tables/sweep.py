@@ -10,16 +10,16 @@ from skillplan.records.sweep.result import StartSummary, SweepResult
 from skillplan.views.text.table import Column, ItemList, Table
 
 _MOST_NAMED = 10
-# So many settings that a sampler chose are shown, the best first.
+# Number of shown settings that a sampler chose, best first.
 _MOST_SAMPLED = 20
-# The longest name of a start that heads a column.
+# Longest name of a start in a heading.
 _SHORT = 12
 
 
 def setting_table(result: SweepResult) -> Table:
-    """Return a row for every setting: mean steps from each start, and how often all arrive.
+    """Return a row for every setting: mean steps from each start, and share of complete runs.
 
-    Of those that a sampler chose the best are shown.
+    If a sampler chose the settings, only the best are shown.
     """
     plan = result.plan
     sampled = isinstance(plan, SampledPlan)
@@ -35,7 +35,7 @@ def setting_table(result: SweepResult) -> Table:
     columns += [Column("all at optimum", right=True), Column("95 % of runs", right=True)]
     columns += [Column("excess", right=True), Column("learning [s]", right=True)]
     rows = []
-    # Of a plan's length in steps hundredths tell; metres and seconds differ by less.
+    # Costs in steps need fewer decimals than metres and seconds.
     decimals = 2 if plan.cost_unit in ("", "steps") else 5
     shown = plan.settings[:_MOST_SAMPLED] if sampled else plan.settings
     for index, setting in enumerate(shown):
@@ -62,7 +62,7 @@ def setting_table(result: SweepResult) -> Table:
 
 
 def _short_names(starts: Sequence[str]) -> list[str]:
-    """Return names for headings: those of places, and numbers instead of whole states."""
+    """Return names for headings: places, or numbers instead of whole states."""
     if all(len(name) <= _SHORT for name in starts):
         return list(starts)
     if len(starts) == 1:
@@ -84,12 +84,12 @@ def start_table(result: SweepResult) -> Table:
     rows = []
     for index, setting in enumerate(plan.settings):
         for start in plan.starts:
-            one = result.summary([index], start.name)
+            summary = result.summary([index], start.name)
             cells = [value_text(setting[axis.option]) for axis in plan.axes]
-            cells += [start.name, _number(start.optimum), str(one.runs), str(one.arrived)]
-            cells += _ends(one.arrived_share)
-            cells.append("" if one.best is None else str(one.best))
-            for estimate in (one.steps, one.excess, one.learning_s):
+            cells += [start.name, _number(start.optimum), str(summary.runs), str(summary.arrived)]
+            cells += _ends(summary.arrived_share)
+            cells.append("" if summary.best is None else str(summary.best))
+            for estimate in (summary.steps, summary.excess, summary.learning_s):
                 cells += _ends(estimate)
             rows.append(cells)
     return Table(f"{plan.name}: {plan.solver}, by start", columns, rows)
@@ -105,7 +105,7 @@ def _shape(result: SweepResult) -> str:
 
 def _notes(result: SweepResult) -> list[str]:
     plan = result.plan
-    optima = [f"{one.name} {_number(one.optimum) or '?'}" for one in plan.starts]
+    optima = [f"{start.name} {_number(start.optimum) or '?'}" for start in plan.starts]
     unit = f" {plan.cost_unit}" if plan.cost_unit else ""
     notes = [
         "starts     mean steps of the runs that arrive; in brackets how many, where not all do; "
@@ -142,7 +142,7 @@ def _notes(result: SweepResult) -> list[str]:
 
 
 def _sampled_notes(plan: SampledPlan) -> list[str]:
-    """Return what there is to say of settings that a sampler chose."""
+    """Return notes on settings that a sampler chose."""
     notes = [
         f"minimised  {AIMS[plan.minimise]}; the share of runs that do not arrive counts first",
         "chosen     by the order in which runs end: not to be repeated or resumed bit for bit",
@@ -155,11 +155,13 @@ def _sampled_notes(plan: SampledPlan) -> list[str]:
     return notes
 
 
-def _steps(one: StartSummary) -> str:
-    if one.steps is None:
-        return "-" if not one.runs else f"- (0/{one.runs})"
-    text = f"{one.steps.value:.2f}"
-    return text if one.arrived == one.runs else f"{text} ({one.arrived}/{one.runs})"
+def _steps(summary: StartSummary) -> str:
+    if summary.steps is None:
+        return "-" if not summary.runs else f"- (0/{summary.runs})"
+    text = f"{summary.steps.value:.2f}"
+    if summary.arrived == summary.runs:
+        return text
+    return f"{text} ({summary.arrived}/{summary.runs})"
 
 
 def _percent(estimate: Estimate | None) -> str:

@@ -1,4 +1,4 @@
-"""The table of several training runs: Table III of Moller et al., and what it amounts to."""
+"""Tables of training runs, as Table III of Moller et al."""
 
 from __future__ import annotations
 
@@ -23,15 +23,7 @@ from skillplan.views.text.wording import count, number, percent
 
 
 def layouts_table(result: LayoutsResult, task: Task) -> Table:
-    """Return a row for every layout.
-
-    Parameters
-    ----------
-    result
-        What became of all layouts.
-    task
-        The task of the file, whose costs are in the same metric.
-    """
+    """Return a row for every layout; all costs are in the metric of the task."""
     unit, decimals = task.metric.unit, task.metric.decimals
     columns = [
         Column("layout"),
@@ -90,7 +82,7 @@ def _notes(result: LayoutsResult) -> list[str]:
 
 
 def _pays_off(training_s: float, saved_s: float, useful: bool) -> str:
-    """Return after how many layouts the time of training is saved."""
+    """Return the number of layouts after which training saves time."""
     note = f"training   took {training_s:.1f} s for all runs, which"
     if not useful:
         return f"{note} does not pay off: no answer completes the task"
@@ -109,16 +101,16 @@ _MOST_NAMED = 5
 
 
 def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str:
-    """Return what ended runs that do not complete a task, in words.
+    """Return the reason why runs do not complete a task.
 
     Parameters
     ----------
     cause
-        That of a `Shortfall`.
+        Cause of a `Shortfall`.
     progress_step
-        After how many steps of its run the most goals were reached first; None for none.
+        Step of a run at which most goals were first reached; None if no goal was.
     steps
-        How many steps a run was to do; None where that is not known.
+        Intended steps of a run; None if unknown.
     """
     if cause == "policy":
         return "policy: the task was completed, but what was learned does not do so"
@@ -131,13 +123,7 @@ def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str
 
 
 def shortfall_notes(result: TrainingResult) -> list[str]:
-    """Return how far the runs got, what they ran into, and what to try; nothing where all is well.
-
-    Parameters
-    ----------
-    result
-        The runs.
-    """
+    """Return the progress of incomplete runs, their failures, and advice, if there are any."""
     short = result.shortfall
     if short is None:
         return []
@@ -185,12 +171,12 @@ def _listed(names: Sequence[str]) -> str:
 
 
 NONE = "N/A"
-"""Stands for the sequence of a run that does not complete the task, as in the paper."""
+"""Placeholder of runs that do not complete the task, as in the paper."""
 _MOST_RUNS = 10
 
 
 def training_tables(result: TrainingResult) -> list[Table]:
-    """Return a row for every run, beside the paper's where the task is the paper's."""
+    """Return a row for every run, with published results if the task is the paper's."""
     metric = result.task.metric
     cost = metric.heading
     chance = result.chance
@@ -204,7 +190,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
     columns += [Column(seen, right=True), Column("first at step", right=True)]
     if result.published:
         columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
-    rows = [_row(result, index, one) for index, one in enumerate(result.outcomes)]
+    rows = [_row(result, *entry) for entry in enumerate(result.outcomes)]
     runs = count(len(result.outcomes), "run")
     title = f"{result.task.name}: {runs} of {result.learner}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
@@ -212,24 +198,24 @@ def training_tables(result: TrainingResult) -> list[Table]:
             title += f", {key} {result.options[key]}"
     title += f"; physics {result.physics}, collision {result.collision or 'none'}"
     table = Table(title, columns, rows, _training_notes(result))
-    # The most particular table comes last: it is what CSV holds.
+    # CSV contains the last table.
     return (
         [table] if result.layouts is None else [layouts_table(result.layouts, result.task), table]
     )
 
 
-def _row(result: TrainingResult, index: int, one: RunOutcome) -> list[str]:
-    decimals, greedy = result.task.metric.decimals, one.greedy
+def _row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[str]:
+    decimals, greedy = result.task.metric.decimals, outcome.greedy
     shown = greedy is not None and greedy.complete
     sequence = NONE if greedy is None or not shown else ",".join(map(str, greedy.actions))
-    off = deviation(one.cost, result.optimum.cost)
-    cells = [str(one.run), str(one.seed), sequence]
-    cells += [number(one.cost, decimals) if shown else NONE]
-    cells += [percent(off) if shown else NONE, _rate(one.tally)]
+    off = deviation(outcome.cost, result.optimum.cost)
+    cells = [str(outcome.run), str(outcome.seed), sequence]
+    cells += [number(outcome.cost, decimals) if shown else NONE]
+    cells += [percent(off) if shown else NONE, _rate(outcome.tally)]
     if result.sampling is not None:
-        cells.append("-" if one.training is None else _rate(one.training.recent))
-    first = None if one.training is None else one.training.first_success_step
-    cells += [number(one.best_cost_seen, decimals), "-" if first is None else f"{first:,}"]
+        cells.append("-" if outcome.training is None else _rate(outcome.training.recent))
+    first = None if outcome.training is None else outcome.training.first_success_step
+    cells += [number(outcome.best_cost_seen, decimals), "-" if first is None else f"{first:,}"]
     if result.published:
         theirs = result.published[index] if index < len(result.published) else None
         if theirs is None:
@@ -258,9 +244,9 @@ def _training_notes(result: TrainingResult) -> list[str]:
         seen_off = deviation(result.best_seen, result.seen_optimum)
         notes.append(note if seen_off is None else f"{note}, deviation {percent(seen_off)}")
     notes += _plan_notes(result) + _baseline_notes(result) + _paper_notes(result)
-    faults = [one for one in result.outcomes if one.reason]
-    for one in faults[:_MOST_RUNS]:
-        notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
+    faults = [outcome for outcome in result.outcomes if outcome.reason]
+    for outcome in faults[:_MOST_RUNS]:
+        notes.append(f"run {outcome.run:<7}{outcome.status.value}: {outcome.reason}")
     if len(faults) > _MOST_RUNS:
         notes.append(f"runs       {len(faults) - _MOST_RUNS} more do not complete")
     if result.warm_start is not None:
@@ -277,7 +263,7 @@ def _training_notes(result: TrainingResult) -> list[str]:
 
 
 def _plan_notes(result: TrainingResult) -> list[str]:
-    """Return when plans with a learned model settled, and which runs explored instead."""
+    """Return notes on plans with a learned model, and on runs that explored instead."""
     records = [run.training for run in result.outcomes if run.training is not None]
     notes = []
     steps = sorted(record.settled_step for record in records if record.settled_step is not None)
@@ -354,18 +340,18 @@ def _paper_notes(result: TrainingResult) -> list[str]:
     theirs = result.published
     if not theirs:
         return []
-    complete = [one for one in theirs if one.cost is not None]
-    at_optimum = sum(one.deviation == 0 for one in complete)
+    complete = [run for run in theirs if run.cost is not None]
+    at_optimum = sum(run.deviation == 0 for run in complete)
     return [
         f"paper      Moller et al., Table III: {len(complete)} of {len(theirs)} complete, "
         f"{at_optimum} at 0.00 %; success about {100 * SUCCESS_RATE:.0f} %"
     ]
 
 
-def _interval(one: Estimate, text: Callable[[float], str]) -> str:
-    if one.low is None or one.high is None:
-        return text(one.value)
-    return f"{text(one.value)} (95 %: {text(one.low)} to {text(one.high)})"
+def _interval(estimate: Estimate, text: Callable[[float], str]) -> str:
+    if estimate.low is None or estimate.high is None:
+        return text(estimate.value)
+    return f"{text(estimate.value)} (95 %: {text(estimate.low)} to {text(estimate.high)})"
 
 
 def _one_decimal(fraction: float) -> str:
@@ -377,14 +363,14 @@ def _rate(tally: Tally) -> str:
 
 
 def family_table(learned: RelationalContent, folder: str) -> Table:
-    """Return what was learned on, and what came of it on boards that were not.
+    """Return the training boards of a policy and its trial on other boards.
 
     Parameters
     ----------
     learned
-        The policy's document.
+        Document of the policy.
     folder
-        Where it lies.
+        Folder of the policy.
     """
     columns = [
         Column("boards", right=True),
@@ -420,13 +406,7 @@ _ABSENT = "-"
 
 
 def trainings_table(results: Sequence[TrainingResult]) -> Table:
-    """Return a row for every training.
-
-    Parameters
-    ----------
-    results
-        At least one; what each is of stands in its row.
-    """
+    """Return a row for every training, at least one."""
     columns = [
         Column("runs in"),
         Column("task"),
@@ -447,8 +427,8 @@ def trainings_table(results: Sequence[TrainingResult]) -> Table:
         "deviation, cost and success are interquartile means of the runs, with 95 % intervals of "
         "the bootstrap where there are several; the share that completes has Wilson's"
     ]
-    notes += [f"{one.run_dir}: interrupted" for one in results if one.interrupted]
-    return Table(title, columns, [_trainings_row(one) for one in results], notes)
+    notes += [f"{result.run_dir}: interrupted" for result in results if result.interrupted]
+    return Table(title, columns, [_trainings_row(result) for result in results], notes)
 
 
 def _trainings_row(result: TrainingResult) -> list[str]:
@@ -457,7 +437,7 @@ def _trainings_row(result: TrainingResult) -> list[str]:
         result.run_dir,
         result.task.name,
         result.learner,
-        _seeds([one.seed for one in result.outcomes]),
+        _seeds([outcome.seed for outcome in result.outcomes]),
         str(len(result.outcomes)),
         f"{result.steps:,}",
         str(result.completed),
@@ -470,12 +450,12 @@ def _trainings_row(result: TrainingResult) -> list[str]:
     ]
 
 
-def _figure(one: Estimate | None, text: Callable[[float], str]) -> str:
-    if one is None:
+def _figure(estimate: Estimate | None, text: Callable[[float], str]) -> str:
+    if estimate is None:
         return _ABSENT
-    if one.low is None or one.high is None:
-        return text(one.value)
-    return f"{text(one.value)} [{text(one.low)}, {text(one.high)}]"
+    if estimate.low is None or estimate.high is None:
+        return text(estimate.value)
+    return f"{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]"
 
 
 def _whole(fraction: float) -> str:
@@ -483,7 +463,7 @@ def _whole(fraction: float) -> str:
 
 
 def _seeds(seeds: Sequence[int]) -> str:
-    """Return the seeds, neighbours as a range."""
+    """Return the seeds, consecutive ones as a range."""
     ranges: list[list[int]] = []
     for seed in sorted(seeds):
         if ranges and seed == ranges[-1][1] + 1:

@@ -1,4 +1,4 @@
-"""Engines side by side: how many answers are the same, what it took, and where they differ."""
+"""Tables of simulations, and of engines and detectors that are compared."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skillplan.records.execution.comparisons import (
     list_wrong,
 )
 from skillplan.records.execution.simulation import Simulation, TimeDifference
-from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trials import CHART, DetectorTrials
 from skillplan.trials.engine_agreement import EngineAgreement
 from skillplan.trials.fault_injection import Truth
@@ -23,14 +23,14 @@ from skillplan.views.text.wording import evidence_text, yes_no
 
 
 def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> list[Table]:
-    """Return every contradiction with what each engine says, and below that the summary.
+    """Return all contradictions with the verdicts of each engine, and a summary.
 
     Parameters
     ----------
     agreement
-        What engines said.
+        Verdicts of the engines.
     pictures
-        By the engine's name, what was drawn of every contradiction, and where; none by default.
+        Picture files of every contradiction by engine; none by default.
     """
     task = agreement.task
     rows = [
@@ -55,34 +55,34 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
     if not agreement.contradictions:
         return [summary]
     drawn = pictures or [{}] * len(agreement.contradictions)
-    said = [
+    contradictions = [
         (
-            one.skill.name,
-            str(one.states),
+            contradiction.skill.name,
+            str(contradiction.states),
             name,
             verdict.status.value,
             verdict.reason or "-",
-            "; ".join(_measured(stage) for stage in one.stages[name] if stage.evidence) or "-",
-            " ".join(one.state) or "-",
+            "; ".join(
+                f"{stage.stage}: {evidence_text(stage.evidence)}"
+                for stage in contradiction.stages[name]
+                if stage.evidence
+            )
+            or "-",
+            " ".join(contradiction.state) or "-",
             files.get(name, "-"),
         )
-        for one, files in zip(agreement.contradictions, drawn, strict=True)
-        for name, verdict in one.verdicts.items()
+        for contradiction, files in zip(agreement.contradictions, drawn, strict=True)
+        for name, verdict in contradiction.verdicts.items()
     ]
     columns = [Column("skill"), Column("states", right=True), Column("engine"), Column("verdict")]
     columns += [
         Column(heading, below=True) for heading in ("reason", "evidence", "where", "picture")
     ]
-    return [Table(f"{task.name}: contradictions", columns, said), summary]
-
-
-def _measured(verdict: Verdict) -> str:
-    """Return what a back end measured, and which."""
-    return f"{verdict.stage}: {evidence_text(verdict.evidence)}"
+    return [Table(f"{task.name}: contradictions", columns, contradictions), summary]
 
 
 def detectors_tables(trials: DetectorTrials) -> list[Table]:
-    """Return the wrong verdicts of each detector, and below them their numbers and readings."""
+    """Return the wrong verdicts of each detector, and a summary with numbers and readings."""
     rows = []
     for name in trials.detectors:
         false_alarms, misses, undecided = count_errors(trials, name)
@@ -143,15 +143,15 @@ def _share_detected(trials: DetectorTrials, name: str) -> str:
     return f"{seen}/{len(trials.of(Truth.OUTCOME))}"
 
 
-def _reading_text(found: Mapping[str, Any] | None) -> str:
-    if found is None:
+def _reading_text(trial: Mapping[str, Any] | None) -> str:
+    if trial is None:
         return "-"
     figures = [
-        f"{key} {value:.4g} (limit {found['limits'][key]:.4g})"
-        for key, value in found["readings"].items()
+        f"{key} {value:.4g} (limit {trial['limits'][key]:.4g})"
+        for key, value in trial["readings"].items()
     ]
-    fault = f", {found['staged']}" if found["staged"] else ""
-    return f"{', '.join(figures)} at {found['skill']}{fault}"
+    fault = f", {trial['staged']}" if trial["staged"] else ""
+    return f"{', '.join(figures)} at {trial['skill']}{fault}"
 
 
 def _reference(reference: str) -> str:
@@ -162,12 +162,12 @@ def _reference(reference: str) -> str:
     )
 
 
-# Differences below this are not shown: a tenth of a second is the last digit [s].
+# Smaller differences round to zero and are not shown [s].
 _LEAST_SHOWN_S = 0.05
 
 
 def simulation_tables(simulation: Simulation) -> list[Table]:
-    """Return where all bodies ended, and how each skill went with the whole below."""
+    """Return the final places of bodies, and the skills with a summary below."""
     title = f"{simulation.task.name}: simulated by {simulation.physics}"
     columns = [
         Column("body"),
@@ -177,12 +177,12 @@ def simulation_tables(simulation: Simulation) -> list[Table]:
     ]
     arrivals = [
         (
-            one.body,
-            f"{1000 * one.offset_m:.3f}",
-            f"{math.degrees(one.tilt_rad):.3f}",
-            " ".join(f"{round(value, 4) + 0.0:.4f}" for value in one.final.position),
+            arrival.body,
+            f"{1000 * arrival.offset_m:.3f}",
+            f"{math.degrees(arrival.tilt_rad):.3f}",
+            " ".join(f"{round(value, 4) + 0.0:.4f}" for value in arrival.final.position),
         )
-        for one in simulation.performance.arrivals
+        for arrival in simulation.performance.arrivals
     ]
     tables = [Table(f"{title}: where bodies ended", columns, arrivals)] if arrivals else []
     columns = [
@@ -196,56 +196,58 @@ def simulation_tables(simulation: Simulation) -> list[Table]:
         Column("reason"),
         Column("measured", below=True),
     ]
-    rows = [_row(simulation, index, one) for index, one in enumerate(simulation.performance.skills)]
+    rows = [_row(simulation, *entry) for entry in enumerate(simulation.performance.skills)]
     return [*tables, Table(title, columns, rows, _notes(simulation))]
 
 
-def _row(simulation: Simulation, index: int, one: PerformedSkill) -> tuple[str, ...]:
+def _row(simulation: Simulation, index: int, skill: PerformedSkill) -> tuple[str, ...]:
     return (
         str(index + 1),
         str(simulation.task.action(simulation.skills[index])),
-        one.skill,
-        one.verdict.status.value,
-        f"{one.begin_s:.1f}",
-        f"{one.end_s:.1f}",
+        skill.skill,
+        skill.verdict.status.value,
+        f"{skill.begin_s:.1f}",
+        f"{skill.end_s:.1f}",
         *([] if simulation.planned is None else [f"{simulation.planned.durations_s[index]:.1f}"]),
-        one.verdict.reason or "-",
-        evidence_text(one.verdict.evidence) or "-",
+        skill.verdict.reason or "-",
+        evidence_text(skill.verdict.evidence) or "-",
     )
 
 
 def _notes(simulation: Simulation) -> list[str]:
-    made = simulation.performance
+    performance = simulation.performance
     notes = [
         f"feasible   {yes_no(simulation.feasible)}",
         f"complete   {yes_no(simulation.complete)}",
     ]
-    failed = made.failed
+    failed = performance.failed
     if failed is not None:
-        step = len(made.skills)
+        step = len(performance.skills)
         notes.append(f"failure    at step {step} ({failed.skill}): {failed.verdict.reason}")
     elif simulation.obstacle is not None:
         notes.append(f"failure    {simulation.obstacle}")
     elif simulation.stopped:
-        notes.append(f"stopped    after {len(made.skills)} of {len(simulation.skills)} skills")
+        notes.append(
+            f"stopped    after {len(performance.skills)} of {len(simulation.skills)} skills"
+        )
     elif not simulation.complete:
         notes.append("failure    at the end: the goal is not reached")
     largest_mm, largest_deg = simulation.largest_mm, simulation.largest_deg
     if largest_mm is not None and largest_deg is not None:
         notes.append(f"arrival    within {largest_mm:.3f} mm and {largest_deg:.3f} degrees")
     if simulation.times is not None:
-        notes.append(f"times      {difference_words(simulation.times, made.pace)}")
+        notes.append(f"times      {difference_words(simulation.times, performance.pace)}")
     rate = simulation.steps_per_s
     speed = f", {rate:,.0f} steps/s" if rate is not None else ""
     speed += ", filming included" if "video" in (simulation.files or {}) else ""
-    held = f"{made.held_s:.1f} s of dwells at rest added, " if made.held_s else ""
-    stepped_s = made.simulated_s - made.held_s
+    held = f"{performance.held_s:.1f} s of dwells at rest added, " if performance.held_s else ""
+    stepped_s = performance.simulated_s - performance.held_s
     notes.append(
-        f"effort     {stepped_s:.1f} s simulated in {made.steps:,} steps, {held}"
+        f"effort     {stepped_s:.1f} s simulated in {performance.steps:,} steps, {held}"
         f"{simulation.wall_s:.1f} s{speed}"
     )
-    if made.figures:
-        notes.append(f"measured   {evidence_text(made.figures)}")
+    if performance.figures:
+        notes.append(f"measured   {evidence_text(performance.figures)}")
     notes += [f"{option:<10} {path}" for option, path in (simulation.files or {}).items()]
     return notes
 
@@ -258,7 +260,7 @@ def difference_words(times: TimeDifference, pace: str) -> str:
     times
         The difference.
     pace
-        Speeds of the arm in the engine; empty if the engine gives none.
+        Speeds of the arm in the engine, in words; may be empty.
     """
     planner = times.timed_by or "the task's travel speed"
     words = f"{times.simulated_s:.1f} s simulated, {times.planned_s:.1f} s planned by {planner}"
@@ -277,4 +279,4 @@ def difference_words(times: TimeDifference, pace: str) -> str:
     ]
     if times.acting_s is None:
         reasons.append("the engine measures no more")
-    return f"{words}: {times.difference_s:+.1f} s" + "".join(f"; {one}" for one in reasons)
+    return f"{words}: {times.difference_s:+.1f} s" + "".join(f"; {reason}" for reason in reasons)

@@ -1,4 +1,4 @@
-"""One table as data, as CSV and as Markdown."""
+"""Tables as data, and rendered as text, CSV or Markdown."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from typing import IO
 
 @dataclass(frozen=True)
 class Column:
-    """A heading and how its cells are set.
+    """A column of a table.
 
     Parameters
     ----------
     heading
-        What stands above, in ``Column("cost [m]")`` with the unit.
+        Heading with its unit, such as ``cost [m]``.
     right
-        Whether its figures are set flush right.
+        True if cells are aligned to the right.
     below
-        Whether its cells go below the table, a line for each row, where the terminal is too
-        narrow for all columns.
+        True if cells move below the table, one line per row, if the terminal is too narrow.
     listed
-        Whether the table's lists show its cells on a terminal, so that it is no column there.
+        True if the lists of the table show the cells on a terminal instead of a column.
     short
-        What stands above on a terminal instead, where the heading is long or old; else empty.
+        Heading on a terminal; empty for `heading`.
     """
 
     heading: str
@@ -37,20 +36,20 @@ class Column:
 
     @property
     def on_screen(self) -> str:
-        """What stands above on a terminal."""
+        """Heading on a terminal."""
         return self.short or self.heading
 
 
 @dataclass(frozen=True)
 class ItemList:
-    """Names and texts, one a line, under a title.
+    """Names with texts under a title, one per line.
 
     Parameters
     ----------
     title
-        What they are of.
+        Title of the list.
     items
-        Name and text of each.
+        Names and texts.
     """
 
     title: str
@@ -59,20 +58,20 @@ class ItemList:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a title, and lines below that say what they amount to.
+    """Rows under a title, with notes below.
 
     Parameters
     ----------
     title
-        What it shows.
+        Title of the table.
     columns
-        From left to right.
+        Columns from left to right.
     rows
-        One cell for each column.
+        Rows with a cell for each column.
     notes
-        Below; what they are about may stand in front, followed by two blanks.
+        Notes, which may begin with a label and two spaces.
     lists
-        Shown on a terminal only, between rows and notes.
+        Lists between rows and notes, on a terminal only.
 
     Raises
     ------
@@ -118,7 +117,7 @@ def _cell(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return one line in which nothing is taken for markup."""
+    """Return a text as one line, with Markdown characters escaped."""
     return re.sub(r"([\\`*<])", r"\\\1", " ".join(text.split()))
 
 
@@ -128,17 +127,17 @@ def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
     Parameters
     ----------
     tables
-        At least one; CSV holds the last only, which is the most particular.
+        At least one table. CSV contains only the last one, which has the details.
     style
         ``table``, ``csv`` or ``md``.
     out
-        Where the text will go: a terminal's width and colours count.
+        Output stream, whose width and colours count.
     """
     if style == "csv":
         return as_csv(tables[-1])
     if style == "md":
         return "\n".join(as_markdown(table) for table in tables)
-    # Here and not above: CSV and Markdown must not wait for rich.
+    # CSV and Markdown must not wait for rich.
     from skillplan.views.text.terminal import as_terminal_text
 
     return as_terminal_text(tables, out)

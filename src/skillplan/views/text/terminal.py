@@ -1,4 +1,4 @@
-"""Tables for people, in lines that are no wider than the output."""
+"""Tables as lines of text that fit the width of the output."""
 
 from __future__ import annotations
 
@@ -13,47 +13,46 @@ from rich.cells import cell_len, chop_cells
 from skillplan.views.text.table import Column, ItemList, Table
 from skillplan.views.text.wording import escaped
 
-# A line may end after these; a sequence of actions, a path and a sum of facts have no blanks.
+# Lines may end after these: sequences of actions, paths and sums of facts contain no spaces.
 _AFTER_LIST = re.compile(r"(?<=[,;/+|])")
 _AFTER_NAME = re.compile(r"(?<=[,;/+|_.:=-])|(?=[(\[])")
 _NOTE_LABEL = re.compile(r"\S{1,24}( \S+)?\s{2,}")
 
 
 def printable(text: str) -> str:
-    """Return a text as `escaped` has it; a tab becomes a space."""
+    """Return an escaped text with spaces instead of tabs."""
     return escaped(text.replace("\t", " "))
 
 
 def text_width(text: str) -> int:
-    """Return how many columns of a terminal the widest line of a text takes."""
+    """Return the width of the widest line of a text in terminal columns."""
     return max(cell_len(line) for line in text.split("\n"))
 
 
 def longest_piece(text: str, *, break_names: bool) -> int:
-    """Return how wide a column must be for a text, if its lines may end only where it reads well.
+    """Return the smallest column width for a text whose lines end only at good places.
 
     Parameters
     ----------
     text
-        Of one cell.
+        Text of a cell.
     break_names
-        Whether a line may also end within a name, as after the hyphen of ``monte-carlo``.
+        True if lines may also end within names, as after the hyphen of ``monte-carlo``.
     """
     return max((cell_len(p) for p in _pieces(text, break_names=break_names)), default=0)
 
 
 def wrapped(text: str, width: int, hang: int = 0) -> list[str]:
-    """Return a text in lines.
+    """Return a text in lines; its own line breaks are kept.
 
     Parameters
     ----------
     text
-        With line breaks where there must be some.
+        The text.
     width
-        The most columns of a line, >= 1.
+        Largest width of a line, >= 1.
     hang
-        How many blanks the second and every further line begins with; fewer where the width is
-        too small for them.
+        Indentation of all lines but the first, reduced to half the width if it is larger.
     """
     hang = min(hang, width // 2)
     lines: list[str] = []
@@ -66,31 +65,31 @@ def wrapped(text: str, width: int, hang: int = 0) -> list[str]:
 
 
 def wrapped_note(note: str, width: int) -> list[str]:
-    """Return a note in lines that hang under its text, which begins behind a label."""
+    """Return a note in lines, indented to the text after its label."""
     label = _NOTE_LABEL.match(note)
     margin = len(note) - len(note.lstrip(" "))
     return wrapped(note, width, label.end() if label else margin or 2)
 
 
 def _broken(line: str, width: int, hang: int, *, first: bool) -> list[str]:
-    """Return a line that is too wide as several."""
+    """Return a line that is too wide as several lines."""
     body = line.lstrip(" ")
     start = line[: len(line) - len(body)][: width // 2] if first else " " * hang
-    lines, current, begun = [], start, False
+    lines, current, has_words = [], start, False
     for word in _words(body, width - max(hang, len(start))):
         room = width - cell_len(current)
-        space = " " if begun and not word.glued else ""
+        space = " " if has_words and not word.glued else ""
         if cell_len(word.text) + len(space) <= room:
             current += space + word.text
         else:
             lines.append(current.rstrip(" "))
             current = " " * hang + word.text
-        begun = True
+        has_words = True
     return [*lines, current.rstrip(" ")]
 
 
 class _Word:
-    """A piece of a line, and whether it follows the one before without a space."""
+    """A piece of a line; a glued piece follows the previous one without a space."""
 
     __slots__ = ("glued", "text")
 
@@ -99,10 +98,7 @@ class _Word:
 
 
 def _words(body: str, room: int) -> list[_Word]:
-    """Return the pieces of a line, none wider than the room for it.
-
-    Blanks between words are kept, but for one.
-    """
+    """Return the pieces of a line, each no wider than the room. Extra spaces are kept."""
     words: list[_Word] = []
     for gap, word in re.findall(r"( *)([^ ]+)", body):
         pieces = _fitting(word, room)
@@ -114,7 +110,7 @@ def _words(body: str, room: int) -> list[_Word]:
 
 
 def _fitting(word: str, room: int) -> list[str]:
-    """Return a word in pieces that fit: whole, else broken in lists, in names, or anywhere."""
+    """Return a word in pieces that fit: whole, or broken in lists, in names, or anywhere."""
     if cell_len(word) <= room:
         return [word]
     for breaks in (_AFTER_LIST, _AFTER_NAME):
@@ -130,28 +126,28 @@ def _pieces(text: str, *, break_names: bool) -> Sequence[str]:
 
 
 DEFAULT_WIDTH = 120
-"""Columns of a line where neither COLUMNS nor a terminal says otherwise."""
+"""Width of lines without COLUMNS and without a terminal."""
 LEAST_WIDTH = 20
-"""A terminal that claims to be narrower is taken to be this wide."""
+"""Smallest width; narrower terminals are treated as this wide."""
 
-# Columns stand this far apart; where the terminal is narrow, closer.
+# Gaps between columns, the narrow one on narrow terminals.
 _WIDE_GAP, _NARROW_GAP = 3, 2
-# What a column of prose has at least: to be read well, and at worst.
+# Smallest widths of a column of prose, preferred one first.
 _PROSE_WIDTHS = (16, 12)
 
 
 @dataclass(frozen=True)
 class Block:
-    """Columns that stand side by side.
+    """Columns side by side.
 
     Parameters
     ----------
     columns
-        Their indices, from left to right.
+        Indices from left to right.
     widths
-        How wide each of them is.
+        Widths of the columns.
     gap
-        How far apart they stand.
+        Distance between columns.
     """
 
     columns: tuple[int, ...]
@@ -160,20 +156,20 @@ class Block:
 
     @property
     def width(self) -> int:
-        """How wide the block is."""
+        """Width of the block."""
         return sum(self.widths) + self.gap * (len(self.widths) - 1)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table is shown.
+    """The layout of a table.
 
     Parameters
     ----------
     blocks
-        One, or several below one another.
+        Blocks from top to bottom.
     below
-        Indices of columns whose cells stand below the table, row by row.
+        Indices of columns whose cells are listed below the table, row by row.
     """
 
     blocks: tuple[Block, ...]
@@ -181,7 +177,7 @@ class Layout:
 
 
 def output_width(out: IO[str]) -> int:
-    """Return how wide lines in `out` may be: by COLUMNS, else by the terminal, else 120."""
+    """Return the width for lines in `out`: from COLUMNS, or the terminal, or 120."""
     try:
         width = int(os.environ.get("COLUMNS", ""))
     except ValueError:
@@ -195,15 +191,7 @@ def output_width(out: IO[str]) -> int:
 
 
 def table_layout(table: Table, width: int) -> Layout:
-    """Return how a table is shown in a width.
-
-    Parameters
-    ----------
-    table
-        With at least one row.
-    width
-        The most columns of a line, >= `LEAST_WIDTH`.
-    """
+    """Return the layout of a table with at least one row for a width >= `LEAST_WIDTH`."""
     shown = [i for i, column in enumerate(table.columns) if not column.listed]
     whole = _Fit(table, shown, _WIDE_GAP, [_natural(table, i, heading_wraps=False) for i in shown])
     if whole.fits(width):
@@ -218,17 +206,17 @@ def table_layout(table: Table, width: int) -> Layout:
             return Layout((fit.widened(most, width),), below)
     for prose_width in _PROSE_WIDTHS:
         last = prose_width == _PROSE_WIDTHS[-1]
-        least = [_least(table, i, prose_width, break_names=last) for i in stay]
-        fit = _Fit(table, stay, _NARROW_GAP, least)
+        narrow = [_narrowest(table, i, prose_width, break_names=last) for i in stay]
+        fit = _Fit(table, stay, _NARROW_GAP, narrow)
         if fit.fits(width):
             return Layout((fit.widened(most, width),), below)
-    least = [_least(table, i, _PROSE_WIDTHS[0], break_names=False) for i in stay]
-    return Layout(_blocks(table, stay, least, most, width), below)
+    narrow = [_narrowest(table, i, _PROSE_WIDTHS[0], break_names=False) for i in stay]
+    return Layout(_split_blocks(table, stay, narrow, most, width), below)
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Columns with widths that may or may not fit."""
+    """Columns with tentative widths."""
 
     table: Table
     columns: Sequence[int]
@@ -242,43 +230,43 @@ class _Fit:
         return Block(tuple(self.columns), tuple(self.widths), self.gap)
 
     def widened(self, most: Sequence[int], width: int) -> Block:
-        """Return the columns with what is left of a width given to those that wrap most."""
+        """Return the columns after the spare width went to the columns that wrap most."""
         widths = list(self.widths)
         for _ in range(width - self.block().width):
-            wanting = [i for i, now in enumerate(widths) if now < most[i]]
-            if not wanting:
+            wrapping = [i for i, now in enumerate(widths) if now < most[i]]
+            if not wrapping:
                 break
-            widths[max(wanting, key=lambda i: most[i] / widths[i])] += 1
+            widths[max(wrapping, key=lambda i: most[i] / widths[i])] += 1
         return Block(tuple(self.columns), tuple(widths), self.gap)
 
 
 def key_columns(table: Table) -> tuple[int, ...]:
-    """Return the leading columns that distinguish the rows of a table; else the first alone."""
-    whole = [i for i, one in enumerate(table.columns) if not (one.below or one.listed)]
+    """Return the leading columns that distinguish the rows of a table, or else the first."""
+    whole = [i for i, column in enumerate(table.columns) if not (column.below or column.listed)]
     for count in range(1, len(whole)):
         if len({tuple(row[i] for i in whole[:count]) for row in table.rows}) == len(table.rows):
             return tuple(whole[:count])
     return tuple(whole[:1]) or (0,)
 
 
-def _blocks(
-    table: Table, columns: Sequence[int], least: Sequence[int], most: Sequence[int], width: int
+def _split_blocks(
+    table: Table, columns: Sequence[int], widths: Sequence[int], most: Sequence[int], width: int
 ) -> tuple[Block, ...]:
-    """Return blocks begun by the columns that distinguish rows, or by the first if they are wide.
+    """Return blocks that repeat the key columns, or only the first if the keys are wide.
 
-    Figures are cut only where a column of them is too wide for a block of its own.
+    Numbers are cut only if their column is too wide for a block of its own.
     """
     keys = [at for at, index in enumerate(columns) if index in key_columns(table)]
-    if sum(least[at] + _NARROW_GAP for at in keys) > width // 2:
+    if sum(widths[at] + _NARROW_GAP for at in keys) > width // 2:
         keys = keys[:1]
-    narrow = dict(enumerate(least))
+    narrow = dict(enumerate(widths))
     if len(keys) == 1:
-        narrow[keys[0]] = min(least[keys[0]], width // 2 - _NARROW_GAP)
+        narrow[keys[0]] = min(widths[keys[0]], width // 2 - _NARROW_GAP)
     room = width - sum(narrow[at] + _NARROW_GAP for at in keys)
     groups: list[list[int]] = [[]]
     free = room
     for at in (at for at in range(len(columns)) if at not in keys):
-        narrow[at] = min(least[at], room)
+        narrow[at] = min(widths[at], room)
         if groups[-1] and narrow[at] > free:
             groups.append([])
             free = room
@@ -287,21 +275,21 @@ def _blocks(
     blocks = []
     for group in groups:
         members = [*keys, *group]
-        widths = [narrow[at] for at in members]
-        fit = _Fit(table, [columns[at] for at in members], _NARROW_GAP, widths)
+        chosen = [narrow[at] for at in members]
+        fit = _Fit(table, [columns[at] for at in members], _NARROW_GAP, chosen)
         blocks.append(fit.widened([most[at] for at in members], width))
     return tuple(blocks)
 
 
 def _natural(table: Table, index: int, *, heading_wraps: bool) -> int:
-    """Return the width in which no cell wraps."""
+    """Return the width of a column in which no cell wraps."""
     heading = table.columns[index].on_screen
-    least = _widest_word(heading) if heading_wraps else text_width(heading)
-    return max(least, _widest_cell(table, index))
+    head = _widest_word(heading) if heading_wraps else text_width(heading)
+    return max(head, _widest_cell(table, index))
 
 
-def _least(table: Table, index: int, prose_width: int, *, break_names: bool) -> int:
-    """Return the width in which cells wrap only where that reads well."""
+def _narrowest(table: Table, index: int, prose_width: int, *, break_names: bool) -> int:
+    """Return the smallest width of a column in which cells wrap only at good places."""
     column = table.columns[index]
     heading = longest_piece(column.on_screen, break_names=break_names)
     if column.right:
@@ -320,12 +308,12 @@ def _widest_word(heading: str) -> int:
 
 # A line, and whether it is printed bold.
 _Line = tuple[str, bool]
-# The most columns that the names of a list's items take; longer ones have a line of their own.
+# Largest width of names in a list; longer names get a line of their own.
 _NAMES_WIDTH = 24
 
 
 def as_terminal_text(tables: Sequence[Table], out: IO[str]) -> str:
-    """Return tables as they are to stand in `out`."""
+    """Return tables as text for `out`."""
     encoding = (getattr(out, "encoding", None) or "utf-8").lower()
     rule = "\N{BOX DRAWINGS LIGHT HORIZONTAL}" if encoding.startswith("utf") else "-"
     width = output_width(out)
@@ -337,7 +325,7 @@ def as_terminal_text(tables: Sequence[Table], out: IO[str]) -> str:
 
 
 def _in_bold(lines: Sequence[_Line], out: IO[str]) -> str:
-    """Return lines with the marks that make some of them bold, where the terminal knows any."""
+    """Return lines with escape codes for bold if the terminal supports them."""
     from rich.console import Console
     from rich.text import Text
 
@@ -353,21 +341,21 @@ def _in_bold(lines: Sequence[_Line], out: IO[str]) -> str:
 
 
 def _cleaned(table: Table) -> Table:
-    """Return a table of which no text moves the cursor."""
+    """Return a table without control characters."""
     return Table(
         printable(table.title),
         table.columns,
         [[printable(cell) for cell in row] for row in table.rows],
         [printable(note) for note in table.notes],
         [
-            ItemList(printable(one.title), [(printable(a), printable(b)) for a, b in one.items])
-            for one in table.lists
+            ItemList(printable(items.title), [(printable(a), printable(b)) for a, b in items.items])
+            for items in table.lists
         ],
     )
 
 
 def _lines(table: Table, width: int, rule: str) -> Iterator[_Line]:
-    """Return the lines of a table, an empty one last."""
+    """Yield the lines of a table, and an empty line."""
     yield from ((line, True) for line in wrapped(table.title, width, 2))
     if table.rows:
         layout = table_layout(table, width)
@@ -377,8 +365,8 @@ def _lines(table: Table, width: int, rule: str) -> Iterator[_Line]:
             yield from _block_lines(table, block, rule)
         for line in _below(table, layout.below):
             yield from ((text, False) for text in wrapped(line, width, 2))
-    for one in table.lists:
-        yield from ((text, False) for text in _item_lines(one, width))
+    for items in table.lists:
+        yield from ((text, False) for text in _item_lines(items, width))
     for note in table.notes:
         yield from ((text, False) for text in wrapped_note(note, width))
     yield "", False
@@ -390,7 +378,7 @@ def _block_lines(table: Table, block: Block, rule: str) -> Iterator[_Line]:
         wrapped(column.on_screen, width)
         for column, width in zip(columns, block.widths, strict=True)
     ]
-    # What is one line high stands next to the figures.
+    # Short headings stand at the bottom, next to the numbers.
     tall = max(map(len, headings))
     headings = [[""] * (tall - len(lines)) + lines for lines in headings]
     yield from ((line, True) for line in _row_lines(headings, columns, block))
@@ -406,7 +394,7 @@ def _block_lines(table: Table, block: Block, rule: str) -> Iterator[_Line]:
 def _row_lines(
     cells: Sequence[Sequence[str]], columns: Sequence[Column], block: Block
 ) -> Iterator[str]:
-    """Return the lines of one row, as many as its highest cell has."""
+    """Yield the lines of a row."""
     for number in range(max(map(len, cells))):
         line = [
             _aligned(cell[number] if number < len(cell) else "", width, right=column.right)
@@ -421,7 +409,7 @@ def _aligned(text: str, width: int, *, right: bool) -> str:
 
 
 def _below(table: Table, moved: Sequence[int]) -> list[str]:
-    """Return a line for each row that has anything in the columns that stand below."""
+    """Return a line for each row with values in the columns below the table."""
     keys = key_columns(table)
     lines = []
     for row in table.rows:
@@ -432,12 +420,12 @@ def _below(table: Table, moved: Sequence[int]) -> list[str]:
     return lines
 
 
-def _item_lines(one: ItemList, width: int) -> Iterator[str]:
-    """Return a list under its title, the texts flush behind the widest name."""
-    yield from wrapped(one.title, width, 2)
-    names = [text_width(name) for name, _ in one.items if text_width(name) <= _NAMES_WIDTH]
+def _item_lines(items: ItemList, width: int) -> Iterator[str]:
+    """Yield a list under its title, with the texts aligned after the widest name."""
+    yield from wrapped(items.title, width, 2)
+    names = [text_width(name) for name, _ in items.items if text_width(name) <= _NAMES_WIDTH]
     hang = 4 + max(names, default=0)
-    for name, text in one.items:
+    for name, text in items.items:
         if text_width(name) > _NAMES_WIDTH:
             yield from wrapped(f"  {name}", width, 4)
             yield from wrapped(" " * hang + text, width, hang)

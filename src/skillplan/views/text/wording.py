@@ -1,4 +1,4 @@
-"""Numbers and answers as all tables write them."""
+"""Numbers, evidence and directions in words, and texts with control characters escaped."""
 
 from __future__ import annotations
 
@@ -25,29 +25,25 @@ def yes_no(value: bool) -> str:
 
 
 def count(amount: int, noun: str) -> str:
-    """Return an amount with its noun, which takes an s in the plural."""
+    """Return an amount with its noun in the singular or plural."""
     return f"{amount:,} {noun}" if amount == 1 else f"{amount:,} {noun}s"
 
 
 # Control, format (bidirectional, zero-width), lone surrogates, line and paragraph separators.
 _CATEGORIES = frozenset(("Cc", "Cf", "Cs", "Zl", "Zp"))
-# Letters and marks without ink, and what Unicode reserves for more of them (DerivedCoreProperties,
-# Default_Ignorable_Code_Point); the selectors of emoji and of Han variants among them are kept.
+# Invisible letters and marks, and code points reserved for more (DerivedCoreProperties,
+# Default_Ignorable_Code_Point), except the selectors of emoji and of Han variants.
 _INVISIBLE = frozenset((0x34F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x3164, 0xFFA0, 0x2065))
 _UNUSUAL = re.compile(r"[^\n\t\x20-\x7e]")
 
 
 def escaped(text: str) -> str:
-    """Return a text that says what it holds, and moves, colours, reverses and hides nothing.
+    r"""Return a text with control and invisible characters written out, as ``\x1b``.
 
-    Line breaks and tabs stay.
-
-    Parameters
-    ----------
-    text
-        From a document, a file name, an exception, a verdict: from anybody.
+    Line breaks and tabs stay. Texts of documents, file names, exceptions and verdicts pass through
+    this function before they reach a terminal or a page.
     """
-    return _UNUSUAL.sub(lambda found: _shown(found.group()), text)
+    return _UNUSUAL.sub(lambda match: _shown(match.group()), text)
 
 
 @cache
@@ -64,12 +60,12 @@ def _shown(character: str) -> str:
 
 
 def evidence_text(evidence: Mapping[str, Any]) -> str:
-    """Return evidence as ``key value`` pairs; what belongs to one thing stands in brackets."""
+    """Return evidence as ``key value`` pairs, with nested evidence in brackets."""
     return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
 
 
 def evidence_items(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return evidence as names and texts, one for each thing that was measured."""
+    """Return evidence as names and texts, one for each measured quantity."""
     return [
         (key, (evidence_text(value) or "none") if isinstance(value, Mapping) else _plain(value))
         for key, value in evidence.items()
@@ -82,7 +78,7 @@ def _plain(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        # Minus zero says nothing.
+        # Adding 0.0 turns minus zero into zero.
         return f"{value + 0.0:.4g}"
     if isinstance(value, Mapping):
         return f"({evidence_text(value)})" if value else "none"
