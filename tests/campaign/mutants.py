@@ -135,7 +135,7 @@ MUTANTS = [
     ),
     Mutant(
         "verify takes any policy under chance",
-        "pipeline/policy_check.py",
+        "pipeline/record_check.py",
         "    own = {key: value for key, value in document.items()",
         '    return ""\n    own = {key: value for key, value in document.items()',
         "inputs",

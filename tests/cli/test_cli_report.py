@@ -55,7 +55,7 @@ def test_what_no_engine_performs_is_played_along_its_planned_paths(
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     words = ["--no-simulation"]
     if hidden == "the engines":
-        performing = "skillplan.pipeline.presentation.performing.performing_engine"
+        performing = "skillplan.pipeline.performing.performing_engine"
         monkeypatch.setattr(performing, lambda: None)
         words = []
     assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code
@@ -89,7 +89,8 @@ def test_where_nothing_plans_paths_the_page_says_how_to_get_it(
 ) -> None:
     player = Player("document.title;", "", "")
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
-    monkeypatch.setattr("skillplan.pipeline.presentation.planning_motion.SCREEN", "absent")
+    for module in ("performing", "setup"):
+        monkeypatch.setattr(f"skillplan.pipeline.{module}.SCREEN", "absent")
     words = ["--no-simulation", "--collision", "aabb"]
     assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code
     assert "pip install skillplan-pinocchio" in page.read_text("utf-8")

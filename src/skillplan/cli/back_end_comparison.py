@@ -19,7 +19,7 @@ from skillplan.cli.showing import PICTURE, draw
 from skillplan.errors import OptionError, exit_code
 from skillplan.files.output_path import output_folder
 from skillplan.physics.performance import Performer
-from skillplan.pipeline.presentation.performing import contact_detectors
+from skillplan.pipeline.performing import contact_detectors
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_feasibility
 from skillplan.records.execution.comparisons import agreement_document, detectors_document

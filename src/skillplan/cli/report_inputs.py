@@ -17,9 +17,13 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import parse_json, read_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.physics.performance import MOST_PLAYED_S, PlannedMotion
-from skillplan.pipeline.presentation.geometric_chart import geometric_chart
-from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan
-from skillplan.pipeline.presentation.planning_motion import plan_motion
+from skillplan.pipeline.performing import (
+    Performed,
+    geometric_chart,
+    looks_of_arm,
+    perform_plan,
+    plan_motion,
+)
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import solve_problem, warm_cache
 from skillplan.plugins.installed import distribution_versions

@@ -12,7 +12,7 @@ from skillplan.errors import BackEndError, OptionError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
-from skillplan.pipeline.presentation.performing import performing_engine
+from skillplan.pipeline.performing import performing_engine
 from skillplan.plugins.blame import blame
 from skillplan.plugins.installed import PREFERRED
 from skillplan.task.back_end import BackEnd

@@ -1,12 +1,12 @@
+from .claim_check import ORDERS as ORDERS
+from .claim_check import STATES as STATES
+from .claim_check import LeastCost as LeastCost
+from .claim_check import least_cost_of_orders as least_cost_of_orders
+from .claim_check import least_cost_of_states as least_cost_of_states
 from .fast_downward import PlannerAnswer as PlannerAnswer
-from .planner_claims import planner_claims as planner_claims
+from .fast_downward import planner_claims as planner_claims
 from .referee import counterexample as counterexample
 from .referee import cross_examine as cross_examine
-from .second_proof import ORDERS as ORDERS
-from .second_proof import STATES as STATES
-from .second_proof import LeastCost as LeastCost
-from .second_proof import least_cost_of_orders as least_cost_of_orders
-from .second_proof import least_cost_of_states as least_cost_of_states
 
 __all__ = [
     "ORDERS",

@@ -6,13 +6,14 @@ from .comparison import compare_solvers as compare_solvers
 from .comparison import rows_side_by_side as rows_side_by_side
 from .comparison import solve_all as solve_all
 from .comparison import solve_chain_with_all as solve_chain_with_all
-from .exchange.export import exported as exported
-from .exchange.export import handed_over as handed_over
-from .exchange.export import make_exporter as make_exporter
-from .exchange.export import notes_of as notes_of
-from .exchange.plan_input import given_plan as given_plan
+from .exchange import exported as exported
+from .exchange import given_plan as given_plan
+from .exchange import handed_over as handed_over
+from .exchange import make_exporter as make_exporter
+from .exchange import notes_of as notes_of
 from .obstacles import preview as preview
-from .presentation.performing import looks_of_arm as looks_of_arm
+from .performing import by_ways as by_ways
+from .performing import looks_of_arm as looks_of_arm
 from .registry import names as names
 from .separate_process import GRACE_S as GRACE_S
 from .setup import Setup as Setup
@@ -27,7 +28,6 @@ from .solving import solve as solve
 from .solving import solver_names as solver_names
 from .solving import solvers_by_stage as solvers_by_stage
 from .solving import warm_cache as warm_cache
-from .taken_ways import by_ways as by_ways
 
 __all__ = [
     "GRACE_S",

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 from skillplan.checks.single_check import list_not_checked
 from skillplan.checks.verdict_cache import AskingCache, VerdictCache
 from skillplan.domains.load import Problem
-from skillplan.errors import ChainBroken, ModelTooLarge, OptionError, SearchStopped
+from skillplan.errors import ChainBroken, ModelTooLarge, OptionError, SearchStopped, name_hint
 from skillplan.judge.claim_check import (
     ARITHMETIC,
     REPLAY,
@@ -19,16 +20,26 @@ from skillplan.judge.claim_check import (
     stopped_words,
     walked_plan,
 )
+from skillplan.judge.fast_downward import NAME, driver, planner_claims
 from skillplan.model.policy_value import PolicyValue, evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.derivation import (
+from skillplan.pipeline.exchange import charted
+from skillplan.pipeline.record_check import (
     UNCHECKED,
     UNDER_CHANCE,
+    RecordCheck,
     Replayed,
+    SavedTables,
 )
-from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
-from skillplan.pipeline.record_check import RecordCheck, SavedTables
-from skillplan.pipeline.result_origin import found_origin, origin_problem, restored_setup
+from skillplan.pipeline.restoration import (
+    Override,
+    found_origin,
+    load_result,
+    origin_problem,
+    restored_setup,
+    with_former_dwells,
+    without_removed,
+)
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.pipeline.solving import make_model
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
@@ -388,3 +399,61 @@ class _Check:
         else:
             words = "is about all plans of the stages together; only the parts are proved again"
             yield Claim("lower bound", Outcome.NOT_CHECKED, words, ARITHMETIC, open=False)
+
+
+REFEREES = (NAME,)
+
+
+def check_referee(name: str) -> None:
+    """See that there is a referee of a name.
+
+    Raises
+    ------
+    OptionError
+        If there is none, or it is not installed.
+    """
+    if name not in REFEREES:
+        raise OptionError(f"--with {name}: no such referee. {name_hint(name, REFEREES)}")
+    driver()
+
+
+def referee_claims(path: str, task_file: str | None, limit_s: float, stop: Stop) -> Iterator[Claim]:
+    """Yield what Fast Downward says of a result, task by task.
+
+    Parameters
+    ----------
+    path
+        The result.
+    task_file
+        The task; None for the file that the result names.
+    limit_s
+        How long it may take for one task [s], > 0.
+    stop
+        Whether somebody has interrupted.
+
+    Raises
+    ------
+    OptionError
+        If the result cannot be used, or the planner is not installed.
+    BackEndError
+        If a back end fails.
+    """
+    loaded = load_result(path, Override(task_file))
+    stored = loaded.stored
+    tasks = list(loaded.plans()) if stored.cost is not None else []
+    if not tasks and not stored.is_chain:
+        tasks = [(loaded.problem.part(loaded.origin.part), stored)]
+    for task, claims in tasks:
+        if stop.interrupted:
+            return
+        clock = Stop(time_limit_s=limit_s)
+        model = make_model(task, loaded.setup, overdue=partial(_is_over, stop, clock))
+        with closing(model.feasibility):
+            by_chart = charted(model, loaded.setup)
+            for claim in planner_claims(claims, model, limit_s, charted=by_chart):
+                prefix = f"{task.name}: " if stored.is_chain else ""
+                yield replace(claim, claim=f"{prefix}{claim.claim}")
+
+
+def _is_over(stop: Stop, clock: Stop) -> bool:
+    return stop.interrupted or clock.overdue()

@@ -1,30 +1,404 @@
-"""The figures of a stored result, and the files beside it, against what its plans come to."""
+"""The figures of a stored result and the files beside it, compared with what its plans give.
+
+Everything is derived again from the plans, except what only the search knew.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
-from skillplan.errors import OptionError, SearchStopped
+from skillplan.errors import ChainBroken, OptionError, PluginError, SearchStopped, format_path
 from skillplan.files.regular_file import read_bytes
 from skillplan.judge.claim_check import ARITHMETIC, stopped_words
-from skillplan.judge.document_check import differences, leaves
+from skillplan.model.policy_value import PolicyValue, roll_out
+from skillplan.model.replay import Replay
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.derivation import Replayed, derived_chain, derived_result
-from skillplan.pipeline.policy_check import policies_fault
+from skillplan.pipeline.chain import Chain, policy_key
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solving import SearchRequest
 from skillplan.records.certificate import Claim, Outcome
-from skillplan.records.chain_result import ChainResult
+from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
-from skillplan.records.result import Result
-from skillplan.records.stored.policy_file import read_policies
-from skillplan.records.stored.result_file import StoredResult
+from skillplan.records.result import Result, Status
+from skillplan.records.stored.policy_file import fingerprint, read_policies
+from skillplan.records.stored.result_file import StoredClaims, StoredPart, StoredResult
 from skillplan.records.stored.result_folder import POLICIES, RESULT, file_beside, result_path
 from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan.task.verdict import VerdictStatus
 
-_MOST_SHOWN = 5
+UNCHECKED = {
+    "solver": "who searched leaves no trace in a plan; of a chain, who took which stage is checked",
+    "seed": "of the search; the parts of a chain must have the same one",
+    "bound_method": "what proved the bound; the bound itself is proved again where it can be",
+    "reason": "words, where the status is not optimal; those of a chain are checked",
+    "stats": "wall time and counters of the search; of a chain their sums are checked",
+    "trace": "figures of the search",
+    "origin": "which file, changes and options were given: they are used, and what was queried is "
+    "listed; the task must have the hash that the result names",
+}
+"""What cannot be told from a plan, by key, and why."""
+UNDER_CHANCE = "steps and time are those of the nominal outcomes; expected time is not worked out"
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A task of a result, with what is claimed of it.
+
+    Parameters
+    ----------
+    task
+        As it was grounded.
+    stored
+        What is claimed.
+    walked
+        The plan, replayed; None without one.
+    expected
+        Under chance, what the policy that was stored beside is worth; None without one.
+    not_checked
+        Sentences of the back ends about what they leave unchecked of the task.
+    """
+
+    task: Task
+    stored: StoredClaims
+    walked: Replay | None
+    expected: PolicyValue | None = None
+    not_checked: tuple[str, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether there is no plan, or it leads to the goal at the claimed cost."""
+        planned = self.stored.cost is not None
+        return planned == (self.walked is not None and self.walked.complete)
+
+
+def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin | None) -> Result:
+    """Return the row of one task as it should be.
+
+    Parameters
+    ----------
+    replayed
+        The task; its plan must be sound.
+    setup
+        Back ends that were queried.
+    solver
+        Who solved it.
+    origin
+        Where the task is from; None for a part of a chain.
+
+    Raises
+    ------
+    ValueError
+        If what is claimed does not go together.
+    """
+    task, stored, walked = replayed.task, replayed.stored, replayed.walked
+    cost, makespan_s = stored.cost, stored.makespan_s
+    if walked is not None and task.deterministic:
+        cost, makespan_s = walked.cost, walked.duration_s
+    elif replayed.expected is not None and replayed.expected.cost is not None:
+        cost, makespan_s = replayed.expected.cost, replayed.expected.duration_s
+    bound = stored.lower_bound
+    if cost is not None and bound is not None:
+        # By rounding the bound may lie above the cost.
+        bound = cost if 0 < bound - cost <= 1e-9 * max(1.0, cost) else bound
+    return Result(
+        task=task.name,
+        kind=task.kind,
+        sha256=task.sha256,
+        solver=solver,
+        seed=stored.seed,
+        physics=setup.physics_choice(task).name,
+        collision=setup.detector_names(task),
+        status=stored.status,
+        cost=cost,
+        cost_unit=task.metric.unit,
+        timed_by=setup.timed_by(task),
+        lower_bound=bound,
+        bound_method=stored.bound_method,
+        steps=() if walked is None else walked.steps,
+        makespan_s=makespan_s,
+        reason="" if stored.status is Status.OPTIMAL else stored.reason,
+        states=stored.stats.states,
+        expanded=stored.stats.expanded,
+        checks=stored.stats.checks,
+        cache_hits=stored.stats.cache_hits,
+        trajectories=stored.stats.trajectories,
+        wall_s=stored.stats.wall_s,
+        trace=stored.trace,
+        origin=origin,
+        not_checked=replayed.not_checked,
+        dwells_from=task.dwells_from,
+    )
+
+
+def derived_chain(
+    problem: Problem,
+    stored: StoredResult,
+    replayed: Sequence[Replayed],
+    setup: Setup,
+    origin: Origin | None,
+) -> ChainResult:
+    """Return the rows of a chain as they should be.
+
+    Parameters
+    ----------
+    problem
+        What the file describes.
+    stored
+        What is claimed.
+    replayed
+        Its parts, whose plans must be sound.
+    setup
+        Back ends that were queried.
+    origin
+        Where the tasks are from.
+
+    Raises
+    ------
+    ValueError
+        If what is claimed does not go together.
+    """
+    solvers = _solvers(problem, stored, setup)
+    parts = []
+    kept_policies = set()
+    for one in replayed:
+        claims = one.stored
+        assert isinstance(claims, StoredPart)
+        solver = solvers(one.task) if solvers is not None else claims.solver
+        claims = claims.model_copy(update={"seed": stored.seed})
+        result = derived_result(replace(one, stored=claims), setup, solver, None)
+        optimum = _optimum(claims, result)
+        key = policy_key(one.task)
+        # A policy can only be reused after an earlier task with the same goal and skills.
+        reused = claims.reused_policy and key in kept_policies
+        kept_policies.add(key)
+        parts.append(ChainPart(one.task, result, optimum, reused))
+    plans = {one.task.name: tuple(one.stored.skills) for one in replayed if one.walked is not None}
+    tasks = problem.follow({}, stored.replans) if stored.replans else problem.tasks
+    broken = ""
+    account: Any
+    try:
+        if len(plans) == len(replayed):
+            tasks = problem.follow(plans, stored.replans)
+        account = problem.account(plans, stored.replans)
+    except ChainBroken as error:
+        broken, account = str(error), Account()
+    return ChainResult(
+        problem.name,
+        problem.kind,
+        problem.sha256,
+        stored.solver,
+        stored.seed,
+        tuple(parts),
+        max(len(tasks), len(parts)),
+        account,
+        stored.replans,
+        broken,
+        origin,
+    )
+
+
+def _solvers(problem: Problem, stored: StoredResult, setup: Setup) -> Any:
+    """Return who solves a task of a chain by the name of the whole; None where that is unknown."""
+    try:
+        request = SearchRequest(problem.tasks[0], stored.solver, setup, stored.seed)
+        chain = Chain(problem, request, spare=[])
+    except (PluginError, OptionError):
+        return None
+
+    def solver_of(task: Task) -> str:
+        by_rule = chain.rule_solution(task) is not None
+        return "rule" if by_rule else chain.solvers[task.stage]
+
+    return solver_of
+
+
+def _optimum(claims: StoredPart, result: Result) -> float | None:
+    """Return what must stand beside a part as its optimum: it is its cost, or gave its bound."""
+    if result.status is Status.OPTIMAL:
+        return result.cost
+    if claims.optimum is None or result.cost is None or result.lower_bound is None:
+        return None
+    # By rounding alone the proved optimum lies above the cost of a plan.
+    close = abs(claims.optimum - result.lower_bound) <= 1e-9 * max(1.0, abs(claims.optimum))
+    return claims.optimum if close else result.lower_bound
+
+
+# Figures may differ by rounding; times in s come from engines, which round otherwise.
+_ROUNDING = 1e-9
+_SAME_TIME_S = 1e-6
+_MOST_SHOWN = 80
+_Path = tuple[str | int, ...]
+
+
+def differences(claimed: Any, derived: Any, path: _Path = ()) -> Iterator[str]:
+    """Yield in words every leaf that a document has otherwise than it should, with its path.
+
+    Parameters
+    ----------
+    claimed
+        What it says, as JSON values.
+    derived
+        What it should say.
+    path
+        Where in the document both stand.
+    """
+    if isinstance(claimed, Mapping) and isinstance(derived, Mapping):
+        for key, value in derived.items():
+            if key in claimed:
+                yield from differences(claimed[key], value, (*path, key))
+            else:
+                yield f"{format_path((*path, key))} is missing"
+        for key in claimed:
+            if key not in derived:
+                yield f"{format_path((*path, key))} does not belong there"
+    elif isinstance(claimed, list) and isinstance(derived, list | tuple):
+        for index, (one, other) in enumerate(zip(claimed, derived, strict=False)):
+            yield from differences(one, other, (*path, index))
+        if len(claimed) != len(derived):
+            yield f"{format_path(path)} has {len(claimed)} entries, not {len(derived)}"
+    elif not _same(claimed, derived, path):
+        yield f"{format_path(path)} is {_shown(derived)}, claimed {_shown(claimed)}"
+
+
+def leaves(value: Any) -> int:
+    """Return how many values a document holds that hold no others."""
+    if isinstance(value, Mapping):
+        return sum(map(leaves, value.values()))
+    if isinstance(value, list | tuple):
+        return sum(map(leaves, value))
+    return 1
+
+
+def _same(claimed: Any, derived: Any, path: _Path) -> bool:
+    numbers = all(
+        isinstance(one, int | float) and not isinstance(one, bool) for one in (claimed, derived)
+    )
+    if numbers:
+        timed = bool(path) and str(path[-1]).endswith("_s")
+        allowed = _ROUNDING * max(1.0, abs(derived))
+        return bool(abs(claimed - derived) <= (max(_SAME_TIME_S, allowed) if timed else allowed))
+    return type(claimed) is type(derived) and bool(claimed == derived)
+
+
+def _shown(value: Any) -> str:
+    text = f"{value:.10g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def policies_fault(
+    document: Mapping[str, Any],
+    header: Mapping[str, str],
+    replayed: Mapping[str, Replayed],
+    model_of: Callable[[Task], SkillModel],
+    stop: Stop,
+) -> str:
+    """Return in words the first thing that is wrong with policies; empty where nothing is.
+
+    A policy must be of a task of the result, take the way of its plan, and choose in every state
+    a skill that can be executed there. Whether choices off that way are good, it does not claim.
+
+    Parameters
+    ----------
+    document
+        A document ``skillplan.policy/1``.
+    header
+        What must stand above the policies.
+    replayed
+        The tasks of the result, by name.
+    model_of
+        Makes a fresh model of a task.
+    stop
+        Polled between states.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    TimeoutError
+        If the stop is over before back ends were asked about all choices, and the rest is right.
+    """
+    own = {key: value for key, value in document.items() if key not in ("schema", "policies")}
+    for words in differences(own, dict(header)):
+        return words
+    holders = [entry.get("task", "") for entry in document["policies"]]
+    for name in holders:
+        if holders.count(name) > 1:
+            return f"holds {holders.count(name)} policies of {name!r}"
+    for name, part in replayed.items():
+        needed = part.stored.policy or (part.walked is not None and not part.task.deterministic)
+        if needed and name not in holders:
+            return f"holds no policy of {name!r}"
+        if part.stored.policy is False and name in holders:
+            return f"holds a policy of {name!r}, and the result names none"
+    for entry in document["policies"]:
+        one = replayed.get(entry.get("task", ""))
+        if one is None:
+            return f"holds a policy of {entry.get('task')!r}, which is no task of the result"
+        expected = {
+            "task": one.task.name,
+            "fingerprint": fingerprint(one.task),
+            "goal": list(one.task.goal.requires),
+        }
+        claimed = {key: value for key, value in entry.items() if key != "choices"}
+        fault = next(iter(differences(claimed, expected)), "")
+        fault = fault or _choices_fault(entry["choices"], one, model_of(one.task), stop)
+        if fault:
+            return f"{one.task.name}: {fault}"
+    return ""
+
+
+def _choices_fault(
+    choices: Mapping[str, str], replayed: Replayed, model: SkillModel, stop: Stop
+) -> str:
+    task = replayed.task
+    by_name = {skill.name: skill for skill in task.skills}
+    cheap = not any(back_end.expensive for back_end in model.feasibility.back_ends)
+    policy: dict[State, Skill] = {}
+    given_up = False
+    for names, name in choices.items():
+        if name not in by_name:
+            return f"{name!r} in [{names}] is no skill of the task"
+        try:
+            state = task.facts.of(*filter(None, names.split(", ")))
+        except OptionError as error:
+            return f"[{names}] is no state: {error}"
+        skill = by_name[name]
+        policy[state] = skill
+        if not skill.applicable(state):
+            return f"{name} is not applicable in [{names}]"
+        given_up = given_up or (cheap and stop())
+        if (
+            cheap
+            and not given_up
+            and model.verdict(state, skill).status is VerdictStatus.INFEASIBLE
+        ):
+            return f"{name} is infeasible in [{names}]"
+    taken = [skill.name for skill in roll_out(model, policy.get)]
+    if replayed.stored.cost is not None and taken != replayed.stored.skills:
+        at = next(
+            (
+                index
+                for index, (one, other) in enumerate(
+                    zip(taken, replayed.stored.skills, strict=False)
+                )
+                if one != other
+            ),
+            min(len(taken), len(replayed.stored.skills)),
+        )
+        return f"it leaves the plan at step {at + 1}"
+    if given_up:
+        raise TimeoutError
+    return ""
+
+
+_MOST_SHOWN_RECORD_CHECK = 5
 _LATER_KEYS = (
     *("proved_by", "simulation", "not_checked", "policy", "dwells_from"),
     *("reachable", "relax", "sampling"),
@@ -109,8 +483,12 @@ class RecordCheck:
             should.pop("origin")
         _fit_to_version(should, document)
         amiss = list(differences(document, should))
-        words = "; ".join(amiss[:_MOST_SHOWN])
-        words += f"; and {len(amiss) - _MOST_SHOWN} more" if len(amiss) > _MOST_SHOWN else ""
+        words = "; ".join(amiss[:_MOST_SHOWN_RECORD_CHECK])
+        words += (
+            f"; and {len(amiss) - _MOST_SHOWN} more"
+            if len(amiss) > _MOST_SHOWN_RECORD_CHECK
+            else ""
+        )
         outcome = Outcome.FAILS if amiss else Outcome.HOLDS
         yield Claim("record", outcome, words or f"{leaves(should)} entries", ARITHMETIC)
         yield from self._table_claims(tables(derived, parts[-1].task))

@@ -17,7 +17,7 @@ from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.files.json_file import json_fault
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
-from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
+from skillplan.pipeline.exchange import exported, handed_over, make_exporter, notes_of
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.records.result import Status

@@ -200,7 +200,7 @@ def replay_on_task(
 ) -> int:
     """Replay a sequence, or follow a stored policy, on a task."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.exchange.plan_input import given_plan
+    from skillplan.pipeline.exchange import given_plan
     from skillplan.records.stored.policy_file import read_policy, start_state
     from skillplan.records.stored.result_folder import policies_path
 

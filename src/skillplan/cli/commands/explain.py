@@ -122,7 +122,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
-    from skillplan.pipeline.exchange.plan_input import given_plan
+    from skillplan.pipeline.exchange import given_plan
     from skillplan.pipeline.solving import make_model
     from skillplan.records.explanation import explain, state_after
     from skillplan.views.tables.questions import explanation_tables

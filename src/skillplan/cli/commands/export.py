@@ -89,7 +89,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_file, output_folder
     from skillplan.model.replay import replay
-    from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
+    from skillplan.pipeline.exchange import exported, handed_over, make_exporter, notes_of
     from skillplan.pipeline.solving import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
@@ -153,7 +153,7 @@ def _read(
     setup = make_setup(back_ends, task, (to,), executor=checking.executor)
     if sequence is None:
         return task, setup, None, problem.domain.has_family(problem.config)
-    from skillplan.pipeline.exchange.plan_input import given_plan
+    from skillplan.pipeline.exchange import given_plan
 
     given = given_plan(sequence, task)
     return task, setup, given, problem.domain.has_family(problem.config)

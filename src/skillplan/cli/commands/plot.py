@@ -358,7 +358,7 @@ def _make_chart_deriver(problem: Problem, part: str | None, back_ends: BackEnds)
 
     The detectors of ``--collision`` are queried in any case.
     """
-    from skillplan.pipeline.presentation.geometric_chart import geometric_chart
+    from skillplan.pipeline.performing import geometric_chart
     from skillplan.pipeline.solving import warm_cache
 
     names = split_names(back_ends.collision or "")

@@ -104,7 +104,7 @@ def command(
     )
     plan = None
     if start is not None:
-        from skillplan.pipeline.exchange.plan_input import given_start
+        from skillplan.pipeline.exchange import given_start
 
         plan = given_start(start, problem, part)
     with nullcontext() if out is None else _held(out) as folder:

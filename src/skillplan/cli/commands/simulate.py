@@ -153,8 +153,7 @@ def command(
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.pipeline.presentation.planning_motion import planned_times
-    from skillplan.pipeline.taken_ways import by_ways
+    from skillplan.pipeline.performing import by_ways, planned_times
     from skillplan.records.execution.simulation import SUFFIXES, Simulation, applicable_part
     from skillplan.views.tables.trials import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
@@ -243,8 +242,8 @@ class _Notes:
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.exchange.plan_input import given_plan
-    from skillplan.pipeline.presentation.performing import ANY_DETECTOR, contact_detectors
+    from skillplan.pipeline.exchange import given_plan
+    from skillplan.pipeline.performing import ANY_DETECTOR, contact_detectors
     from skillplan.pipeline.setup import Setup
     from skillplan.records.stored.result_folder import is_result
 
@@ -290,7 +289,7 @@ class _Read(NamedTuple):
 def _engine(read: _Read) -> str:
     """Return the name of the engine chosen, or the file's, or else an installed one."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.presentation.performing import performing_engine
+    from skillplan.pipeline.performing import performing_engine
     from skillplan.plugins.installed import PREFERRED
 
     if read.setup.physics is not None or read.task.physics is not None:

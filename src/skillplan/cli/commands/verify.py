@@ -89,8 +89,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import exit_code
-    from skillplan.pipeline.certification import certify
-    from skillplan.pipeline.exchange.second_referee import check_referee, referee_claims
+    from skillplan.pipeline.certification import certify, check_referee, referee_claims
     from skillplan.pipeline.solving import warm_cache
     from skillplan.views.tables.results import certificate_summary, certificate_table, csv_files
 

@@ -15,7 +15,7 @@ from skillplan.cli.output import emit
 from skillplan.cli.waiting import showing_checks, stoppable
 from skillplan.domains.load import Problem
 from skillplan.errors import exit_code
-from skillplan.pipeline.received_task import is_near, unquoted
+from skillplan.pipeline.restoration import is_near, unquoted
 from skillplan.pipeline.setup import CHART, Setup
 from skillplan.pipeline.solving import make_model
 from skillplan.records.training.result import (

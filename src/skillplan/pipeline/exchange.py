@@ -1,18 +1,27 @@
-"""From a task and a plan to the files of an exporter, by name."""
+"""Plans handed to other tools by exporters, and read back from their files."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import PurePath
 from typing import Any, TypeVar
 
+from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.exporters.exporter import Exporter, Handover
+from skillplan.exporters.pddl.exporter import ActionNames
+from skillplan.exporters.plan_files import read_plan
 from skillplan.model.replay import Replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.plugins.blame import blame
+from skillplan.records.stored.result_file import start_plan
+from skillplan.solvers.solution import Plan
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
 
 _Said = TypeVar("_Said")
 
@@ -98,3 +107,44 @@ def _blamed(plugin: type[Any], call: Callable[[], _Said]) -> _Said:
     except BaseException as error:
         name = getattr(plugin, "name", plugin.__name__)
         blame(error, plugin, lambda raised: f"The exporter {name!r} failed: {raised}.", PluginError)
+
+
+def given_start(text: str, problem: Problem, part: str | None) -> Plan:
+    """Return the plan that a search starts from.
+
+    Parameters
+    ----------
+    text
+        A result, or a plan as `given_plan` reads it.
+    problem, part
+        The task to solve.
+
+    Raises
+    ------
+    OptionError
+        As for `start_plan` and `given_plan`.
+    """
+    if text.strip().startswith("@") or ("," in text and not os.path.exists(text)):
+        return Plan(tuple(skill.name for skill in given_plan(text, problem.part(part))))
+    return start_plan(text, problem, part)
+
+
+def given_plan(text: str, task: Task) -> tuple[Skill, ...]:
+    """Return the skills of a plan.
+
+    Parameters
+    ----------
+    text
+        Action numbers or names of skills with commas; or ``@`` and a file.
+    task
+        Whose skills are meant.
+
+    Raises
+    ------
+    OptionError
+        If it is empty or names something unknown, or the file holds no plan.
+    """
+    if not text.strip().startswith("@"):
+        return task.parse_sequence(text)
+    names = cache(lambda: ActionNames(task))
+    return read_plan(text.strip()[1:], task, lambda action: names().skill_of(action))

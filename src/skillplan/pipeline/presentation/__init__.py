@@ -1,1 +1,0 @@
-"""What is worked out of a task and its plan for who shows it; it decides nothing."""
