@@ -11,8 +11,8 @@ Situations of a robot (a blocked place, a missing support) are never errors: the
     ├── PluginError               an unknown, doubled, broken or unfit plugin
     ├── ModelTooLarge             an array export would exceed its limit
     ├── NotASequencing            a model is not a sequencing problem
-    ├── ChainBroken               what a stage of a chain gave leaves nothing for the next
-    ├── SolverError               a solver raised, or returned what is no solution
+    ├── ChainBroken               the result of a stage leaves the next one no choice
+    ├── SolverError               a solver raised, or did not return a solution
     └── BackEndError              a physics or collision back end failed        exit code 3
 
     SearchStopped                 exit code 130: a stop reached a solver that does not poll for it
@@ -51,13 +51,13 @@ def exit_code(
         Exception, or None: errors of this module have a code; Ctrl-C or a stop is an interruption;
         anything else is a failure of the program, ``EXIT_BACK_END``.
     interrupted
-        Whether the command was interrupted: ``EXIT_INTERRUPTED``.
+        True if the command was interrupted: ``EXIT_INTERRUPTED``.
     back_end_failed
-        Whether checks failed, or two proofs contradict each other: ``EXIT_BACK_END``.
+        True if checks failed, or two proofs contradict each other: ``EXIT_BACK_END``.
     wrong
-        Whether the input or a claim is wrong: ``EXIT_WRONG_INPUT``.
+        True if the input or a claim is wrong: ``EXIT_WRONG_INPUT``.
     solved
-        Whether there is a plan or another result: ``EXIT_SOLVED``, else ``EXIT_NO_PLAN``.
+        True if there is a plan or another result: ``EXIT_SOLVED``, else ``EXIT_NO_PLAN``.
     """
     if isinstance(error, SkillplanError):
         return error.exit_code
@@ -98,7 +98,7 @@ class Issue:
     line, column
         Position in the file, from 1; 0 if unknown.
     at_key
-        Whether the fault is in the last key of the path rather than in its value.
+        True if the fault is in the last key of the path rather than in its value.
     """
 
     message: str

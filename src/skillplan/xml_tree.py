@@ -60,7 +60,7 @@ def parse_xml(content: bytes, remedy: str = "keep the arm alone") -> Element:
     Raises
     ------
     XmlError
-        If it is no XML, declares a document type, or exceeds `MAX_ELEMENTS` or `MAX_DEPTH`.
+        If it is not XML, declares a document type, or exceeds `MAX_ELEMENTS` or `MAX_DEPTH`.
     """
     return _Builder(remedy).parse(content)
 

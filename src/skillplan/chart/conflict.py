@@ -174,7 +174,7 @@ class _Reasons:
         return _Clause(other, "is in the way", "of", skill, "at its goal")
 
     def _is_line(self, relation: Relation) -> bool:
-        """Whether the relation comes from a hand-made chart."""
+        """Return whether the relation comes from a hand-made chart."""
         return {"before", "after"} <= set(relation.evidence)
 
     def _sides(self, relation: Relation) -> tuple[str, str]:
@@ -192,12 +192,12 @@ class _Reasons:
         return "goal" if brings else "start"
 
     def _starts(self, relation: Relation, other: str) -> bool:
-        """Whether the evidence concerns the start of a component."""
+        """Return whether the evidence concerns the start of a component."""
         facts = {str(fact).removeprefix("not ") for fact in relation.evidence.get("facts", ())}
         return any(fact in facts and fact.endswith(f"({other})") for fact in self.task.initial)
 
     def _rests(self, upper: str, lower: str, phase: str) -> bool:
-        """Whether a body stands on another at their starts or goals."""
+        """Return whether a body stands on another at their starts or goals."""
         above, below = self._bodies.get(upper), self._bodies.get(lower)
         if above is None or below is None:
             return False
@@ -224,7 +224,7 @@ def _extent(box: Box, pose: Pose) -> _Extent:
 
 
 def _stands_on(foot: _Extent, top: _Extent) -> bool:
-    """Whether a box stands at least partly on another."""
+    """Return whether a box stands at least partly on another."""
     touches = abs(foot[2][0] - top[2][1]) <= _TOUCH_M
     return touches and all(
         max(foot[axis][0], top[axis][0]) < min(foot[axis][1], top[axis][1]) for axis in (0, 1)

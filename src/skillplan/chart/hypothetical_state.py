@@ -108,7 +108,7 @@ class HypotheticalStates:
         return owners
 
     def _finished_facts(self) -> dict[str, tuple[int, int]]:
-        """Return the bits of each component's own facts, and of those that hold when it is done."""
+        """Return the bits of each component's own facts, and of those true when it is done."""
         own = dict.fromkeys(self.task.operations, 0)
         for fact, component in self._owner.items():
             own[component] |= self.task.facts.bit(fact)

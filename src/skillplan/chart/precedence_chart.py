@@ -366,7 +366,7 @@ def _last_reason(query: PrecedenceQuery, order: ClosedRelation) -> CheckSteps[st
 
 
 def _is_of_itself(verdict: Verdict, components: Collection[str]) -> bool:
-    """Whether a skill fails independently of all other components.
+    """Return whether a skill fails independently of all other components.
 
     Only evidence from geometry or dynamics shows this.
     """

@@ -267,7 +267,7 @@ class PrecedenceQuery:
         return [*present, *(f"not {fact}" for fact in absent)]
 
     def _excluded(self, fact: str) -> bool:
-        """Whether the precondition determines a fact."""
+        """Return whether the precondition determines a fact."""
         required = self.skill.precondition.requires
         return any(
             fact in group and any(other in required for other in group if other != fact)

@@ -1,8 +1,8 @@
 """Audit of verdicts: back ends check a sample of reused or kept verdicts again.
 
-A verdict is reused wherever the facts it rests on are the same. If a back end names too few facts,
-its verdict is also used in states in which it is wrong. A fresh check in such a state gives the
-opposite answer, which proves the fault.
+A verdict is reused in all states in which the facts it rests on are the same. If a back end names
+too few facts, its verdict is also used in states in which it is wrong. A fresh check in such a
+state gives the opposite answer, which proves the fault.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class ReuseSample:
         self._most = max(_ROW_SIZE, 2 * count)
 
     def note(self, back_end: int, skill: Skill, state: State, verdict: Verdict) -> None:
-        """Note a reuse; the parameters are those of `Reuse`."""
+        """Note a reuse; for the parameters see `Reuse`."""
         key = (back_end, skill.name)
         row = self._rows.get(key)
         if row is None:
@@ -180,7 +180,7 @@ class SampleSize:
     reused
         Number of reused verdicts, >= 0.
     expensive
-        Whether verdicts of expensive back ends are drawn, too.
+        True if verdicts of expensive back ends are drawn, too.
     refused
         Number of refusals by screens, >= 0.
     """
@@ -209,7 +209,7 @@ class VerdictSample:
     refusals
         Number of all refusals by screens.
     elsewhere
-        Whether another process made the verdicts.
+        True if another process made the verdicts.
     """
 
     reused: tuple[DrawnVerdict, ...] = ()
@@ -247,9 +247,9 @@ def draw_reused(
     seed
         Seed of the draw.
     expensive
-        Whether verdicts of expensive back ends are drawn, too.
+        True if verdicts of expensive back ends are drawn, too.
     going_on
-        Whether another thread is still searching; then only reused verdicts are drawn.
+        True if another thread is still searching; then only reused verdicts are drawn.
     """
     if not size:
         return []
@@ -347,7 +347,7 @@ class Trial:
 
     @property
     def same(self) -> bool:
-        """Whether nothing differs."""
+        """True if nothing differs."""
         return not self.differs_in
 
 
@@ -612,7 +612,7 @@ def explain_first_difference(back_ends: Sequence[BackEnd], trials: Sequence[Tria
 
 
 def _contradicts(kept: Verdict, fresh: Verdict) -> bool:
-    """Whether two verdicts cannot both be right; unknown contradicts nothing."""
+    """Return whether two verdicts cannot both be right; unknown contradicts nothing."""
     return VerdictStatus.UNKNOWN not in (kept.status, fresh.status) and kept.status != fresh.status
 
 

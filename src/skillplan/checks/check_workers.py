@@ -68,14 +68,14 @@ class SteppedDecision:
     """A decision that stops whenever a worker has to check, and goes on with the answer.
 
     After each answer the decision runs again from its start. The verdicts of the earlier runs are
-    replayed in order, so that nothing is checked or counted twice.
+    replayed in order, so that every check runs and counts once.
 
     Parameters
     ----------
     source
         Known verdicts, and the place to keep new ones.
     decide
-        Returns the verdict, given a function that asks one back end. It must ask the same
+        Returns the verdict, given a function that queries one back end. It must query the same
         questions in the same order after the same answers.
     """
 
@@ -139,7 +139,7 @@ class Conversation(Protocol):
 
     @property
     def is_needed(self) -> bool:
-        """Whether the open check still matters."""
+        """True if the open check still matters."""
 
     def advance(self, checked: Checked | None) -> CheckRequest | None:
         """Return the next check, given the last answer; None at the end."""
@@ -163,7 +163,7 @@ class Guesses(Protocol):
     """A source of checks that may be needed soon."""
 
     def guess(self) -> Ahead | None:
-        """Return checks to make ahead; None if nothing is likely enough."""
+        """Return checks to make ahead; None if no query is likely enough."""
 
     def forget(self) -> None:
         """Drop the guesses: the queries they belong to are answered."""
@@ -207,7 +207,7 @@ class QueryBatch:
         self.lanes = list(self._by_name.values())
 
     def is_open(self, lane: str) -> bool:
-        """Whether a lane has open queries."""
+        """Return whether a lane has open queries."""
         return lane in self._by_name and self._by_name[lane].is_open
 
     def begin(self, position: int) -> SteppedDecision:
@@ -223,7 +223,7 @@ class QueryBatch:
         self._errors[position] = error
 
     def is_needed(self, position: int) -> bool:
-        """Whether all earlier queries have succeeded so far."""
+        """Return whether all earlier queries have succeeded so far."""
         return not self._errors or position < min(self._errors)
 
     def verdicts(self) -> list[Verdict]:
@@ -258,12 +258,12 @@ class Lane:
 
     @property
     def is_open(self) -> bool:
-        """Whether a query is left or in progress."""
+        """True if a query is left or in progress."""
         return bool(self._left) or self._decision is not None
 
     @property
     def is_needed(self) -> bool:
-        """Whether the open check still matters."""
+        """True if the open check still matters."""
         return self._batch.is_needed(self._position)
 
     def advance(self, checked: Checked | None) -> CheckRequest | None:

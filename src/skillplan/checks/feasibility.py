@@ -1,6 +1,6 @@
 """Feasibility of skills: a chain of back ends, the cheapest first, until one refuses.
 
-Every answer is kept and reused, and each back end is queried only for what is not known yet.
+Every answer is kept and reused, and back ends check only unknown queries.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ class Link(NamedTuple):
     back_end
         The back end.
     counts
-        Whether its checks count as executions.
+        True if its checks count as executions.
     in_worker
-        Whether a worker process checks.
+        True if a worker process checks.
     """
 
     number: int
@@ -248,7 +248,7 @@ class Feasibility:
     ) -> list[Verdict]:
         """Return the verdicts on pairs of skill and state, in order.
 
-        Verdicts and counts are those of querying one after the other: queries about one skill
+        Verdicts and counts equal those of sequential queries: queries about one skill
         run in sequence, because the verdict on the first may answer the rest.
 
         Parameters
@@ -430,7 +430,7 @@ class ExecutionTimes:
     Attributes
     ----------
     basis
-        Bits of the facts that a time may depend on, except those that choose a route.
+        Bits of the facts that a time may depend on, without facts that choose a route.
     computed
         Number of times that back ends have returned; each is one trajectory.
     """

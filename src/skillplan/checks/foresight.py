@@ -1,9 +1,9 @@
 """Checks that idle workers make before a search needs them.
 
-While a search waits for an expensive check, other workers check what it is likely to query next, as
+While a search waits for an expensive check, other workers check its likely next queries, as
 lazy searches evaluate edges in parallel (Phillips, Likhachev and Koenig, "PA*SE: parallel A* for
 slow expansions", 2014). These answers are set aside. They count as checks, and become kept
-verdicts, only when a query needs them, so verdicts and counts are those of a single process.
+verdicts, only when a query needs them, so verdicts and counts equal those of a single process.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Foresight:
         Parameters
         ----------
         is_queried
-            Whether a lane has open queries.
+            True if a lane has open queries.
         likely
             Starts to yield the queries that may follow.
         """
@@ -101,7 +101,7 @@ class Foresight:
         return True
 
     def guess(self) -> Guess | None:
-        """Return checks to make ahead, or None if nothing is likely enough."""
+        """Return checks to make ahead, or None if no query is likely enough."""
         if self._likely is None:
             return None
         if self._coming is None:

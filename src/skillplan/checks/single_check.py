@@ -57,7 +57,7 @@ class CheckRequest(NamedTuple):
     skill, state
         The query.
     goes_on
-        Whether the last check was about the same skill and state. Then the same worker should
+        True if the last check was about the same skill and state. Then the same worker should
         check, because it may have kept intermediate results.
     """
 
@@ -170,8 +170,8 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     Raises
     ------
     BackEndError
-        If the back end raises, does not return a verdict, or returns one that rests on facts
-        that do not hold.
+        If the back end raises, does not return a verdict, or returns a verdict that
+        rests on false facts.
     """
     begin_s = time.perf_counter()
     try:
@@ -249,7 +249,7 @@ def least_execution_time_s(
 
 
 def tells_time(back_end: type[BackEnd]) -> bool:
-    """Whether back ends of a class can time skills."""
+    """Return whether back ends of a class can time skills."""
     return back_end.duration_s is not BackEnd.duration_s
 
 

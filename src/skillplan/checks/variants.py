@@ -2,7 +2,7 @@
 
 Back ends check one motion at a time: a variant, which is a skill with a name of its own. The state
 alone determines the variant that is executed (the Markov contract). If a part has several grasps,
-the first one that allows both pick *and* place is taken. The hand does nothing else between the
+the first grasp that allows both pick *and* place is taken. The hand does nothing else between the
 two, so each of their states determines the other.
 """
 
@@ -385,7 +385,7 @@ class VariantVerdicts:
         return [entry for entry in self._verdicts if not entry.verdict.is_feasible]
 
     def _facts(self) -> tuple[State, State]:
-        """Return the facts that hold, and those that do not, on which all verdicts rest."""
+        """Return the true and the false facts on which all verdicts rest."""
         bits = self._basis
         for entry in self._verdicts:
             present, absent = entry.verdict.present, entry.verdict.absent

@@ -37,7 +37,7 @@ class _Shelf:
     """
 
     def __init__(self, verdicts: Iterable[tuple[Verdict, State]] = ()) -> None:
-        # By the bits of these facts, then by those of them that hold: verdict and its state.
+        # By the bits of these facts, then by the true ones of them: verdict and its state.
         self._groups: dict[int, dict[int, tuple[Verdict, State]]] = {}
         for verdict, state in verdicts:
             self.add(verdict, state)
@@ -243,7 +243,7 @@ class DiskVerdictCache(VerdictCache):
 
 
 def _basis(verdict: Verdict) -> tuple[int, int]:
-    """Return the bits of the facts that a verdict rests on, and of those of them that hold."""
+    """Return the bits of the facts that a verdict rests on, and of the true facts among them."""
     assert verdict.present is not None
     assert verdict.absent is not None
     return verdict.present.bits | verdict.absent.bits, verdict.present.bits

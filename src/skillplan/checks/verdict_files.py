@@ -57,7 +57,7 @@ def key_folder(root: Path, back_end: BackEnd, skill: Skill) -> Path:
 
 
 def verdict_key(back_end: BackEnd, skill: Skill) -> str:
-    """Return the hash of all that verdicts of a back end on a skill depend on.
+    """Return the hash of everything that affects the verdicts of a back end on a skill.
 
     Scene, skill, facts, and the back end's name, version, options, basis and code.
     """
@@ -207,7 +207,7 @@ class VerdictRecord:
     Parameters
     ----------
     key
-        Hash of all that the verdict depends on; name of the file's folder.
+        Hash of everything that affects the verdict; name of the file's folder.
     task, skill
         Names of the task and the skill.
     back_end, version, options
@@ -326,7 +326,7 @@ class VerdictRecord:
 
 
 def is_verdict_file(name: str) -> bool:
-    """Whether a file name is that of a verdict."""
+    """Return whether a file name is that of a verdict."""
     return _VERDICT_FILE.fullmatch(name) is not None
 
 

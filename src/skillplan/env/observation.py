@@ -51,10 +51,10 @@ class Observation:
     Parameters
     ----------
     kind
-        ``paper``: the bits that the task lists, or all facts; on the board those of Moller et al.,
+        ``paper``: the bits that the task lists, or all facts; on the board as in Moller et al.,
         Fig. 5. ``markov``: these and the places of robots, on which costs depend. ``layout``: these
         and the cost of every skill from here, applicable or not, which distinguishes the boards of
-        a family. These costs are the task's figures, never those of back ends.
+        a family. These costs are the task's figures, never times of back ends.
     literals
         The bits, in order.
     priced
@@ -63,7 +63,7 @@ class Observation:
     Raises
     ------
     ValueError
-        If there are no features.
+        If the features are empty.
     """
 
     kind: ObservationKind
@@ -139,7 +139,7 @@ def allowed_actions(
         Model; no back end is queried through it.
     mask
         ``none`` allows all actions; ``applicable`` those whose preconditions hold; ``feasible``
-        those of them that are feasible. Goal states allow none of the latter, without a query.
+        only feasible ones of them. Goal states allow none of the latter, without a query.
     feasible
         Returns whether an applicable action is feasible; called for the mask ``feasible`` only.
     """
@@ -182,7 +182,7 @@ class RewardFunction:
         """Return the rewards of a task.
 
         For the objective ``reward``, this is the task's reward scheme. For ``cost``, and for tasks
-        without a scheme, it is minus the cost, so that the best policy is the cheapest one that
+        without a scheme, it is minus the cost, so that the best policy is the cheapest that
         completes the task. Bonuses at the end of episodes come from the scheme, or else are 10 for
         completing the task and -10 for failing.
 

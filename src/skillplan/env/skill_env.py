@@ -125,9 +125,9 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         reward
             Reward of the step.
         terminated
-            Whether the task is completed, or the skill could not be executed.
+            True if the task is completed, or the skill could not be executed.
         truncated
-            Whether the step limit was reached.
+            True if the step limit was reached.
         info
             Info of the class.
 

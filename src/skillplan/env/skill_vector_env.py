@@ -134,7 +134,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
 
     An action is the number of a skill. If the skill is not applicable, infeasible or undecided, the
     episode ends in the same state with the penalty of infeasible skills. Reaching the goal ends the
-    episode; reaching the step limit truncates it. Rewards are those of `skillplan.env.observation`,
+    episode; reaching the step limit truncates it. Rewards come from `skillplan.env.observation`,
     without shaping.
 
     When an episode ends, the next one starts in the same step: the returned observation is its
@@ -181,7 +181,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     OptionError
         If a name is unknown, or the models do not match.
     ValueError
-        If there is no model or no sub-environment.
+        If the models are empty, or `num_envs` is below 1.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]

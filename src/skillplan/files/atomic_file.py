@@ -223,7 +223,7 @@ def remove_unfinished(folder: Path, *, within: str | os.PathLike[str]) -> None:
 
 
 def is_unfinished(name: str, of: str | None = None) -> bool:
-    """Whether a file name is that of a temporary file of a killed program.
+    """Return whether a file name is that of a temporary file of a killed program.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ class GrowingFile:
     Raises
     ------
     OSError
-        If it cannot be opened, is no regular file, there is a link on the way, or it has another
+        If it cannot be opened, is not a regular file, there is a link on the way, or it has another
         hard link.
     """
 

@@ -36,7 +36,7 @@ def parse_json(content: bytes | str) -> Any:
     Raises
     ------
     ValueError
-        If it is no JSON, nested deeper than `MAX_DEPTH`, repeats a key in an object, or has a
+        If it is not JSON, nested deeper than `MAX_DEPTH`, repeats a key in an object, or has a
         number that is not finite.
     """
     raw = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
@@ -46,7 +46,7 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def _is_too_deep(raw: bytes) -> bool:
-    """Whether brackets are nested beyond the limit; checked before the parser recurses."""
+    """Return whether brackets are nested beyond the limit; checked before the parser recurses."""
     if raw.count(b"[") + raw.count(b"{") <= MAX_DEPTH:
         return False
     brackets = _STRING.sub(b"", raw).translate(_BRACKETS, _OTHERS)

@@ -80,7 +80,7 @@ def output_folder(option: str, out: str) -> Path:
     Raises
     ------
     OptionError
-        If the path exists and is no empty folder, or its parent is missing or not writable.
+        If the path exists and is not an empty folder, or its parent is missing or not writable.
     """
     path = Path(out)
     try:

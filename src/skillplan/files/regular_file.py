@@ -74,7 +74,7 @@ def read_bytes(
     Raises
     ------
     RefusedFile
-        If it is no regular file, is too large, or there is a link below `within`.
+        If it is not a regular file, is too large, or there is a link below `within`.
     OSError
         If it cannot be read.
     """
@@ -83,7 +83,7 @@ def read_bytes(
 
 
 def read_rest(file: FileIO, path: str | os.PathLike[str], most_bytes: int) -> bytes:
-    """Return the rest of an open file; errors are those of `read_bytes`."""
+    """Return the rest of an open file; raises as `read_bytes`."""
     size = os.fstat(file.fileno()).st_size
     if size > most_bytes:
         raise RefusedFile("large", path, most_bytes)
@@ -118,7 +118,7 @@ def open_regular(
     Raises
     ------
     RefusedFile
-        If it is no regular file, or there is a link below `within`.
+        If it is not a regular file, or there is a link below `within`.
     OSError
         If it cannot be opened.
     """
@@ -180,12 +180,12 @@ def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[st
 
 
 def is_folder(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder; False for impossible names."""
+    """Return whether a path is a folder; False for impossible names."""
     return _has_kind(path, stat.S_ISDIR)
 
 
 def is_regular(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a regular file; False for impossible names."""
+    """Return whether a path is a regular file; False for impossible names."""
     return _has_kind(path, stat.S_ISREG)
 
 

@@ -1,7 +1,7 @@
 """Files of arrays (safetensors), read only if their header accounts for every byte.
 
 A sparse file takes no space on disk but all its size in memory. So its arrays must be as long as
-the header says, and fit in memory, before any is allocated.
+stated in the header, and fit in memory, before any is allocated.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def read_safetensors(
     Raises
     ------
     RefusedFile
-        If it is no regular file, is too large, or there is a link below `within`.
+        If it is not a regular file, is too large, or there is a link below `within`.
     OSError
         If it cannot be read.
     ValueError

@@ -82,7 +82,7 @@ def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
 
 
 def _concerns_key(fault: Mapping[str, Any]) -> bool:
-    """Whether the fault concerns the key of a mapping: the last step is '[key]'."""
+    """Return whether the fault concerns the key of a mapping: the last step is '[key]'."""
     *path, last = fault["loc"] or ("",)
     return last == "[key]" and bool(path) and path[-1] == fault["input"]
 

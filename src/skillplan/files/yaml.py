@@ -146,7 +146,7 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
     Raises
     ------
     TaskError
-        If it cannot be read, is no regular file, is too large or no UTF-8.
+        If it cannot be read, is not a regular file, is too large or not UTF-8.
     """
 
     def fail(message: str, line: int = 0, column: int = 0) -> TaskError:
@@ -179,13 +179,13 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
 def parse(text: str, source: str) -> Document:
     """Return the document in `text`.
 
-    Repeated keys, keys that are no strings, tags, and numbers that are not finite become issues of
+    Repeated keys, keys that are not strings, tags, and numbers that are not finite become issues of
     the document, to be reported with other faults.
 
     Raises
     ------
     TaskError
-        If it is no YAML, empty, too large, nested too deep, or has several documents or endless
+        If it is not YAML, empty, too large, nested too deep, or has several documents or endless
         aliases.
     """
     unprintable = _UNPRINTABLE.search(text)

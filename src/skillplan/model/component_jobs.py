@@ -122,7 +122,7 @@ class ComponentJobs:
         return holds | self._constant & self._initial, lacks | self._constant & ~self._initial
 
     def _named_bits(self) -> dict[str, int]:
-        """Return the bits of the facts of each component, without those that costs depend on."""
+        """Return the bits of the facts of each component, without facts that costs depend on."""
         basis, depended = CostBasis(), self._told_basis
         for skill in self._live:
             bits = basis.bits(skill.cost)
@@ -259,7 +259,7 @@ class ComponentJobs:
                 raise self.no(f"{skill.name} is no part of a job and depends on {fact}")
 
     def _check_runs(self) -> None:
-        """Check that nothing can happen between the skills of a job.
+        """Check that no other skill can run between the skills of a job.
 
         Only connectors and first skills of jobs matter: later skills wait for their first, which
         cannot run either.

@@ -36,7 +36,7 @@ class Enumeration:
     executions_by_state
         The same number if verdicts were kept by state and skill instead of by facts.
     complete
-        Whether the enumeration was completed.
+        True if the enumeration was completed.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class _Stop:
 class _Group:
     """Jobs that can start in the same situations.
 
-    Jobs of a single skill with a table of costs are listed apart, by the bits of the places.
+    Jobs of a single skill with a table of costs are listed separately, by the bits of the places.
     """
 
     needs: int
@@ -178,7 +178,7 @@ class JobConnections:
         return self._edges[situation]
 
     def _passes(self, skill: Skill, situation: int) -> bool:
-        """Whether a skill between jobs is feasible in a situation, whichever jobs are done.
+        """Return whether a skill between jobs is feasible in a situation, for any set of done jobs.
 
         Every job that a verdict rests on is checked both done and not done.
         """
@@ -313,7 +313,7 @@ class _Step:
     job
         The job; -1 for a skill between jobs.
     priced
-        Whether `cost` includes the exact cost of the step instead of a lower bound.
+        True if `cost` includes the exact cost of the step instead of a lower bound.
     """
 
     cost: float
@@ -336,7 +336,7 @@ class PricedConnections:
     bounds
         Lower bounds on the costs.
     needed
-        Whether each connection is needed, shape (n + 1, n); row 0 is the start.
+        True if each connection is needed, shape (n + 1, n); row 0 is the start.
 
     Attributes
     ----------

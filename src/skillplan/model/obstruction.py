@@ -67,7 +67,7 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
     """Return the reason why the goal is unreachable, in at most three lines.
 
     The reason is the shortest cycle of precedence that the verdicts of reachable states show.
-    Otherwise it lists the skills towards the goal that fail in every state, without those that fail
+    Otherwise it lists the skills towards the goal that fail in every state, except skills that fail
     only because of another one.
 
     Parameters
@@ -133,7 +133,7 @@ def _reach(model: SkillModel, most_states: int) -> _Reached | None:
 
 
 def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
-    """Whether the skill adds a fact that is not reached otherwise."""
+    """Return whether the skill adds a fact that is not reached otherwise."""
     gained = [fact for effect in skill.effects for fact in effect.add]
     return any(all(fact not in state for state in seen) for fact in gained)
 

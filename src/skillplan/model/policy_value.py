@@ -41,7 +41,7 @@ class PolicyValue:
     problem
         Reason why the policy does not reach the goal with certainty, or None.
     infeasible
-        Whether the problem is a step that cannot be executed.
+        True if the problem is a step that cannot be executed.
     """
 
     cost: float | None
@@ -240,11 +240,11 @@ class PolicySample:
     duration_s, steps
         Means of its time and its number of skills.
     roll_outs
-        How many there were; all arrived.
+        Number of roll-outs; all reached the goal.
     problem
         Why not all did, or None; then the figures are of no use.
     infeasible
-        Whether the problem is a step that cannot be executed.
+        True if the problem is a step that cannot be executed.
     """
 
     cost: float

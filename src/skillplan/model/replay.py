@@ -81,9 +81,9 @@ class Replay:
     state
         Final state.
     feasible
-        Whether every skill could be executed within the step limit.
+        True if every skill could be executed within the step limit.
     complete
-        Whether the goal holds at the end.
+        True if the goal holds at the end.
     violations
         Faults; empty if feasible and complete.
     penalty

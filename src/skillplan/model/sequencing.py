@@ -41,7 +41,7 @@ class JobQuery:
     Attributes
     ----------
     before, after
-        Jobs that must be done before this job, and those that must not be.
+        Jobs that must be done before this job, and jobs that must not be.
     """
 
     def __init__(self, sets: DoneSets, job: int, situation: int) -> None:
@@ -67,7 +67,7 @@ class JobQuery:
         return True
 
     def relations(self) -> CheckSteps[bool]:
-        """Find the jobs that must be done before this one, and those that must not.
+        """Find the jobs that must be done before this one, and jobs that must not.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class JobQuery:
         Parameters
         ----------
         closed_before, closed_after
-            Jobs that must come before each job, and those that are not done before it.
+            Jobs that must come before each job, and jobs that are not done before it.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class JobQuery:
         done, undone
             Jobs that are fixed as done, and as not done.
         sure
-            Whether these are certain; then a single remaining difference is necessary.
+            True if these are certain; then a single remaining difference is necessary.
         """
         while True:
             verdict = yield from self._check(position, done)
@@ -194,7 +194,7 @@ class JobQuery:
         return None
 
     def _necessary(self, position: int) -> CheckSteps[None]:
-        """Find the necessary jobs among those that a feasible verdict rests on.
+        """Find the necessary jobs of a feasible verdict.
 
         Other jobs are not necessary: the verdict holds either way.
         """
@@ -300,7 +300,7 @@ class SequencingProblem:
         return tuple(names)
 
     def fits(self, order: Sequence[int]) -> bool:
-        """Whether the plan of an order respects the step limit."""
+        """Return whether the plan of an order respects the step limit."""
         return len(self.plan(order)) <= self.step_limit
 
     def order(self, plan: Sequence[str]) -> tuple[int, ...] | None:
@@ -434,7 +434,7 @@ def _check_left_out(structure: ComponentJobs, done: set[int], costs: NDArray[np.
     """Check that a job that is not needed never makes a plan cheaper.
 
     Then every plan can leave it out: no job needs it, and any path through it can be replaced by
-    one that costs no more.
+    an equally cheap one.
     """
     for job in sorted(set(range(len(structure.jobs))) - done):
         around = costs[:, [job]] + costs[[1 + job], :]

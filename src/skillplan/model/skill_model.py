@@ -103,7 +103,7 @@ class SkillModel:
     Attributes
     ----------
     asks_costs
-        Whether costs are execution times of back ends; `least_cost` bounds them without a query.
+        True if costs are execution times of back ends; `least_cost` bounds them without a query.
     """
 
     def __init__(self, feasibility: Feasibility, overdue: Callable[[], bool] | None = None) -> None:
@@ -145,7 +145,7 @@ class SkillModel:
         )
 
     def is_goal(self, state: State) -> bool:
-        """Whether `state` satisfies the goal."""
+        """Return whether `state` satisfies the goal."""
         return self.task.goal.holds(state)
 
     def applicable(self, state: State) -> list[Skill]:
@@ -240,7 +240,7 @@ class SkillModel:
     def duration_s(self, state: State, skill: Skill) -> float:
         """Return the duration of `skill` in `state` [s], from a back end or else from the task.
 
-        For a skill with several motions, verdicts are queried to find the one that is taken. The
+        For a skill with several motions, verdicts are queried to find the variant to execute. The
         task's figure is raised to the lower bound of a back end that cannot time the skill.
 
         Raises

@@ -30,7 +30,7 @@ class TabularMDP:
     states
         The n reachable states; state 0 is the initial one. Goal states have no successors.
     goal
-        Whether each state is a goal, shape (n,).
+        True if each state is a goal, shape (n,).
     rows
         Rows of state i are ``rows[i]`` to ``rows[i + 1]``, shape (n + 1,).
     actions
@@ -190,7 +190,7 @@ class _Rows:
 
     @classmethod
     def of(cls, mdp: TabularMDP, kept: NDArray[np.bool_]) -> _Rows:
-        """Return some rows of a model, without those that never leave their state."""
+        """Return some rows of a model, without rows that never leave their state."""
         owners = np.repeat(np.arange(len(mdp.states)), np.diff(mdp.rows))
         outcome_rows = np.repeat(np.arange(len(mdp.actions)), np.diff(mdp.outcomes))
         outside = mdp.successors != owners[outcome_rows]

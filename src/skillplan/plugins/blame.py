@@ -48,7 +48,7 @@ def blame(
 
 
 def ends_program(error: BaseException) -> bool:
-    """Whether an exception is a signal or a stop."""
+    """Return whether an exception is a signal or a stop."""
     if isinstance(error, (SearchStopped, Interrupted)):
         return True
     # Without our handlers, as in a script, Python itself raises it for Ctrl-C.
@@ -77,7 +77,7 @@ def raised_by(plugin: type, error: BaseException) -> str:
 
 
 def debugging() -> bool:
-    """Whether ``SKILLPLAN_DEBUG`` asks for tracebacks."""
+    """Return whether ``SKILLPLAN_DEBUG`` requests tracebacks."""
     return bool(os.environ.get("SKILLPLAN_DEBUG"))
 
 

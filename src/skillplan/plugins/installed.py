@@ -73,7 +73,7 @@ def registered_as(plugin: type[Any]) -> EntryPoint | None:
 
 
 def is_editable(distribution: Distribution) -> bool:
-    """Whether a distribution is installed in editable mode."""
+    """Return whether a distribution is installed in editable mode."""
     try:
         stated = json.loads(distribution.read_text("direct_url.json") or "{}")
         return bool(stated.get("dir_info", {}).get("editable"))

@@ -66,12 +66,12 @@ class BackEnd(ABC):
     expected_s
         Order of magnitude of the duration of a check [s]; cheaper back ends check first.
     expensive
-        Whether verdicts are kept on disk.
+        True if verdicts are kept on disk.
     removed_options
         Former options, by name. A task file or command that sets one is refused; stored results
         that name one can still be verified.
     screens
-        Whether it only rules out skills before an expensive back end executes them. Such a back end
+        True if it only rules out skills before an expensive back end executes them. Such a back end
         times no skills.
     """
 

@@ -131,7 +131,7 @@ class DistanceCost:
     per_m
         Cost per metre, >= 0: 1 for a distance, the inverse of a speed for a time.
     dwells
-        Whether to add the dwells of the visits.
+        True to add the dwells of the visits.
     behind_m
         Distances to places that are not counted yet [m], >= 0, by bit. The next skill counts them,
         such as the path of a grasp that failed.
@@ -139,7 +139,7 @@ class DistanceCost:
     Raises
     ------
     ValueError
-        If `per_m` or a distance is negative or not finite, or there is no place.
+        If `per_m` or a distance is negative or not finite, or the places are empty.
     """
 
     places: Mapping[int, Point] = field(hash=False)

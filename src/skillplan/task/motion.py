@@ -42,8 +42,8 @@ class Grasp:
     Raises
     ------
     ValueError
-        If a direction is no unit vector, the two are not perpendicular, or the width does not fit
-        the kind.
+        If a direction is not a unit vector, the two are not perpendicular, or the width does not
+        fit the kind.
     """
 
     kind: GraspKind
@@ -73,7 +73,7 @@ class Grasp:
 
     @property
     def from_above(self) -> bool:
-        """Whether the hand points along -z of the body's frame."""
+        """True if the hand points along -z of the body's frame."""
         return same_direction(self.approach, DOWN)
 
 
@@ -117,7 +117,7 @@ class Visit:
     Raises
     ------
     ValueError
-        If `along` is no unit vector, the length is not positive, or the dwell is negative.
+        If `along` is not a unit vector, the length is not positive, or the dwell is negative.
     """
 
     pose: Pose
@@ -170,7 +170,7 @@ class Motion:
     Raises
     ------
     ValueError
-        If there is no route or a route has no visit.
+        If the routes, or the visits of a route, are empty.
     """
 
     robot: str

@@ -89,7 +89,7 @@ class Pose:
 
     @property
     def is_upright(self) -> bool:
-        """Whether the z axis is vertical."""
+        """True if the z axis is vertical."""
         x, y, _, _ = self.orientation
         return 2 * (x * x + y * y) <= _SAME
 
@@ -158,12 +158,12 @@ def unit(vector: Point) -> Point:
 
 
 def is_unit(vector: Point) -> bool:
-    """Whether a vector has length 1."""
+    """Return whether a vector has length 1."""
     return abs(math.hypot(*vector) - 1) <= _SAME
 
 
 def same_direction(a: Point, b: Point) -> bool:
-    """Whether two unit vectors are equal."""
+    """Return whether two unit vectors are equal."""
     return dot(a, b) >= 1 - _SAME
 
 

@@ -31,9 +31,9 @@ class Reward(Protocol):
         cost
             Cost in the task's metric.
         goal
-            Whether the step reached the goal.
+            True if the step reached the goal.
         out_of_time
-            Whether it was the last step that the step limit allows.
+            True if it was the last step that the step limit allows.
         """
 
 

@@ -82,7 +82,7 @@ class Body:
     Raises
     ------
     ValueError
-        If there is no shape, one of `shapes` is not convex, or the mass is not positive.
+        If `shapes` is empty, one of `shapes` is not convex, or the mass is not positive.
     """
 
     name: str

@@ -125,7 +125,7 @@ class Mesh:
     faces
         Triangles of its surface, by three indices of corners each, anticlockwise from outside.
     convex
-        Whether the mesh is convex, so that its corners define it.
+        True if the mesh is convex, so that its corners define it.
 
     Raises
     ------

@@ -134,7 +134,7 @@ class Skill:
     Raises
     ------
     ValueError
-        If the name is empty; there is no agent; there are both outcomes and cases, or neither;
+        If the name is empty; the agents are empty; there are both outcomes and cases, or neither;
         probabilities do not sum to 1; two cases share a fact; two ways share a label; or `motion`
         is not that of the first way.
     """
@@ -194,11 +194,11 @@ class Skill:
         return self._case(state.bits) if self.cases else None
 
     def applicable(self, state: State) -> bool:
-        """Whether the precondition and, if there are cases, one of them hold in `state`."""
+        """Return whether the precondition and, if there are cases, one of them hold in `state`."""
         return self.precondition.holds(state) and self.has_case(state.bits)
 
     def has_case(self, bits: int) -> bool:
-        """Whether a state selects a case; always true for a skill without cases."""
+        """Return whether a state selects a case; always true for a skill without cases."""
         if not self.cases:
             return True
         case = self._case(bits)
@@ -275,7 +275,7 @@ class Skill:
 
     @property
     def deterministic(self) -> bool:
-        """Whether every state has a single outcome."""
+        """True if every state has a single outcome."""
         cases = (case.outcomes for case in self.cases)
         return all(len(outcomes) == 1 for outcomes in (cases if self.cases else (self.outcomes,)))
 

@@ -208,7 +208,7 @@ class Condition:
             raise ValueError(f"Condition requires and forbids the same facts: {both}.")
 
     def holds(self, state: State) -> bool:
-        """Whether the condition holds in `state`."""
+        """Return whether the condition holds in `state`."""
         bits = state.bits
         return bits & self.requires.bits == self.requires.bits and not bits & self.forbids.bits
 

@@ -27,7 +27,7 @@ class Metric:
     decimals
         Number of decimals in output, >= 0.
     is_duration
-        Whether costs are durations [s]; then times from back ends override the task's figures.
+        True if costs are durations [s]; then times from back ends override the task's figures.
 
     Raises
     ------
@@ -133,7 +133,7 @@ class Task:
     places
         Places of walking robots, by fact.
     dwells_from
-        Key paths of the dwell times in the task file, those of single bodies and tools first.
+        Key paths of the dwell times in the task file, with single bodies and tools first.
     infeasible
         Reason why no plan exists, if grounding proves it; else empty. Such a task is not searched.
 
@@ -206,7 +206,7 @@ class Task:
 
     @property
     def deterministic(self) -> bool:
-        """Whether every skill has a single outcome."""
+        """True if every skill has a single outcome."""
         return all(skill.deterministic for skill in self.skills)
 
     def action(self, skill: Skill | str) -> int:
@@ -258,7 +258,7 @@ class Task:
         Raises
         ------
         OptionError
-            If the list is empty or names something unknown; the message says which entry.
+            If the list is empty or names something unknown; the message gives the entry.
         """
         text = text.strip().removeprefix("[").removesuffix("]").strip()
         entries = [entry.strip() for entry in (text.split(",") if "," in text else text.split())]

@@ -14,7 +14,7 @@ from skillplan.task.state import State
 
 
 class VerdictStatus(StrEnum):
-    """Whether a skill can be executed."""
+    """Status of a verdict."""
 
     FEASIBLE = "feasible"
     INFEASIBLE = "infeasible"
@@ -94,12 +94,12 @@ class Verdict:
 
     @property
     def is_feasible(self) -> bool:
-        """Whether the skill can be executed."""
+        """True if the skill can be executed."""
         return self.status is VerdictStatus.FEASIBLE
 
     @property
     def is_infeasible(self) -> bool:
-        """Whether the skill cannot be executed."""
+        """True if the skill cannot be executed."""
         return self.status is VerdictStatus.INFEASIBLE
 
     def grounded(self, state: State, stage: str) -> Verdict:
@@ -109,7 +109,7 @@ class Verdict:
         return replace(self, stage=stage, present=state, absent=state.complement())
 
     def applies_in(self, state: State) -> bool:
-        """Whether all facts that the verdict rests on are the same in `state`."""
+        """Return whether all facts that the verdict rests on are the same in `state`."""
         if self.present is None or self.absent is None:
             return False
         bits = state.bits

@@ -286,7 +286,7 @@ def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
 
 
 def _gone(place: tuple[str, int]) -> bool:
-    """Whether a process is gone; unknown for other machines."""
+    """Return whether a process is gone; unknown for other machines."""
     machine, number = place
     if machine != platform.node():
         return True

@@ -39,7 +39,7 @@ def chance_task() -> Task:
 
 
 def hostile_task() -> Task:
-    """Return the lid task with names that are no identifiers in any format.
+    """Return the lid task with names that are not identifiers in any format.
 
     Only tasks from code have such names; task files allow letters, digits and hyphens.
     """

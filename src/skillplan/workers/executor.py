@@ -49,9 +49,9 @@ class Ended:
         Exit code of its process, or minus the signal; None if the process, or its machine, was
         lost.
     started
-        Whether it was ready for jobs.
+        True if it was ready for jobs.
     cause
-        Description of the cause, if there is no exit code.
+        Description of the cause, if the exit code is unknown.
     """
 
     exit_code: int | None
@@ -60,7 +60,7 @@ class Ended:
 
     @property
     def killed(self) -> bool:
-        """Whether a signal or the loss of its machine ended it, not its own code."""
+        """True if a signal or the loss of its machine ended it, not its own code."""
         return self.exit_code is None or self.exit_code < 0
 
     @property
@@ -91,7 +91,7 @@ class Worker(ABC):
     @property
     @abstractmethod
     def alive(self) -> bool:
-        """Whether it can take a job."""
+        """True if it can take a job."""
 
     @abstractmethod
     def take(self, job: Any) -> None:
@@ -144,9 +144,9 @@ class Executor(ABC):
     Options
         Pydantic model; its fields have ranges and descriptions.
     takes_address
-        Whether ``--executor NAME:ADDRESS`` is allowed.
+        True if ``--executor NAME:ADDRESS`` is allowed.
     shares_files
-        Whether workers see the files of this machine under the same paths. If not, they send their
+        True if workers see the files of this machine under the same paths. If not, they send their
         results instead of writing them.
 
     Raises
@@ -243,7 +243,7 @@ DEFAULT_EXECUTOR = "local"
 
 @dataclass(frozen=True)
 class ExecutorChoice:
-    """A choice of an executor; nothing is imported, started or connected.
+    """A choice of an executor, before it is imported, started or connected.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ class ExecutorChoice:
 
     @property
     def is_default(self) -> bool:
-        """Whether jobs run on this machine with default options."""
+        """True if jobs run on this machine with default options."""
         return self == ExecutorChoice()
 
 
@@ -329,10 +329,10 @@ def connect(speak: Callable[[Any], None], *, shares_files: bool = True) -> None:
 
 
 def is_worker() -> bool:
-    """Whether this process is a worker."""
+    """Return whether this process is a worker."""
     return _here.tell is not None
 
 
 def shares_files() -> bool:
-    """Whether the client of the job sees files written here."""
+    """Return whether the client of the job sees files written here."""
     return _here.shares_files

@@ -95,7 +95,7 @@ class WorkerProcess(Worker):
     line
         This end of its pipe, to wait for.
     ended
-        Whether `end` was called.
+        True if `end` was called.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class WorkerProcess(Worker):
 
     @property
     def alive(self) -> bool:
-        """Whether it can take a job."""
+        """True if it can take a job."""
         return not self.ended and self._process.is_alive()
 
     def take(self, job: Any) -> None:

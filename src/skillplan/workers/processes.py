@@ -141,7 +141,7 @@ def resident_bytes_of(process: int | None, *, private: bool = False) -> int | No
     process
         Process id.
     private
-        Whether to leave out pages that the process may share with others.
+        True to leave out pages that the process may share with others.
     """
     with suppress(OSError, ValueError, IndexError):
         _, resident, shared, *_ = Path(f"/proc/{process}/statm").read_bytes().split()

@@ -47,7 +47,7 @@ class _Line:
     # Number of activities in progress, and whether a stop was requested.
     activities: int = 0
     is_stopping: bool = False
-    # Whether a signal has raised an exception, even if a library replaced it.
+    # True if a signal has raised an exception, even if a library replaced it.
     is_interrupted: bool = False
 
 
@@ -60,7 +60,7 @@ def connect(number: int) -> None:
 
 
 def is_supervised() -> bool:
-    """Whether another process supervises this one."""
+    """Return whether another process supervises this one."""
     return _line.number is not None
 
 
@@ -147,7 +147,7 @@ def doing(
     limit_s
         Time after which the supervisor ends the activity [s], > 0; None for no limit.
     forced
-        Whether it kills the process at once, without an exception before.
+        True if it kills the process at once, without an exception before.
     exit_code
         Exit code of the command if the process dies here.
     """
@@ -173,7 +173,7 @@ def note_interrupt() -> None:
 
 
 def is_interrupted() -> bool:
-    """Whether an exception was raised by a signal handler."""
+    """Return whether an exception was raised by a signal handler."""
     return _line.is_interrupted
 
 

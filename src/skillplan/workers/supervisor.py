@@ -146,7 +146,7 @@ def _fork(heard: list[signal.Signals], mask: Iterable[int], report: Report) -> _
 def _temporary_folder() -> str:
     """Return a new folder for temporary files, which is removed even if the child is killed.
 
-    Empty if there is no space; then the child uses the default folder.
+    Empty if the disk is full; then the child uses the default folder.
     """
     for place in (os.environ.get("TMPDIR", ""), "/tmp", "/var/tmp"):
         # The current folder may be gone; then a relative path is useless.
