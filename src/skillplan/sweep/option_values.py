@@ -319,13 +319,7 @@ def _parse_span(plugin: type[Any], name: str, text: str) -> Dimension | None:
 
 
 def _allow_all(name: str, field: FieldInfo) -> Dimension:
-    """Return all values that an option allows.
-
-    Raises
-    ------
-    OptionError
-        If they have no two ends.
-    """
+    """Return all values that an option allows."""
     types = allowed_types(field.annotation)
     for form in (field.annotation, *get_args(field.annotation)):
         # An option that may be null has several forms.

@@ -59,8 +59,6 @@ def plan_study(
         combinations.
     runs
         Runs per setting, >= 1, with seeds from `seed` on.
-    warm
-        True to use verdicts stored on disk.
     name
         Title of the study. Default: the task's name.
 
@@ -160,13 +158,7 @@ def _plan_common(
     starts: Sequence[str],
     warm: bool,
 ) -> tuple[StudyJob, dict[str, Any]]:
-    """Return the job of the runs, and the fields that all plans share.
-
-    Raises
-    ------
-    OptionError
-        If a start is wrong or the solver refuses the task.
-    """
+    """Return the job of the runs, and the fields that all plans share."""
     job = StudyJob(set_starts(task, list(starts)), solver, replace(setup, options=fixed), warm)
     first = next(iter(job.tasks.values()))
     refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
@@ -218,10 +210,6 @@ def do_study(
 
     Parameters
     ----------
-    plan, job
-        As returned by `plan_study`.
-    jobs
-        Number of processes, >= 1.
     folder
         Stores finished runs; runs that are already there are not repeated.
     stopped
@@ -338,12 +326,8 @@ def do_sampled(
 
     Parameters
     ----------
-    plan, job
-        As returned by `plan_sampled`.
     most
         Number of trials, finished or running here, after which no other begins, >= 1.
-    jobs
-        Number of processes, >= 1.
     stopped
         Returns True to stop.
     on_trial
@@ -390,13 +374,6 @@ def rate_setting(records: Sequence[SweepRecord], minimise: str) -> float | None:
 
     The share of runs that miss the goal from some start counts first, then the mean over the other
     runs of the quantity to minimise.
-
-    Parameters
-    ----------
-    records
-        Runs of the setting, at least one.
-    minimise
-        One of `AIMS`.
     """
     arrived = [
         record
@@ -420,13 +397,7 @@ def _measure(record: SweepRecord, minimise: str) -> float:
 
 
 def _collect_trials(plan: SampledPlan, trials: SharedTrials, *, interrupted: bool) -> SweepResult:
-    """Return the result of all trials of a study, including other processes'.
-
-    Raises
-    ------
-    OptionError
-        If a stored trial is damaged.
-    """
+    """Return the result of all trials of a study, including other processes'."""
     options = {dimension.option for dimension in plan.space}
     kept = {}
     for finished in trials.finished():

@@ -47,8 +47,6 @@ class Question:
         Identity of the study as JSON values; stored with the trials.
     first
         Setting of the first trial; the sampler chooses missing options.
-    seed
-        Seed of all randomness, >= 0.
     """
 
     dimensions: Sequence[Dimension]
@@ -79,16 +77,14 @@ class SharedTrials(ABC):
         Parameters
         ----------
         trial
-            A trial from `ask`, stored once.
+            A trial of this process, stored once.
         value
             The minimised quantity; None if every run failed.
-        lines
-            Further content to store.
         """
 
     @abstractmethod
     def give_up(self, trial: Trial) -> None:
-        """Discard a trial from `ask`: it counts neither as finished nor for later choices."""
+        """Discard a trial of this process: it counts neither as finished nor for later choices."""
 
     @abstractmethod
     def done(self) -> int:

@@ -87,8 +87,6 @@ class StudyFolder(HeldFolder):
 
     Parameters
     ----------
-    path
-        The folder, created if necessary.
     resume
         True to continue the study in the folder.
     command

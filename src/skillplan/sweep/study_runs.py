@@ -36,11 +36,6 @@ class StudyJob:
         Back ends, and options that do not vary.
     warm
         True to use verdicts stored on disk.
-
-    Raises
-    ------
-    ValueError
-        If `tasks` is empty.
     """
 
     tasks: Mapping[str, Task]
@@ -103,17 +98,7 @@ def set_starts(task: Task, starts: list[str]) -> dict[str, Task]:
 def do_run(
     job: StudyJob, setting: int, options: Mapping[str, Any], seed: int, stop: Stop | None = None
 ) -> SweepRecord:
-    """Do a run; its errors become part of the record.
-
-    Parameters
-    ----------
-    setting
-        Index of the setting.
-    options
-        Options of the solver in this setting.
-    stop
-        Limits of the run. Default: none.
-    """
+    """Do a run; its errors become part of the record."""
     try:
         return _run(job, setting, options, seed, stop)
     except SkillplanError as error:
@@ -190,8 +175,6 @@ def do_runs(
     ----------
     orders
         The runs. The next one is drawn after the previous record was consumed.
-    count
-        Number of processes, >= 1.
     stopped
         Returns True to stop; called several times per second.
     executor

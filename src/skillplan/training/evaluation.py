@@ -76,8 +76,6 @@ class RunsEvaluation:
 
     Parameters
     ----------
-    task
-        The task to evaluate on.
     sampling
         Number and temperature of the sampled roll-outs per run. The random baseline gets as many as
         all runs together.
@@ -106,11 +104,6 @@ class RunsEvaluation:
 
     def evaluate(self, model: SkillModel, setup: Setup, optimum: Optimum) -> TrainingResult:
         """Evaluate all policies and a random baseline.
-
-        Parameters
-        ----------
-        optimum
-            The proved optimum of the task.
 
         Raises
         ------
@@ -182,13 +175,7 @@ class RunsEvaluation:
         ]
 
     def greedy(self, model: SkillModel, policy: StoredNetwork) -> GreedyRollOut:
-        """Follow a policy greedily on the task or another layout of its family.
-
-        Raises
-        ------
-        BackEndError
-            If a back end fails.
-        """
+        """Follow a policy greedily on the task or another layout of its family."""
         content, seen = policy.content, Observation.of(model.task, policy.content.observation)
         return greedy_roll_out(
             model, seen, policy.network, content.mask, content.kept, content.step
@@ -250,11 +237,6 @@ def unseen_layouts(evaluation: RunsEvaluation, problem: Problem, count: int) -> 
 
     They continue the random sequence of the training.
 
-    Parameters
-    ----------
-    count
-        Number of layouts, >= 1.
-
     Raises
     ------
     OptionError
@@ -279,12 +261,8 @@ def evaluate_layouts(
 
     Parameters
     ----------
-    layouts
-        As returned by `unseen_layouts`.
     make_stop
         Makes the limits for the proof of one layout.
-    jobs
-        Number of processes for expensive back ends, >= 1.
 
     Raises
     ------

@@ -6,7 +6,7 @@ depend on where a group runs. A worker that dies is started once more from the c
 group; if it dies again, only the runs of this group fail.
 
 An executor that does not share our files receives the files of a group, works in a scratch folder
-and sends back what changed with every answer.
+and returns the changes with every answer.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
@@ -30,36 +29,31 @@ from skillplan.errors import (
     SearchStopped,
     SkillplanError,
 )
-from skillplan.files.atomic_file import GrowingFile, is_unfinished, write_whole
 from skillplan.files.folder import FolderLock, make_folder
-from skillplan.files.json_file import json_text
-from skillplan.files.regular_file import read_bytes
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.registry import load
 from skillplan.pipeline.solving import make_model, warm_cache
 from skillplan.plugins.blame import debugging, ends_program, raised_by
-from skillplan.records import schemas
 from skillplan.records.training.result import GreedyRollOut
 from skillplan.records.training.run_folder import (
     CHECKPOINT,
-    MANIFEST,
-    METRICS,
-    PROGRESS,
-    TASK_CONFIG,
     GroupProgress,
     RunFolder,
     group_path,
-    run_path,
 )
 from skillplan.solvers.learning.learner import STRIDE_STEPS, Training
 from skillplan.training.policies import store_policies
 from skillplan.training.run_files import (
-    MOST_BYTES,
+    NO_PROGRESS,
     Checkpoint,
+    FileChange,
+    FolderWatcher,
     RunLog,
-    events_path,
+    apply_changes,
     read_checkpoint,
+    read_files,
     write_checkpoint,
+    write_progress,
     writing,
 )
 from skillplan.training.training_plan import TrainingPlan
@@ -73,11 +67,6 @@ _STARTS = 2
 # Time that a group has to answer after a stop [s]; afterwards its last checkpoint counts.
 GRACE_S = 1.5
 
-NO_PROGRESS = GroupProgress(
-    steps=0, failures={}, wall_s=0.0, elapsed_s=0.0, checks=0, hits=0, executions=0, asked={}
-)
-"""Progress of a group without a checkpoint."""
-
 Order = Literal["advance", "conclude"]
 
 
@@ -87,12 +76,6 @@ class GroupJob:
 
     Parameters
     ----------
-    plan
-        The training.
-    folder
-        Folder of the training.
-    group
-        Number of the group.
     elapsed_s
         Duration of the training before this program started [s].
     """
@@ -119,10 +102,6 @@ class GroupReport:
 
     Parameters
     ----------
-    group
-        Number of the group.
-    steps
-        Environment steps done by every run.
     episodes
         Finished episodes of all runs.
     recent
@@ -177,20 +156,6 @@ class GroupFailure:
 
 GroupAnswer = GroupReport | GroupOutcome | GroupFailure
 Ending = tuple[int, GroupOutcome | GroupFailure]
-
-
-def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
-    """Write the progress of a group.
-
-    Raises
-    ------
-    OptionError
-        If it cannot be written.
-    """
-    with writing(folder, f"groups/{group}/{PROGRESS}"):
-        make_folder(group_path(folder, group), within=folder)
-        text = json_text(schemas.RUN_GROUP, progress)
-        write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
 
 
 def make_group_cache(job: GroupJob) -> VerdictCache:
@@ -309,10 +274,8 @@ class GroupTraining:
 
         Raises
         ------
-        OptionError
-            If something cannot be written.
-        BackEndError
-            If a back end fails.
+        OptionError, BackEndError
+            If a file cannot be written, or a back end fails.
         """
         if self._kept_steps != self._training.steps:
             self._keep()
@@ -493,10 +456,8 @@ def drive_groups(
 
     Raises
     ------
-    OptionError
-        If a file is damaged or cannot be written.
-    SkillplanError
-        If processes cannot be started.
+    OptionError, SkillplanError
+        If a file is damaged or cannot be written, or processes cannot be started.
     """
     if executor is None and processes > 1:
         executor = LocalProcesses(processes)
@@ -673,23 +634,6 @@ class _WorkerPool:
 
 
 @dataclass(frozen=True, slots=True)
-class FileChange:
-    """New content of a file.
-
-    Parameters
-    ----------
-    name
-        Path from the folder of the training.
-    start
-        Offset of the new content [B]; None if it replaces the whole file.
-    """
-
-    name: str
-    start: int | None
-    content: bytes
-
-
-@dataclass(frozen=True, slots=True)
 class SentGroup:
     """A group together with the files it continues from."""
 
@@ -705,11 +649,7 @@ class SentGroup:
         OSError
             If a file cannot be read.
         """
-        files = tuple(
-            FileChange(name, None, read_bytes(job.folder / name, MOST_BYTES, within=job.folder))
-            for name in _list_files(job)
-        )
-        return cls(job, files)
+        return cls(job, tuple(read_files(job.folder, job.group, job.plan.groups[job.group])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -726,7 +666,7 @@ def serve_sent(sent: SentGroup) -> Callable[[Order], SentAnswer]:
     apply_changes(folder, sent.files)
     job = replace(sent.job, folder=folder)
     serve_here = serve(job)
-    watcher = _FolderWatcher(job, sent.files)
+    watcher = FolderWatcher(folder, job.group, job.plan.groups[job.group], sent.files)
 
     def carry_out(order: Order) -> SentAnswer:
         answer = serve_here(order)
@@ -734,72 +674,3 @@ def serve_sent(sent: SentGroup) -> Callable[[Order], SentAnswer]:
 
     weakref.finalize(carry_out, shutil.rmtree, folder, ignore_errors=True)
     return carry_out
-
-
-def apply_changes(folder: Path, changes: Sequence[FileChange]) -> None:
-    """Write the file changes of another machine into a folder.
-
-    Raises
-    ------
-    OptionError
-        If something cannot be written.
-    """
-    for change in changes:
-        with writing(folder, change.name):
-            path = folder / change.name
-            make_folder(path.parent, within=folder)
-            if change.start is None:
-                write_whole(path, change.content, within=folder)
-                continue
-            file = GrowingFile(path, folder)
-            try:
-                file.cut(change.start)
-                file.append(change.content)
-                # The checkpoint that counts on it may follow.
-                file.sync()
-            finally:
-                file.close()
-
-
-class _FolderWatcher:
-    """Detects changes in the files of a group, given the files that the sender already has."""
-
-    def __init__(self, job: GroupJob, known: Sequence[FileChange]) -> None:
-        self._job = job
-        self._hashes = {file.name: sha256(file.content).digest() for file in known}
-        # A growing file is sent as a whole first, because it may have been cut.
-        self._lengths: dict[str, int] = {}
-
-    def changes(self) -> Iterator[FileChange]:
-        """Yield the changes since the last call: files that grew, then files that were replaced."""
-        folder = self._job.folder
-        names = list(_list_files(self._job))
-        for name in filter(_grows, names):
-            content = read_bytes(folder / name, MOST_BYTES, within=folder)
-            start = self._lengths.get(name)
-            if start != len(content):
-                self._lengths[name] = len(content)
-                yield FileChange(name, start, content[start or 0 :])
-        replaced = [name for name in names if not _grows(name)]
-        for name in sorted(replaced, key=lambda name: ((folder / name).stat().st_mtime_ns, name)):
-            content = read_bytes(folder / name, MOST_BYTES, within=folder)
-            digest = sha256(content).digest()
-            if digest != self._hashes.get(name):
-                self._hashes[name] = digest
-                yield FileChange(name, None, content)
-
-
-def _list_files(job: GroupJob) -> Iterator[str]:
-    """Yield the files that a group reads or writes, as paths from its folder."""
-    folder, runs = job.folder, job.plan.groups[job.group]
-    roots = [group_path(folder, job.group)]
-    roots += [run_path(folder, run) for run in runs]
-    roots += [events_path(folder, run).parent for run in runs]
-    settings = [path for path in (folder / MANIFEST, folder / TASK_CONFIG) if path.is_file()]
-    for path in (*settings, *(path for root in roots for path in sorted(root.rglob("*")))):
-        if path.is_file() and not path.is_symlink() and not is_unfinished(path.name):
-            yield path.relative_to(folder).as_posix()
-
-
-def _grows(name: str) -> bool:
-    return name.startswith("tensorboard/") or name.endswith(f"/{METRICS}")

@@ -102,15 +102,13 @@ def sampled_roll_outs(
     ----------
     env
         The environment of the training; it is reset. As many places as episodes are fastest.
-    episodes
-        Number of episodes, >= 1.
     temperature
         Temperature of the sampling, > 0; lower is greedier.
 
     Raises
     ------
     ValueError
-        If there are no episodes, or the temperature is not above 0.
+        If `episodes` is below 1, or the temperature is not above 0.
     BackEndError
         If a back end fails.
     """
@@ -132,15 +130,13 @@ def random_baseline(
     ----------
     env
         Its mask restricts the actions; it is reset.
-    episodes
-        Number of episodes, >= 1.
     mask
         Name of the environment's mask.
 
     Raises
     ------
     ValueError
-        If there are no episodes.
+        If `episodes` is below 1.
     BackEndError
         If a back end fails.
     """
@@ -231,11 +227,6 @@ def store_policies(
 ) -> tuple[GreedyRollOut | None, GreedyRollOut]:
     """Write the best and the last policy of a run, and follow both greedily.
 
-    Parameters
-    ----------
-    steps
-        Environment steps of the run.
-
     Returns
     -------
     best, last
@@ -243,10 +234,8 @@ def store_policies(
 
     Raises
     ------
-    OptionError
-        If a file cannot be written.
-    BackEndError
-        If a back end fails.
+    OptionError, BackEndError
+        If a file cannot be written, or a back end fails.
     """
     last = _Kept(learned.last, "last", steps)
     best = None

@@ -1,4 +1,4 @@
-"""Files that a training writes as it runs: metrics, curves for TensorBoard, and checkpoints.
+"""Files that a training writes as it runs: metrics, TensorBoard curves, checkpoints, progress.
 
 Metrics and curves grow by whole records. A resumed training cuts them to the lengths in its
 checkpoint. A checkpoint is always complete and checks itself: arrays as safetensors, everything
@@ -8,6 +8,8 @@ Curves are in the format of TensorFlow event files: length, record and their mas
 record is the protocol buffer message ``Event``, of which four fields are needed. This is our own
 code because other writers cannot cut a file at a checkpoint, use a thread and load a learning
 library.
+
+An executor that does not share our files exchanges them as `FileChange`.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,16 +31,21 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import GrowingFile, write_whole
+from skillplan.files.atomic_file import GrowingFile, is_unfinished, write_whole
 from skillplan.files.folder import make_folder
-from skillplan.files.json_file import parse_json
-from skillplan.files.regular_file import RefusedFile
+from skillplan.files.json_file import json_text, parse_json
+from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.files.schema_errors import schema_issues
 from skillplan.records import schemas
 from skillplan.records.training.run_folder import (
+    MANIFEST,
     METRICS,
+    PROGRESS,
+    TASK_CONFIG,
     FiguresRecord,
+    GroupProgress,
+    group_path,
     metrics_line,
     read_metrics,
     run_path,
@@ -72,8 +80,6 @@ class Checkpoint:
         Environment steps done in every run.
     lengths
         Lengths of the growing files [B], by path from the folder of the training.
-    snapshot
-        State of the learner.
     """
 
     steps: int
@@ -292,15 +298,11 @@ class RunLog:
 
     Parameters
     ----------
-    folder
-        Folder of the training.
     lengths
         Lengths of the files at the checkpoint [B], by path from the folder; empty for a new run.
 
     Attributes
     ----------
-    episodes
-        Number of finished episodes.
     recent
         Successes among the last `RECENT_EPISODES` episodes.
     best_cost
@@ -340,10 +342,6 @@ class RunLog:
 
         Parameters
         ----------
-        step
-            Environment steps done.
-        episodes
-            Finished episodes of this run, in order.
         figures
             Figures of the learner; may be empty.
 
@@ -416,3 +414,122 @@ class RunLog:
         costs = [episode.cost for episode in episodes if episode.success]
         if costs:
             self.best_cost = min(costs if self.best_cost is None else [*costs, self.best_cost])
+
+
+NO_PROGRESS = GroupProgress(
+    steps=0, failures={}, wall_s=0.0, elapsed_s=0.0, checks=0, hits=0, executions=0, asked={}
+)
+"""Progress of a group without a checkpoint."""
+
+
+def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
+    """Write the progress of a group.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be written.
+    """
+    with writing(folder, f"groups/{group}/{PROGRESS}"):
+        make_folder(group_path(folder, group), within=folder)
+        text = json_text(schemas.RUN_GROUP, progress)
+        write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
+
+
+@dataclass(frozen=True, slots=True)
+class FileChange:
+    """New content of a file.
+
+    Parameters
+    ----------
+    name
+        Path from the folder of the training.
+    start
+        Offset of the new content [B]; None if it replaces the whole file.
+    """
+
+    name: str
+    start: int | None
+    content: bytes
+
+
+def read_files(folder: Path, group: int, runs: Sequence[int]) -> Iterator[FileChange]:
+    """Yield the files that a group continues from.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    for name in _list_files(folder, group, runs):
+        yield FileChange(name, None, read_bytes(folder / name, MOST_BYTES, within=folder))
+
+
+def apply_changes(folder: Path, changes: Sequence[FileChange]) -> None:
+    """Write the file changes of another machine into a folder.
+
+    Raises
+    ------
+    OptionError
+        If something cannot be written.
+    """
+    for change in changes:
+        with writing(folder, change.name):
+            path = folder / change.name
+            make_folder(path.parent, within=folder)
+            if change.start is None:
+                write_whole(path, change.content, within=folder)
+                continue
+            file = GrowingFile(path, folder)
+            try:
+                file.cut(change.start)
+                file.append(change.content)
+                # The checkpoint that counts on it may follow.
+                file.sync()
+            finally:
+                file.close()
+
+
+class FolderWatcher:
+    """Detects changes in the files of a group, given the files that the sender already has."""
+
+    def __init__(
+        self, folder: Path, group: int, runs: Sequence[int], known: Sequence[FileChange]
+    ) -> None:
+        self._folder, self._group, self._runs = folder, group, runs
+        self._hashes = {file.name: sha256(file.content).digest() for file in known}
+        # A growing file is sent as a whole first, because it may have been cut.
+        self._lengths: dict[str, int] = {}
+
+    def changes(self) -> Iterator[FileChange]:
+        """Yield the changes since the last call: files that grew, then files that were replaced."""
+        folder = self._folder
+        names = list(_list_files(folder, self._group, self._runs))
+        for name in filter(_grows, names):
+            content = read_bytes(folder / name, MOST_BYTES, within=folder)
+            start = self._lengths.get(name)
+            if start != len(content):
+                self._lengths[name] = len(content)
+                yield FileChange(name, start, content[start or 0 :])
+        replaced = [name for name in names if not _grows(name)]
+        for name in sorted(replaced, key=lambda name: ((folder / name).stat().st_mtime_ns, name)):
+            content = read_bytes(folder / name, MOST_BYTES, within=folder)
+            digest = sha256(content).digest()
+            if digest != self._hashes.get(name):
+                self._hashes[name] = digest
+                yield FileChange(name, None, content)
+
+
+def _list_files(folder: Path, group: int, runs: Sequence[int]) -> Iterator[str]:
+    """Yield the files that a group reads or writes, as paths from the folder."""
+    roots = [group_path(folder, group)]
+    roots += [run_path(folder, run) for run in runs]
+    roots += [events_path(folder, run).parent for run in runs]
+    settings = [path for path in (folder / MANIFEST, folder / TASK_CONFIG) if path.is_file()]
+    for path in (*settings, *(path for root in roots for path in sorted(root.rglob("*")))):
+        if path.is_file() and not path.is_symlink() and not is_unfinished(path.name):
+            yield path.relative_to(folder).as_posix()
+
+
+def _grows(name: str) -> bool:
+    return name.startswith("tensorboard/") or name.endswith(f"/{METRICS}")

@@ -16,15 +16,14 @@ from skillplan.records.training.shortfall import shortfall_of
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
 from skillplan.training.groups import (
-    NO_PROGRESS,
     GroupFailure,
     GroupJob,
     GroupOutcome,
     GroupReport,
     drive_groups,
-    write_progress,
 )
 from skillplan.training.policies import prove_optimum
+from skillplan.training.run_files import NO_PROGRESS, write_progress
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan
 
@@ -34,8 +33,6 @@ class Trainer:
 
     Parameters
     ----------
-    folder
-        Folder of the training; finished work in it is not repeated.
     jobs
         Number of processes, >= 1. Results do not depend on it.
     time_limit_s

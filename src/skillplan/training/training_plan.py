@@ -120,13 +120,7 @@ def _read_policies(folder: RunFolder) -> list[tuple[int, StoredNetwork]]:
 def _check_layers(
     path: str, solver: str, learner: Learner, policies: Sequence[tuple[int, StoredNetwork]]
 ) -> None:
-    """Check that networks have the hidden layers of the learner.
-
-    Raises
-    ------
-    OptionError
-        If they are not.
-    """
+    """Check that networks have the hidden layers of the learner."""
     layers = learner.hidden_layers
     for _, policy in policies:
         there = tuple(outputs for _, outputs in policy.content.layers[:-1])
@@ -182,14 +176,10 @@ class TrainingPlan:
         The task that judges the policies.
     layouts
         The tasks to learn on: the same task, or layouts of its family; at least one.
-    solver, options
-        The learner and all its options, including ``steps``.
     seeds
         One per run, at least one.
     family
         Origin of the layouts; None if the task itself is learned.
-    checkpoint_steps
-        Steps between two checkpoints, >= 1.
     warm
         True to use verdicts stored on disk.
     start
@@ -257,8 +247,6 @@ def plan_training(
 
     Parameters
     ----------
-    setup
-        Back ends, and options of all plugins.
     part
         The task of a chain.
     runs
@@ -267,8 +255,6 @@ def plan_training(
         Environment steps per run; overrides the learner's option ``steps``.
     family
         Number of layouts of the file's family to learn on; 0 for the file's own.
-    checkpoint_steps
-        Steps between two checkpoints, >= 1.
     warm
         True to use verdicts stored on disk.
     start
@@ -320,15 +306,7 @@ def plan_training(
 
 
 def _load_learner(name: str) -> type[Learner]:
-    """Return the class of a learner.
-
-    Raises
-    ------
-    OptionError
-        If the solver does not learn; the message lists the learners.
-    PluginError
-        If it is unknown or broken.
-    """
+    """Return the class of a learner."""
     known = registry.names("solver")
     if name not in known:
         raise PluginError(

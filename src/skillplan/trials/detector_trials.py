@@ -134,8 +134,6 @@ class DetectorTrials:
     ----------
     engine
         Name of the engine; it also gives verdicts on cases that detectors leave to it.
-    detectors
-        Names of the detectors.
     reference
         Criterion of right executions, as text.
     checked
@@ -172,8 +170,6 @@ def try_detectors(
 
     Parameters
     ----------
-    task
-        A task with bodies.
     make
         Makes the engine and the detectors for a task, the engine first. Called again for every task
         with an injected fault.

@@ -23,8 +23,6 @@ class Contradiction:
     ----------
     skill, state
         The skill, and the first such state.
-    verdicts
-        Verdicts by engine.
     stages
         By engine, the verdicts of all its back ends, also beyond the deciding one.
     states
@@ -88,8 +86,6 @@ def compare_engines(
 
     Parameters
     ----------
-    task
-        A task with bodies.
     engines
         Feasibility checkers by engine, without verdicts.
     at_once

@@ -38,8 +38,6 @@ class Trial:
     ----------
     task
         The task, possibly with an injected fault.
-    skill, state
-        The executed skill, and the state before it.
     truth
         Legitimate; a collision; or a wrong outcome, without contact.
     kind
@@ -75,16 +73,12 @@ class Block:
     ----------
     kind, words
         Kind of fault, and description of the place.
-    x_m, y_m
-        Centre in the plane [m].
     yaw_rad
         Rotation about the vertical [rad].
     size_xy
         Extents in its own frame [m].
     top_m
         Height of its top above the table [m]; it stands on the body below.
-    mass_kg
-        Mass [kg].
     """
 
     kind: str
@@ -257,8 +251,6 @@ def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Tria
 
     Parameters
     ----------
-    task
-        A task with bodies.
     skill, state
         An execution without a collision.
     """

@@ -106,8 +106,6 @@ class PlannedTimes:
 
     Parameters
     ----------
-    durations_s
-        Duration of every skill [s].
     timed_by
         Back ends that planned the trajectories; empty if travel is by the task's speed.
     """
@@ -188,15 +186,7 @@ def time_difference(
 def simulation_outcome(
     task: Task, skills: Sequence[Skill], engine: str, performance: Performance
 ) -> SimulationOutcome:
-    """Summarise the simulation of a whole plan.
-
-    Parameters
-    ----------
-    engine
-        Name of the engine.
-    performance
-        Its measurements.
-    """
+    """Summarise the simulation of a whole plan."""
     failed = performance.failed
     if failed is not None:
         step = performance.skills.index(failed) + 1
@@ -217,12 +207,6 @@ class Simulation:
 
     Parameters
     ----------
-    physics
-        Name of the engine.
-    performance
-        Its measurements.
-    wall_s
-        Duration [s], >= 0.
     stopped
         True if it ended early.
     files

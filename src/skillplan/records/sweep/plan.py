@@ -30,7 +30,7 @@ class Axis:
     Raises
     ------
     ValueError
-        If there is no value, or a value occurs twice.
+        If values are missing or repeated.
     """
 
     option: str
@@ -60,11 +60,6 @@ class Start:
         A place, or facts joined by ``+``.
     optimum
         Proved optimum from there, if known.
-
-    Raises
-    ------
-    ValueError
-        If the optimum is negative.
     """
 
     name: str
@@ -81,10 +76,6 @@ class SweepPlan:
 
     Parameters
     ----------
-    name
-        Title of the study.
-    task, kind, sha256
-        Name, kind and hash of the task.
     cost_unit, step_limit
         Properties of the task. A run from a start fails beyond the step limit.
     design
@@ -95,8 +86,6 @@ class SweepPlan:
         Value of every option of `axes` while another option varies.
     fixed
         Other options: plugin to option to value.
-    starts
-        At least one.
     seeds
         One run per setting and seed; distinct, at least one.
     warm
@@ -231,8 +220,6 @@ class Span:
     ----------
     low, high
         The ends, both included; low < high, finite.
-    whole
-        True for integers.
     logarithmic
         True if logarithms are drawn uniformly; then low > 0.
 
@@ -324,8 +311,6 @@ class Trial:
     ----------
     number
         Number of the trial, >= 0, unique over all processes of the study.
-    values
-        Value of every option that varies.
     """
 
     number: int
@@ -356,8 +341,6 @@ class SampledPlan(SweepPlan):
         Ranges of the options that vary, at least one.
     minimise
         One of `AIMS`.
-    sampler
-        Name of the plugin.
     tried
         The settings of finished trials, best first.
 

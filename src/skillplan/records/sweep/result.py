@@ -24,8 +24,6 @@ class StartOutcome:
 
     Parameters
     ----------
-    status
-        Status granted by the referee.
     cost
         Cost of the replayed plan; None if it misses the goal.
     steps
@@ -69,8 +67,6 @@ class SweepRecord:
     ----------
     setting
         Index of the setting, >= 0.
-    seed
-        Its seed, >= 0.
     outcomes
         One per start; empty for a failed run.
     shared
@@ -158,8 +154,6 @@ class StartSummary:
     ----------
     start
         Name of the start; None for all together: a run must then reach the goal from each.
-    runs
-        Number of runs without failed ones.
     arrived
         Number of runs that reach the goal; ``arrived_share`` is their share.
     best
@@ -260,8 +254,6 @@ class SweepResult:
 
         Parameters
         ----------
-        settings
-            Indices of the settings.
         start
             Name of a start; None for all starts together.
         """

@@ -46,11 +46,6 @@ class RunStatus(StrEnum):
 class Tally:
     """Number of successful episodes.
 
-    Parameters
-    ----------
-    successes, episodes
-        0 <= successes <= episodes.
-
     Raises
     ------
     ValueError
@@ -125,16 +120,10 @@ class TrainingRecord:
 
     Parameters
     ----------
-    steps
-        Environment steps done, >= 0.
-    every
-        All episodes.
     recent
         Episodes that ended in the last `RECENT_STEPS` steps.
     first_success_step
         Environment step of the first success, if any.
-    best_cost
-        Lowest cost of a successful episode, if any.
     best_actions
         Actions of that episode; the first of equals.
     wall_s
@@ -169,12 +158,6 @@ def training_record(
 
     Parameters
     ----------
-    episodes
-        Its episodes, in order.
-    steps
-        Environment steps of the run.
-    wall_s
-        Duration [s].
     figures
         The run's latest figures.
     """
@@ -202,8 +185,6 @@ class RunOutcome:
 
     Parameters
     ----------
-    run, seed
-        Number of the run, from 0, and its seed.
     failure
         Why it could not continue or be read; empty if neither.
     best, last
@@ -264,8 +245,6 @@ class RunOutcome:
 
         Parameters
         ----------
-        optimum
-            The proved optimum, if any.
         seen_apart
             True if training episodes must not be compared with the optimum: it is an expected cost,
             or the training used other layouts.
@@ -300,7 +279,7 @@ class RunOutcome:
         }
 
     def _plans_document(self) -> dict[str, Any]:
-        """Return how a run planned with a learned model; empty for one that never did."""
+        """Return the plans of the run as JSON values; empty without a learned model."""
         record = self.training
         if record is None or not (record.planned or record.explores):
             return {}
@@ -328,8 +307,6 @@ class LayoutOutcome:
 
     Parameters
     ----------
-    name
-        Name of the layout, such as ``inverter-board/40``.
     optimum
         Its proved optimum, and the duration of the proof.
     answers
@@ -384,8 +361,6 @@ class LayoutsResult:
 
     Parameters
     ----------
-    rows
-        One per layout, at least one.
     learned_on
         Number of layouts of the family in the training; 0 for the file's own alone.
     training_s
@@ -454,8 +429,6 @@ class RandomBaseline:
 
     Parameters
     ----------
-    best_cost
-        Lowest cost of a success, if any.
     mask
         Restriction of the actions: ``none``, ``applicable`` or ``feasible``.
     """
@@ -484,24 +457,14 @@ class TrainingResult:
         The task that was learned, or that the policies were evaluated on.
     run_dir
         Folder of the runs as the user named it.
-    solver, options
-        The learner and all its options.
     steps
         Environment steps requested per run.
-    outcomes
-        One per run, in order.
-    optimum
-        The proved optimum.
-    physics, collision
-        The back ends.
     baseline
         Result of random actions, if measured.
     sampling
         Sampled roll-outs; None if success rates refer to the training.
     checks, executions
         Queries answered by back ends, and skills executed by an engine for them.
-    wall_s
-        Total duration [s].
     steps_per_s
         Environment steps of all runs per second, if any were done.
     interrupted

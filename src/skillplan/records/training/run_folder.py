@@ -41,8 +41,6 @@ class FiguresRecord:
 
     Parameters
     ----------
-    step
-        Environment steps done, >= 1.
     figures
         Finite numbers by name, such as ``loss``.
     """
@@ -124,11 +122,6 @@ def parse_metrics(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
 
 def read_metrics_lines(path: Path, *, within: Path | None = None) -> list[str]:
     """Return the complete lines of a file; an empty list without a file.
-
-    Parameters
-    ----------
-    path, within
-        As for `read_metrics`.
 
     Raises
     ------
@@ -334,12 +327,8 @@ class StoredRun:
 
     Parameters
     ----------
-    run, seed
-        Number of the run, from 0, and its seed.
     steps
         Environment steps at the last checkpoint.
-    episodes, figures
-        Its metrics, in order.
     policy
         Its reported policy; None before the run ends or is interrupted.
     last

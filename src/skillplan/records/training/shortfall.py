@@ -31,8 +31,6 @@ class Shortfall:
 
     Parameters
     ----------
-    runs
-        Numbers of these runs, at least one.
     episodes, completed
         Number of their training episodes, and number of successes.
     goals, most_goals
@@ -110,10 +108,6 @@ def shortfall_of(
 
     Parameters
     ----------
-    solver, options
-        The learner, and all its options.
-    steps
-        Environment steps per run.
     episodes
         Episodes of each run that does not complete the task, by run number.
     """
