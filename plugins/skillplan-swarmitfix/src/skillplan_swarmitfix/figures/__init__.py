@@ -1,1 +1,1 @@
-"""Figures of the SwarmItFIX bench, the only ones that know its geometry."""
+"""Figures of the SwarmItFIX bench, the only figures that use its geometry."""

@@ -1,4 +1,4 @@
-"""The bench to scale on paper: pins, triangles and names, for other figures to draw on."""
+"""The bench to scale: pins, triangles and names, as the ground of other figures."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class BenchCanvas:
     bench
         The lattice.
     figure, axes
-        Where to draw.
+        The figure and its axes.
     inch_per_m
-        The scale.
+        Scale.
     low_m
-        The lower left corner of the axes [m].
+        Lower left corner of the axes [m].
     size_in
-        The size of the axes [in].
+        Size of the axes [in].
     """
 
     bench: Bench
@@ -67,7 +67,7 @@ class BenchCanvas:
         return self.bench.pitch_m * self.inch_per_m
 
     def to_inches(self, point_m: Sequence[float]) -> tuple[float, float]:
-        """Return where a point [m] lies from the lower left corner of the axes [in]."""
+        """Return a point [m] relative to the lower left corner of the axes [in]."""
         return (
             (float(point_m[0]) - self.low_m[0]) * self.inch_per_m,
             (float(point_m[1]) - self.low_m[1]) * self.inch_per_m,
@@ -81,7 +81,7 @@ class BenchCanvas:
         )
 
     def font_pt(self, share: float, most_pt: float = SMALL_PT) -> float | None:
-        """Return a font size of so many points for each inch of pitch; None if illegible."""
+        """Return a font size in proportion to the pitch [pt]; None if illegible."""
         size = min(most_pt, share * self.pitch_in)
         return size if size >= LEAST_PT else None
 
@@ -129,7 +129,7 @@ class BenchCanvas:
                 )
 
     def outline(self, position: int, **style: Any) -> Polygon:
-        """Outline a position, a little inside its edges, and return the outline."""
+        """Draw the outline of a position a little inside its edges, and return it."""
         corners = self.triangles()[position]
         centre = corners.mean(axis=0)
         polygon = Polygon(centre + 0.95 * (corners - centre), closed=True, **style)
@@ -137,7 +137,7 @@ class BenchCanvas:
         return polygon
 
     def add_legend(self, entries: Sequence[tuple[Artist, str]]) -> None:
-        """Put the legend below the axes, where `bench_canvas` has left room for it."""
+        """Put the legend below the axes, into the room that `bench_canvas` leaves."""
         labels = [label for _, label in entries]
         width_in, height_in = self.figure.get_size_inches()
         columns, _ = legend_columns(labels, width_in - 0.4)
@@ -184,20 +184,20 @@ def bench_canvas(
     around_m: NDArray[np.float64] | None = None,
     right_in: float = 0.0,
 ) -> BenchCanvas:
-    """Return an empty canvas for a bench, so large that names fit into its triangles if they can.
+    """Return an empty canvas for a bench, large enough for names in its triangles if possible.
 
     Parameters
     ----------
     bench
         The lattice.
     heading
-        What stands above.
+        Heading of the figure.
     legend
-        The texts of the legend that will stand below.
+        Texts of the legend below.
     around_m
-        Points beside the bench that have to be on paper as well [m], shape (n, 2).
+        Points off the bench that must be visible, too [m], shape (n, 2).
     right_in
-        Room to leave on the right [in].
+        Free room on the right [in].
     """
     points_m = bench.pins_m
     if around_m is not None and len(around_m):
@@ -228,14 +228,7 @@ def bench_canvas(
 
 
 def requested_bench(request: FigureRequest, account: Account | None = None) -> Bench:
-    """Return the lattice of a request's file.
-
-    Parameters
-    ----------
-    request
-        What the user wants drawn.
-    account
-        What the domain derives from a solved file; None for what it derives from the file alone.
+    """Return the lattice of a request's file, from the account of a solved file if given.
 
     Raises
     ------

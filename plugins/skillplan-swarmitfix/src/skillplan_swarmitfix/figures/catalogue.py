@@ -1,4 +1,4 @@
-"""Figures of the bench in the catalogue of ``skillplan plot``; drawn by the modules named here."""
+"""Entries of the bench in the catalogue of ``skillplan plot``, with the modules that draw them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paths of several bases on one bench, and the parallel steps in which they are made."""
+"""Paths of several bases on one bench, with their parallel steps."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ def fleet_figure(
     schedule: Sequence[Sequence[tuple[str, int]]],
     heading: Heading,
 ) -> Figure:
-    """Draw every robot's path: squares where they start, stars where they end, steps in between.
+    """Draw the path of every robot: a square at its start, a star at its end, steps between.
 
     Parameters
     ----------
     bench
         The lattice.
     starts
-        Position by robot, at least one.
+        Start positions by robot, at least one.
     schedule
-        The moves of every parallel step: robot, and position where it goes.
+        Moves of every parallel step: robot and new position.
     heading
-        What stands above.
+        Heading of the figure.
 
     Raises
     ------
     ValueError
-        If there is no robot, or one that moves is not among them.
+        If robots are missing, or a robot moves that has no start.
     """
     paths = paths_of(starts, schedule)
     entries = _legend(paths)
@@ -95,12 +95,12 @@ def fleet_figure(
 def paths_of(
     starts: Mapping[str, int], schedule: Sequence[Sequence[tuple[str, int]]]
 ) -> dict[str, list[tuple[int, int]]]:
-    """Return when each robot is where: steps from 1, 0 for the start, and positions.
+    """Return the steps and positions of each robot; step 0 is the start.
 
     Raises
     ------
     ValueError
-        If there is no robot, or one that moves is not among them.
+        If robots are missing, or a robot moves that has no start.
     """
     if not starts:
         raise ValueError("A fleet has at least one robot.")
@@ -108,7 +108,7 @@ def paths_of(
     for step, moves in enumerate(schedule, start=1):
         for robot, position in moves:
             if robot not in paths:
-                raise ValueError(f"Robot {robot!r} moves, but nobody knows where it starts.")
+                raise ValueError(f"Robot {robot!r} moves, but has no start.")
             paths[robot].append((step, position))
     return paths
 
@@ -116,7 +116,7 @@ def paths_of(
 def _points(
     canvas: BenchCanvas, number: int, count: int, path: Sequence[tuple[int, int]]
 ) -> list[tuple[float, float]]:
-    """Return the points of a path [m], each robot's a little aside of the others'."""
+    """Return the points of a path [m], shifted a little for each robot."""
     angle = 2 * math.pi * number / max(1, count) + math.pi / 4
     aside_m = _ASIDE * canvas.bench.pitch_m if count > 1 else 0.0
     shift = aside_m * np.array([math.cos(angle), math.sin(angle)])
@@ -167,7 +167,7 @@ def _draw_path(
     on_paper = [canvas.to_inches(point) for point in points]
     placer.avoid_line(on_paper)
     for begin, end in pairwise(on_paper):
-        # The head of the arrow is wider than its line.
+        # The arrow head is wider than its line.
         share = 1 - 0.1 / max(0.1, math.dist(begin, end))
         at = (begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]))
         placer.avoid_disc(at, 0.06)
@@ -225,7 +225,7 @@ def _legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the task of the fleet.
+    """Return the run that solves the task of the fleet.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the schedule that a solver found, or the one that its plan allows."""
+    """Draw the schedule of a solver, or else the schedule of its plan."""
     result = outcomes[0].result
     bench = requested_bench(request)
     plan = [step.skill for step in result.steps]
@@ -262,7 +262,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
 
 
 def _steps_s(known: Mapping[str, Any], schedule: Sequence[Sequence[Sequence[str]]]) -> list[float]:
-    """Return how long each step takes, of a schedule of the same swings as the known one [s]."""
+    """Return the durations of the steps of a schedule with the same swings as the known one [s]."""
     swings = zip(chain.from_iterable(known["schedule"]), chain(*known["swings_s"]), strict=True)
     swing_s = {tuple(move): time_s for move, time_s in swings}
     return [max(swing_s[tuple(move)] for move in moves) for moves in schedule]

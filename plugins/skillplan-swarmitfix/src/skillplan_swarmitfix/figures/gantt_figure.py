@@ -1,4 +1,4 @@
-"""When head, parallel kinematic machine and base are busy with the five steps.
+"""Gantt chart of head, parallel kinematic machine and base in the five steps.
 
 Veeramani and Muthuswamy 2022, section 3.
 """
@@ -45,20 +45,20 @@ _MOST_LINES = 8
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """One of the five steps on paper.
+    """A bar of one of the five steps.
 
     Parameters
     ----------
     sequence
         Number of the sequence, from 1.
     step
-        Which of the five, such as ``swing``.
+        Name of the step, such as ``swing``.
     agents
-        Who is busy: of ``head``, ``pkm`` and ``base``.
+        Busy agents among ``head``, ``pkm`` and ``base``.
     start_s, end_s
-        When [s], from 0.
+        Begin and end [s], from 0.
     labels
-        What is done, by the agent that does it, such as ``B2: C66 to C54``.
+        Texts by agent, such as ``B2: C66 to C54``.
 
     Raises
     ------
@@ -85,19 +85,19 @@ class Bar:
 
 @in_house_style
 def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
-    """Draw a Gantt chart; what is too long for one line goes on in the next.
+    """Draw a Gantt chart in as many lines as needed.
 
     Parameters
     ----------
     bars
-        The steps in order of time, at least one.
+        Steps in order of time, at least one.
     heading
-        What stands above.
+        Heading of the figure.
 
     Raises
     ------
     ValueError
-        If there is no step.
+        If `bars` is empty.
     """
     if not bars:
         raise ValueError("A Gantt chart needs at least one step.")
@@ -131,7 +131,7 @@ def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
 
 
 def _lines(bars: Sequence[Bar]) -> tuple[list[list[Bar]], float]:
-    """Return the bars of every line, broken between sequences, and the time that a line has [s]."""
+    """Return the bars of every line, broken between sequences, and the time of a line [s]."""
     total_s = bars[-1].end_s - bars[0].start_s
     per_line_s = max(_LINE_IN / _SCALE_IN_PER_S, total_s / _MOST_LINES * 1.15)
     if total_s <= per_line_s:
@@ -173,7 +173,7 @@ def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) 
 
 
 def _write_in(axes: Axes, bar: Bar, agent: str, label: str, in_per_s: float) -> None:
-    """Write what an agent does into its bar, as large as fits."""
+    """Write a label into the bar of an agent, as large as fits."""
     room_in = (bar.end_s - bar.start_s) * in_per_s - 0.06
     size_pt = SMALL_PT * min(1.0, room_in / max(1e-6, text_width_in(label, SMALL_PT)))
     if size_pt >= LEAST_PT:
@@ -188,7 +188,7 @@ def _write_in(axes: Axes, bar: Bar, agent: str, label: str, in_per_s: float) -> 
 
 
 def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
-    """Draw a line where a sequence begins, and write its number above where there is room."""
+    """Draw a line at the start of each sequence, and write its number above if it fits."""
     first: dict[int, float] = {}
     until: dict[int, float] = {}
     for bar in bars:
@@ -223,7 +223,7 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the whole chain."""
+    """Return the run that solves the whole chain."""
     requested_bench(request)
     last = request.problem.tasks[-1]
     if len(last.places_in(last.initial)) != 1:
@@ -237,7 +237,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     Raises
     ------
     OptionError
-        If the chain has none.
+        If the chain has no timeline.
     """
     chain = outcomes[0].chain
     timeline = chain.account.document.get("timeline")
@@ -264,7 +264,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
 
 
 def _labels(swing: Mapping[str, Any] | None) -> dict[str, str]:
-    """Return what base and PKM do in a swing."""
+    """Return the labels of base and PKM in a swing."""
     if swing is None:
         return {}
     turn = f"{swing['counter_rotation_deg']:+d}\N{DEGREE SIGN}"

@@ -1,4 +1,4 @@
-"""Where heads and bases stand along a trajectory.
+"""Heads and bases along a trajectory.
 
 Veeramani and Muthuswamy 2022, Fig. 11.
 """
@@ -46,18 +46,18 @@ _COLOURS = (GREEN, BLUE, RED, PURPLE, OLIVE, SKY)
 
 @dataclass(frozen=True, slots=True)
 class HeadMark:
-    """A head on paper.
+    """The mark of a head.
 
     Parameters
     ----------
     position_m
-        Its centroid [m].
+        Centroid [m].
     yaw_rad
         Heading of its first corner, counter-clockwise from x [rad].
     side_m
         Side of the equilateral triangle [m], > 0.
     at_vertex
-        Whether it stands at a vertex of the trajectory.
+        True for a head at a vertex of the trajectory.
 
     Raises
     ------
@@ -85,14 +85,14 @@ class HeadMark:
 
 @dataclass(frozen=True, slots=True)
 class BaseGoal:
-    """A goal position of the base, and the supports that it holds (x, y) [m]."""
+    """A goal position of the base with the supports that it holds (x, y) [m]."""
 
     position: int
     supports_m: tuple[Point2, ...]
 
 
 def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
-    """Return the numbers of the goals, from 1, by the position where they are."""
+    """Return the numbers of the goals, from 1, by position."""
     visits: dict[int, list[int]] = {}
     for number, goal in enumerate(goals, start=1):
         visits.setdefault(goal.position, []).append(number)
@@ -100,15 +100,15 @@ def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
 
 
 def colours_of(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
-    """Return a colour by the position of goals; those of one colour are far from each other."""
-    found: dict[int, str] = {}
+    """Return a colour by position of goals; goals of the same colour are far from each other."""
+    colours: dict[int, str] = {}
     for position in visits_of(goals):
         at_m = bench.centroids_m[position]
-        apart_m = dict.fromkeys(_COLOURS, math.inf)
-        for other, colour in found.items():
-            apart_m[colour] = min(apart_m[colour], math.dist(at_m, bench.centroids_m[other]))
-        found[position] = max(_COLOURS, key=apart_m.__getitem__)
-    return found
+        nearest_m = dict.fromkeys(_COLOURS, math.inf)
+        for other, colour in colours.items():
+            nearest_m[colour] = min(nearest_m[colour], math.dist(at_m, bench.centroids_m[other]))
+        colours[position] = max(_COLOURS, key=nearest_m.__getitem__)
+    return colours
 
 
 def ranges_text(numbers: Sequence[int]) -> str:
@@ -125,7 +125,7 @@ def ranges_text(numbers: Sequence[int]) -> str:
 
 
 def holds_of(goals: Sequence[BaseGoal]) -> list[tuple[int, Point2]]:
-    """Return the positions of goals, each with the supports held from there, once each [m]."""
+    """Return the positions of goals with the supports held from there, without duplicates [m]."""
     return list(dict.fromkeys((goal.position, at) for goal in goals for at in goal.supports_m))
 
 
@@ -150,22 +150,22 @@ def draw_labels(
     between: Sequence[int],
     home: int | None,
 ) -> None:
-    """Write names into the circles, and numbers beside them and beside the heads.
+    """Write names into the circles, and numbers near them and near the heads.
 
     Parameters
     ----------
     canvas
-        Where everything else is drawn already.
+        Canvas with everything but labels.
     points_m
         Points of the trajectory [m], shape (n, 2).
     heads, goals
-        The heads in order along the trajectory, and the goals.
+        Heads in order along the trajectory, and goals.
     visits
-        The numbers of the goals by position.
+        Numbers of the goals by position.
     between
         Positions that the base passes.
     home
-        Where the base is at first; None if it is nowhere.
+        First position of the base; None for none.
     """
     bench = canvas.bench
     name_pt, number_pt = canvas.font_pt(6.4, 8.0), canvas.font_pt(5.6, 7.0)
@@ -183,19 +183,19 @@ def draw_labels(
             _write(canvas, (x_m, y_m), bench.name(position), name_pt, INK, bold=True)
     for centre in centres.values():
         placer.avoid_disc(centre, radius_in + 0.02)
-    beside_in = [radius_in + extra for extra in (0.04, 0.1, 0.18, 0.28)]
+    distances_in = [radius_in + extra for extra in (0.04, 0.1, 0.18, 0.28)]
     for position in rings:
         if position not in inside:
             name = bench.name(position)
-            place = placer.place(centres[position], name, name_pt, beside_in)
+            place = placer.place(centres[position], name, name_pt, distances_in)
             _write(canvas, canvas.to_metres(place), name, name_pt, INK, bold=True)
     colours = colours_of(canvas.bench, goals)
     for position, numbers in sorted(visits.items()):
         text = f"b{ranges_text(numbers)}"
-        place = placer.place(centres[position], text, number_pt, beside_in)
+        place = placer.place(centres[position], text, number_pt, distances_in)
         _write(canvas, canvas.to_metres(place), text, number_pt, text_colour(colours[position]))
     if home is not None and home not in visits:
-        place = placer.place(centres[home], "home", number_pt, beside_in)
+        place = placer.place(centres[home], "home", number_pt, distances_in)
         _write(canvas, canvas.to_metres(place), "home", number_pt, "#8a5a00")
     _number_heads(canvas, placer, np.mean(points_m, axis=0), heads, number_pt)
 
@@ -207,13 +207,13 @@ def _number_heads(
     heads: Sequence[HeadMark],
     size_pt: float,
 ) -> None:
-    """Write the numbers of the heads, outside of the trajectory where there is room."""
+    """Write the numbers of the heads, outside the trajectory if there is room."""
     for number, head in enumerate(heads, start=1):
-        beside_in = [_corner_in(canvas, head) + extra for extra in (0.03, 0.08, 0.15, 0.25)]
+        distances_in = [_corner_in(canvas, head) + extra for extra in (0.03, 0.08, 0.15, 0.25)]
         outward = np.array(head.position_m) - middle_m
         angle_rad = math.atan2(outward[1], outward[0])
         anchor, text = canvas.to_inches(head.position_m), f"h{number}"
-        place = placer.place(anchor, text, size_pt, beside_in, angle_rad)
+        place = placer.place(anchor, text, size_pt, distances_in, angle_rad)
         _write(canvas, canvas.to_metres(place), text, size_pt, MUTED)
 
 
@@ -223,7 +223,7 @@ def _placer(
     heads: Sequence[HeadMark],
     goals: Sequence[BaseGoal],
 ) -> LabelPlacer:
-    """Return what keeps labels off the trajectory, the heads and the lines to them."""
+    """Return a placer that avoids the trajectory, the heads and the lines to them."""
     placer = LabelPlacer(*canvas.size_in)
     placer.avoid_line([canvas.to_inches(point) for point in points_m.tolist()])
     for link in links_m(canvas.bench, goals):
@@ -234,7 +234,7 @@ def _placer(
 
 
 def _corner_in(canvas: BenchCanvas, head: HeadMark) -> float:
-    """Return how far the corners of a head are from its centroid, on paper [in]."""
+    """Return the distance of the corners of a head from its centroid on paper [in]."""
     return head.side_m / math.sqrt(3) * canvas.inch_per_m
 
 
@@ -274,7 +274,7 @@ def placement_figure(
     *,
     closed: bool,
 ) -> Figure:
-    """Draw the trajectory, the heads along it, and where the base stands to hold them.
+    """Draw the trajectory, the heads along it, and the goals of the base that holds them.
 
     Parameters
     ----------
@@ -283,15 +283,15 @@ def placement_figure(
     trajectory_m
         Points of the trajectory in order [m], at least two.
     heads
-        In order along the trajectory.
+        Heads in order along the trajectory.
     goals
-        In the order in which the base visits them.
+        Goals in the order of the base.
     paths
         Positions of the base on the path to each goal, both ends included.
     heading
-        What stands above.
+        Heading of the figure.
     closed
-        Whether the trajectory returns to its start.
+        True if the trajectory returns to its start.
 
     Raises
     ------
@@ -328,7 +328,7 @@ def _draw_trajectory(canvas: BenchCanvas, points_m: NDArray[np.float64]) -> None
     canvas.axes.plot(
         *points_m.T, color=_TRAJECTORY, linewidth=2.2, zorder=5, solid_joinstyle="round"
     )[0].set_gid("trajectory")
-    # One arrow in the middle of the longest piece says in which direction the tool goes.
+    # An arrow in the middle of the longest piece shows the direction of the tool.
     pieces = np.diff(points_m, axis=0)
     longest = int(np.argmax(np.hypot(*pieces.T)))
     begin, along = points_m[longest], pieces[longest]
@@ -427,7 +427,7 @@ def _legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the whole chain."""
+    """Return the run that solves the whole chain."""
     account = request.problem.account({})
     requested_bench(request, account)
     if "workpiece" not in account.document:

@@ -1,4 +1,4 @@
-"""The bench with what a policy recommends in every position.
+"""The bench with the recommended action of a policy in every position.
 
 Veeramani and Muthuswamy 2022, Fig. 9.
 """
@@ -48,7 +48,7 @@ def policy_figure(
     *,
     start: int | None = None,
 ) -> Figure:
-    """Draw a policy: an arrow in every position, towards where the action leads.
+    """Draw a policy: an arrow in every position towards the end of its action.
 
     Positions are shaded by the number of steps that the policy takes from there to the goal.
 
@@ -57,13 +57,13 @@ def policy_figure(
     bench
         The lattice.
     recommended
-        Action by position, both from 0; positions without one stay empty.
+        Actions by position, both from 0; positions without an action stay empty.
     goal
-        The position where the policy is to lead.
+        Goal position.
     heading
-        What stands above.
+        Heading of the figure.
     start
-        The position whose path to the goal is outlined; None for no such path.
+        Position whose path to the goal is outlined; None for none.
 
     Raises
     ------
@@ -93,16 +93,16 @@ def policy_figure(
 
 
 def steps_to(goal: int, ends: Mapping[int, int], n_positions: int) -> NDArray[np.int64]:
-    """Return how many steps a policy takes from every position to the goal, -1 for never.
+    """Return the steps of a policy from every position to the goal; -1 if it never gets there.
 
     Parameters
     ----------
     goal
-        The goal.
+        Goal position.
     ends
-        Where the recommended action leads from each position.
+        End of the recommended action by position.
     n_positions
-        How many positions there are.
+        Number of positions.
     """
     steps = np.full(n_positions, -1, dtype=np.int64)
     before: dict[int, list[int]] = {}
@@ -256,7 +256,7 @@ def _draw_scale(canvas: BenchCanvas, most: int) -> None:
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: the task of walking."""
+    """Return the run that solves the task of walking."""
     requested_bench(request)
     return [Run(request.walk())]
 

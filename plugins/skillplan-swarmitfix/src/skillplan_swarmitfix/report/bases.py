@@ -1,4 +1,4 @@
-"""Bases on the bench in space: their bodies, the bench, and where a base is while it swings."""
+"""Bodies of bench and bases, and the motion of a base that swings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.bench.swings import Direction
 
 BASE_TOP_M = 0.2
-"""How high the body of a base is; not published, drawn so [m]."""
+"""Height of a base [m]; an assumption, as it is not published."""
 
 _PIN_M, _LEG_M = 0.012, 0.03
 
@@ -45,36 +45,36 @@ def turning(bench: Bench, start: int, action: int, begin_s: float, end_s: float)
 def base_rows(
     bench: Bench, start: int, turnings: Sequence[Turning], times_s: Numbers
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Return where the middle of a base is at some times: x, y [m] and its turn [rad].
+    """Return the centre x, y [m] and the rotation [rad] of a base at ascending times [s].
 
     Parameters
     ----------
     bench
         The lattice.
     start
-        Where it stands first.
+        First position.
     turnings
-        In order of time.
+        Swings in order of time.
     times_s
-        Ascending.
+        Ascending times.
     """
     x, y = bench.centroids_m[start].tolist()
     toward = bench.pins_m[bench.legs[start][0]] - bench.centroids_m[start]
     yaw = math.atan2(toward[1], toward[0])
     xs, ys, yaws = (np.full(len(times_s), value) for value in (x, y, yaw))
-    for one in turnings:
-        share = np.clip((times_s - one.begin_s) / max(one.end_s - one.begin_s, 1e-9), 0, 1)
-        begun = times_s >= one.begin_s
-        # It speeds up and slows down evenly.
-        angles = one.angle_rad * (3 * share**2 - 2 * share**3)
-        px, py = one.pivot_m
+    for turn in turnings:
+        share = np.clip((times_s - turn.begin_s) / max(turn.end_s - turn.begin_s, 1e-9), 0, 1)
+        moving = times_s >= turn.begin_s
+        # Smooth acceleration and deceleration.
+        angles = turn.angle_rad * (3 * share**2 - 2 * share**3)
+        px, py = turn.pivot_m
         dx, dy = x - px, y - py
-        xs = np.where(begun, px + dx * np.cos(angles) - dy * np.sin(angles), xs)
-        ys = np.where(begun, py + dx * np.sin(angles) + dy * np.cos(angles), ys)
-        yaws = np.where(begun, yaw + angles, yaws)
-        c, s = math.cos(one.angle_rad), math.sin(one.angle_rad)
+        xs = np.where(moving, px + dx * np.cos(angles) - dy * np.sin(angles), xs)
+        ys = np.where(moving, py + dx * np.sin(angles) + dy * np.cos(angles), ys)
+        yaws = np.where(moving, yaw + angles, yaws)
+        c, s = math.cos(turn.angle_rad), math.sin(turn.angle_rad)
         x, y = px + dx * c - dy * s, py + dx * s + dy * c
-        yaw += one.angle_rad
+        yaw += turn.angle_rad
     return xs, ys, yaws
 
 

@@ -1,4 +1,4 @@
-"""A job on the bench as the input of a chapter."""
+"""The input of a report chapter on a job on the bench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 def bench_input(
     problem: Problem, document: Mapping[str, Any], name: str, playing: bool
 ) -> ChainInput:
-    """Return what a chapter on a chain of tasks is made of.
+    """Return the input of a chapter on a chain of tasks.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ def bench_input(
     document
         Its result.
     name
-        Of the chapter.
+        Name of the chapter.
     playing
-        Whether the page has no playback yet.
+        True if the chapter may bring the playback of the page.
     """
     account = chain_account(problem, document)
     known = account.document
@@ -60,7 +60,7 @@ def bench_input(
 
 
 def _refused(known: Mapping[str, Any], document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Return the supports that the machine cannot hold, and why the whole is no better."""
+    """Return the supports that the machine cannot hold, and the reason of the status."""
     rows = [
         (f"support {goal['sequence']} from {goal['goal']}", "out of reach", goal["pkm"]["reason"])
         for goal in known.get("goals") or ()

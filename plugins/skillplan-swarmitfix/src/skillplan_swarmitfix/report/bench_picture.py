@@ -25,7 +25,7 @@ _HEAD_PX, _NAME_PX = 5.0, 9.5
 
 
 def bench_picture(name: str, bench: Bench, known: Mapping[str, Any]) -> tuple[Picture, str]:
-    """Return the bench with all that moves on it, and a caption.
+    """Return the bench with its bases, heads and paths, and a caption.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class _BenchSheet:
         self.picture.polygon(box, "paper" if beyond else role, role, 1.4, note=note)
 
     def draw_fleet(self, robots: Sequence[Mapping[str, Any]]) -> None:
-        """Draw the path of every base, a little beside the paths of the others."""
+        """Draw the path of every base, shifted a little from the others."""
         for number, robot in enumerate(robots):
             role = SERIES[number % len(SERIES)]
             aside_px = 3.0 * (number - (len(robots) - 1) / 2)
@@ -123,8 +123,8 @@ class _BenchSheet:
             x, y = points[0]
             half_px = text_width_px(words, SMALL_PX) / 2 + 8
             middle = min(max(x, half_px), _WIDTH_PX - half_px)
-            beside = y - 15 if y < self.foot_px / 2 else y + 15
-            self.picture.label((middle, beside), words, role, SMALL_PX, bold=True, halo=True)
+            label_y = y - 15 if y < self.foot_px / 2 else y + 15
+            self.picture.label((middle, label_y), words, role, SMALL_PX, bold=True, halo=True)
 
     def _draw_legend(self) -> None:
         left, top = _MARGIN_PX, self.foot_px + 10

@@ -1,13 +1,14 @@
 """A base that walks along a sheet, with its parallel kinematic machine and its head.
 
-Where base and head are follows from the plan; where the legs of the machine are, from its inverse
-kinematics. Heights between are drawn as the five steps say, from retract to support.
+The plan gives the places of base and head, inverse kinematics the legs of the machine. Heights
+follow the five steps, from retract to support.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,9 @@ from skillplan_swarmitfix.report.bases import (
     upright_rows,
 )
 
-# Poses are worked out so often and interpolated between [frames].
+# Distance of computed poses; poses between them are interpolated [frames].
 _EVERY = 6
-# Where the head is while it is parked: so far from the base, and so far below the sheet [m].
+# Distance of the parked head from the base, and below the sheet [m].
 _PARKED_M, _DOWN_M = 0.39, 0.05
 _HEAD_M = 0.02
 _LEG_COLOUR, _ROD_COLOUR = "#8b929b", "#d5d9de"
@@ -44,13 +45,13 @@ def bench_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playbac
     Parameters
     ----------
     name
-        Of the task.
+        Name of the task.
     bench
         The lattice.
     known
-        What the domain says of the solved file, with a timeline.
+        The domain's account of the solved file, with a timeline.
     """
-    return _BenchPlayback(name, bench, known).made()
+    return _BenchPlayback(name, bench, known).build()
 
 
 class _BenchPlayback:
@@ -66,14 +67,14 @@ class _BenchPlayback:
         self.playback = Playback(name, frames, words)
         self.geometry, self.mount = PkmGeometry(), Mount()
 
-    def made(self) -> Playback:
-        """Return all of it."""
+    def build(self) -> Playback:
+        """Return the playback."""
         add_bench(self.playback, self.bench)
-        self._sheet()
+        self._add_sheet()
         xs, ys, yaws = base_rows(self.bench, self._start(), self._turnings(), self.times_s)
         add_base(self.playback, self.bench, "base", self._dense(upright_rows(xs, ys, yaws)))
-        self._machine(xs, ys)
-        self._skills()
+        self._animate_machine(xs, ys)
+        self._add_skills()
         return self.playback
 
     def _start(self) -> int:
@@ -81,17 +82,17 @@ class _BenchPlayback:
         return self.bench.position(swings[0] if swings else self.timeline[0]["base"])
 
     def _turnings(self) -> list[Turning]:
-        found = []
+        turnings = []
         for phase in self.timeline:
             swing = phase.get("swing")
             if swing:
                 start = self.bench.position(swing["start"])
                 times = float(phase["start_s"]), float(phase["end_s"])
-                made = turning(self.bench, start, int(swing["action"][1:]), *times)
-                found += [made] if made is not None else []
-        return found
+                turn = turning(self.bench, start, int(swing["action"][1:]), *times)
+                turnings += [turn] if turn is not None else []
+        return turnings
 
-    def _sheet(self) -> None:
+    def _add_sheet(self) -> None:
         piece = self.known.get("workpiece")
         if not piece:
             return
@@ -106,7 +107,7 @@ class _BenchPlayback:
         self.playback.add_body("sheet", "sheet", [box(size)], Pose(middle))
 
     def _reaches(self) -> list[tuple[float, float, float, float]]:
-        """Return keys of the head: time [s], its place in the plane [m], and how far it is down."""
+        """Return keys of the head: time [s], place in the plane [m] and depth [m]."""
         keys: list[tuple[float, float, float, float]] = []
         spots = [phase.get("support_m") for phase in self.timeline]
         at = next((spot for spot in spots if spot), [0.0, 0.0])
@@ -120,7 +121,7 @@ class _BenchPlayback:
                 keys += [(begin, *_plane(at), 0.0), (end, *_plane(at), _DOWN_M)]
         return keys
 
-    def _machine(self, xs: Numbers, ys: Numbers) -> None:
+    def _animate_machine(self, xs: Numbers, ys: Numbers) -> None:
         """Add column, legs, platform and head, which turn with the machine on the base."""
         spots, downs = self._head_spots(xs, ys)
         azimuth = np.arctan2(spots[:, 1] - ys, spots[:, 0] - xs)
@@ -144,13 +145,13 @@ class _BenchPlayback:
         self._add_machine(pillar, platform, head, joints)
 
     def _head_spots(self, xs: Numbers, ys: Numbers) -> tuple[Numbers, Numbers]:
-        """Return where the head is in the plane, shape (n, 2), and how far below the sheet."""
+        """Return places of the head in the plane, shape (n, 2), and depths below the sheet."""
         keys = np.array(self._reaches() or [(0.0, xs[0] + _PARKED_M, ys[0], _DOWN_M)])
         spots = np.stack(
             [np.interp(self.times_s, keys[:, 0], keys[:, axis]) for axis in (1, 2)], axis=1
         )
         downs = np.interp(self.times_s, keys[:, 0], keys[:, 3])
-        # No farther than the machine reaches while the base walks under it.
+        # The head stays within reach while the base walks under it.
         away = spots - np.stack([xs, ys], axis=1)
         far = np.maximum(np.hypot(*away.T), 1e-6)
         held = np.where(downs > _DOWN_M - 1e-9, np.clip(far, 0.34, 0.43), far)
@@ -159,16 +160,14 @@ class _BenchPlayback:
 
     def _mounted(self, x: float, y: float, azimuth: float) -> Numbers:
         """Return the frame of the machine on the base, in the world."""
-        made = np.eye(4)
-        turned = zyz_matrix(azimuth, self.mount.tilt_rad, 0.0)
-        out = (math.cos(azimuth), math.sin(azimuth))
-        made[:3, :3] = turned
-        made[:3, 3] = (
-            x + self.mount.offset_m * out[0],
-            y + self.mount.offset_m * out[1],
+        frame = np.eye(4)
+        frame[:3, :3] = zyz_matrix(azimuth, self.mount.tilt_rad, 0.0)
+        frame[:3, 3] = (
+            x + self.mount.offset_m * math.cos(azimuth),
+            y + self.mount.offset_m * math.sin(azimuth),
             self.mount.height_m,
         )
-        return made
+        return frame
 
     def _pose(self, far_m: float, down_m: float) -> tuple[Numbers, Numbers, Numbers] | None:
         """Return platform, feet and tops of the legs in the machine's frame; None out of reach."""
@@ -192,14 +191,14 @@ class _BenchPlayback:
         return plate, feet, tops
 
     def _head_frame(self, x: float, y: float, azimuth: float, far: float, down: float) -> Numbers:
-        made = np.eye(4)
-        made[:3, :3] = zyz_matrix(azimuth, 0.0, 0.0)
-        made[:3, 3] = (
+        frame = np.eye(4)
+        frame[:3, :3] = zyz_matrix(azimuth, 0.0, 0.0)
+        frame[:3, 3] = (
             x + far * math.cos(azimuth),
             y + far * math.sin(azimuth),
             self.mount.sheet_m - down,
         )
-        return made
+        return frame
 
     def _add_machine(
         self, pillar: Numbers, platform: Numbers, head: Numbers, joints: Numbers
@@ -260,13 +259,13 @@ class _BenchPlayback:
             self.playback.add_body(f"leg {name}, {part}", "link", shapes, rows=rows, color=colour)
 
     def _dense(self, rows: Numbers) -> Numbers:
-        """Return poses of every frame from those that were worked out."""
-        made = [np.interp(self.frames, self.coarse, column) for column in rows.T]
-        dense = np.stack(made, axis=1)
+        """Return poses of every frame, interpolated between the computed ones."""
+        columns = [np.interp(self.frames, self.coarse, column) for column in rows.T]
+        dense = np.stack(columns, axis=1)
         dense[:, 3:] /= np.linalg.norm(dense[:, 3:], axis=1, keepdims=True)
         return np.asarray(dense)
 
-    def _skills(self) -> None:
+    def _add_skills(self) -> None:
         for phase in self.timeline:
             swing = phase.get("swing")
             words = f"{swing['action']}: {swing['start']} to {swing['end']}" if swing else None
@@ -284,23 +283,23 @@ class _BenchPlayback:
 
 
 def _plane(spot: Any) -> tuple[float, float]:
-    """Return the middle of one support, or of several [m]."""
+    """Return the centre of one or several supports [m]."""
     points = np.atleast_2d(np.array(spot, dtype=np.float64))
     x, y = points.mean(axis=0).tolist()
     return x, y
 
 
 def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
-    """Return the motion of a fleet: in every step each swing takes its own time.
+    """Return the motion of a fleet, in which each swing takes its own time.
 
     Parameters
     ----------
     name
-        Of the task.
+        Name of the task.
     bench
         The lattice.
     known
-        What the domain says of the solved file, with a schedule.
+        The domain's account of the solved file, with a schedule.
     """
     whole_s = float(known["parallel_s"])
     frames = 1 + round(whole_s * FRAMES_PER_S)
@@ -313,9 +312,9 @@ def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playbac
         for _, who, action, (begin, end), times in swings_of(known):
             if who != robot:
                 continue
-            made = turning(bench, bench.position(begin), int(action[1:]), *times)
-            if made is not None:
-                moves.append(made)
+            turn = turning(bench, bench.position(begin), int(action[1:]), *times)
+            if turn is not None:
+                moves.append(turn)
             playback.skills.append(
                 {
                     "name": f"{robot}: {action}",
@@ -329,7 +328,7 @@ def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playbac
             )
         rows = upright_rows(*base_rows(bench, start, moves, times_s))
         add_base(playback, bench, robot, rows, PALETTE[number % len(PALETTE)])
-    playback.skills.sort(key=lambda one: one["start_s"])
+    playback.skills.sort(key=itemgetter("start_s"))
     return playback
 
 
@@ -338,7 +337,7 @@ def swings_of(
 ) -> Iterator[tuple[int, str, str, tuple[str, str], tuple[float, float]]]:
     """Yield step from 1, robot, action, positions and times [s] of every swing of a schedule.
 
-    A step begins when the longest swing of the one before has ended.
+    A step begins when the longest swing of the previous step has ended.
     """
     begin_s = 0.0
     steps = zip(known["schedule"], known["swings_s"], known["steps_s"], strict=True)
