@@ -499,10 +499,10 @@ def _is_of_boxes(body: Body) -> bool:
     return all(isinstance(shape, Box) for shape in body.exact_shapes)
 
 
-def _overlap(one: WorldBox, other: WorldBox) -> bool:
+def _overlap(box: WorldBox, other: WorldBox) -> bool:
     return all(
         low <= top and bottom <= high
-        for low, high, bottom, top in zip(one.low, one.high, other.low, other.high, strict=True)
+        for low, high, bottom, top in zip(box.low, box.high, other.low, other.high, strict=True)
     )
 
 

@@ -111,15 +111,15 @@ def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
         f"{len(mesh.faces):,}",
     )
     try:
-        made = _measured(mesh, _made(mesh, entry))
+        new_pieces = _measured(mesh, _made(mesh, entry))
     except Exception as error:
         # Plugins may raise any exception.
         raise NoPieces(f"{entry.name} could not take it apart: {error!r}") from error
     # Pieces that cannot be cached are made again.
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(_document(made)))
-    return made
+        write_whole(path, json.dumps(_document(new_pieces)))
+    return new_pieces
 
 
 @lru_cache(maxsize=64)
@@ -148,8 +148,8 @@ def _loaded(entry: EntryPoint) -> Any:
 
 def _made(mesh: Mesh, entry: EntryPoint) -> tuple[Mesh, ...]:
     corners, faces = np.array(mesh.corners, dtype=float), np.array(mesh.faces, dtype=np.int64)
-    found: Iterable[tuple[Any, Any]] = _loaded(entry)(corners, faces)
-    pieces = tuple(_piece(np.asarray(own, dtype=float), np.asarray(of)) for own, of in found)
+    surfaces: Iterable[tuple[Any, Any]] = _loaded(entry)(corners, faces)
+    pieces = tuple(_piece(np.asarray(own, dtype=float), np.asarray(of)) for own, of in surfaces)
     if not pieces:
         raise ValueError("it returned no piece")
     return pieces
@@ -195,17 +195,21 @@ def _samples(triangles: Floats, count: int) -> Floats:
 
 
 def _halton(numbers: Any, base: int) -> Floats:
-    found, share, rest = np.zeros(len(numbers)), 1.0, numbers.copy()
+    values, share, rest = np.zeros(len(numbers)), 1.0, numbers.copy()
     while rest.any():
         share /= base
-        found += share * (rest % base)
+        values += share * (rest % base)
         rest //= base
-    return found
+    return values
 
 
-def _document(made: Decomposition) -> dict[str, Any]:
-    pieces = [{"corners": piece.corners, "faces": piece.faces} for piece in made.pieces]
-    return {"pieces": pieces, "outside_m": made.outside_m, "missing_m": made.missing_m}
+def _document(decomposition: Decomposition) -> dict[str, Any]:
+    pieces = [{"corners": piece.corners, "faces": piece.faces} for piece in decomposition.pieces]
+    return {
+        "pieces": pieces,
+        "outside_m": decomposition.outside_m,
+        "missing_m": decomposition.missing_m,
+    }
 
 
 def _kept(path: Path) -> Decomposition | None:

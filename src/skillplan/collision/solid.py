@@ -34,15 +34,15 @@ def area(polygon: Sequence[Planar]) -> float:
     )
 
 
-def intersection(one: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
+def intersection(polygon: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
     """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty.
 
     Parameters
     ----------
-    one, other
+    polygon, other
         Corners, anticlockwise.
     """
-    left = list(one)
+    left = list(polygon)
     for begin, end in _sides(other):
         dx, dy = end[0] - begin[0], end[1] - begin[1]
         left = below(left, (dy, -dx), dy * begin[0] - dx * begin[1])
@@ -66,28 +66,28 @@ def below(polygon: Sequence[Planar], normal: Planar, offset: float) -> list[Plan
     return kept
 
 
-def overlap(one: Sequence[Planar], other: Sequence[Planar]) -> float:
+def overlap(first: Sequence[Planar], other: Sequence[Planar]) -> float:
     """Return the least shift that separates two convex polygons (separating axes).
 
     It is negative if they are disjoint.
 
     Parameters
     ----------
-    one, other
+    first, other
         Corners, anticlockwise.
     """
-    least = math.inf
-    for polygon in (one, other):
+    depth = math.inf
+    for polygon in (first, other):
         for begin, end in _sides(polygon):
             dx, dy = end[0] - begin[0], end[1] - begin[1]
             length = math.hypot(dx, dy)
             if length == 0:
                 continue
             normal = (dy / length, -dx / length)
-            low_1, high_1 = _extent(one, normal)
+            low_1, high_1 = _extent(first, normal)
             low_2, high_2 = _extent(other, normal)
-            least = min(least, high_1 - low_2, high_2 - low_1)
-    return least
+            depth = min(depth, high_1 - low_2, high_2 - low_1)
+    return depth
 
 
 def inwards(polygon: Sequence[Planar], point: Planar) -> float:
@@ -109,7 +109,7 @@ def covered(polygons: Sequence[Sequence[Planar]]) -> float:
     sides = [side for polygon in polygons for side in _sides(polygon)]
     stops = {corner[0] for polygon in polygons for corner in polygon}
     stops |= {
-        x for i, one in enumerate(sides) for other in sides[:i] for x in _crossing(one, other)
+        x for i, first in enumerate(sides) for other in sides[:i] for x in _crossing(first, other)
     }
     ordered = sorted(stops)
     # No sides cross between two stops, so the covered length changes linearly.
@@ -136,8 +136,8 @@ def _covered_at(polygons: Sequence[Sequence[Planar]], x: float) -> float:
     return total
 
 
-def _crossing(one: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
-    (ax, ay), (bx, by) = one
+def _crossing(side: tuple[Planar, Planar], other: tuple[Planar, Planar]) -> Iterator[float]:
+    (ax, ay), (bx, by) = side
     (cx, cy), (dx, dy) = other
     across = (bx - ax) * (dy - cy) - (by - ay) * (dx - cx)
     if across == 0:
@@ -443,15 +443,15 @@ class Solid:
         from skillplan.collision.surface import narrowed_height_above
 
         return min(
-            narrowed_height_above(one.surface, two.surface, by_m)
-            for one, two in product(self.pieces, lower.pieces)
+            narrowed_height_above(piece.surface, two.surface, by_m)
+            for piece, two in product(self.pieces, lower.pieces)
         )
 
     def depth_m(self, other: Solid) -> float:
         """Return the penetration depth of the deepest pair of shapes [m]; 0 if disjoint."""
         if not _meet(self.box, other.box, TOUCH_M):
             return 0.0
-        return max(one.depth_m(two) for one, two in product(self.pieces, other.pieces))
+        return max(piece.depth_m(two) for piece, two in product(self.pieces, other.pieces))
 
     def top_m(self, x_m: float, y_m: float) -> float | None:
         """Return the height of the highest surface at a point in plan [m], or None."""
@@ -501,23 +501,23 @@ class Solid:
             return []
         return [
             polygon
-            for one, two in product(self.pieces, lower.pieces)
-            for polygon in one.touching(two)
+            for piece, two in product(self.pieces, lower.pieces)
+            for polygon in piece.touching(two)
         ]
 
     def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
         if not _over(self.box, lower.box):
             return None
         pairs = [
-            (one.box.low[2] - two.box.high[2] - _SLOPE_M, one, two)
-            for one, two in product(self.pieces, lower.pieces)
+            (piece.box.low[2] - two.box.high[2] - _SLOPE_M, piece, two)
+            for piece, two in product(self.pieces, lower.pieces)
         ]
         least_m = math.inf
         # Closest boxes first: the gap between pieces is at least that between their boxes.
-        for bound_m, one, two in sorted(pairs, key=lambda pair: pair[0]):
+        for bound_m, piece, two in sorted(pairs, key=lambda pair: pair[0]):
             if bound_m > least_m:
                 break
-            least_m = min(least_m, one.height_above_m(two, at_least_m))
+            least_m = min(least_m, piece.height_above_m(two, at_least_m))
         return None if math.isinf(least_m) else least_m
 
 
@@ -531,11 +531,11 @@ def _box_about(shape: Shape, pose: Pose) -> WorldBox:
     return WorldBox((lows[0], lows[1], lows[2]), (highs[0], highs[1], highs[2]))
 
 
-def _over(one: WorldBox, other: WorldBox) -> bool:
-    return all(one.low[i] < other.high[i] and other.low[i] < one.high[i] for i in (0, 1))
+def _over(box: WorldBox, other: WorldBox) -> bool:
+    return all(box.low[i] < other.high[i] and other.low[i] < box.high[i] for i in (0, 1))
 
 
-def _meet(one: WorldBox, other: WorldBox, by_m: float) -> bool:
+def _meet(box: WorldBox, other: WorldBox, by_m: float) -> bool:
     return all(
-        one.low[i] + by_m < other.high[i] and other.low[i] + by_m < one.high[i] for i in range(3)
+        box.low[i] + by_m < other.high[i] and other.low[i] + by_m < box.high[i] for i in range(3)
     )

@@ -246,9 +246,9 @@ def _clipped(edges: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
     """Return the parts of edges that are in an upright box."""
     begins, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     slope = np.where(np.abs(way) < 1e-15, 1e-15, way)
-    one, other = (low - begins) / slope, (high - begins) / slope
-    enter = np.clip(np.minimum(one, other).max(axis=1), 0, 1)[:, None]
-    leave = np.clip(np.maximum(one, other).min(axis=1), 0, 1)[:, None]
+    at_low, at_high = (low - begins) / slope, (high - begins) / slope
+    enter = np.clip(np.minimum(at_low, at_high).max(axis=1), 0, 1)[:, None]
+    leave = np.clip(np.maximum(at_low, at_high).min(axis=1), 0, 1)[:, None]
     inside = (enter < leave)[:, 0]
     return (begins + enter * way)[inside], (begins + leave * way)[inside]
 
@@ -269,7 +269,7 @@ class _Faces:
         normal = np.cross(b - a, c - a)
         area = np.einsum("ij,ij->i", normal, normal)
         self._corners = (a, b, c)
-        self._squares = tuple(np.einsum("ij,ij->i", one, one) for one in (a, b, c))
+        self._squares = tuple(np.einsum("ij,ij->i", corner, corner) for corner in (a, b, c))
         self._normal, self._height = normal.T, np.einsum("ij,ij->i", a, normal)
         self._sound, self._per_area = area > 1e-30, 1 / np.maximum(area, 1e-30)
         self._sides = [_Side(begin, end - begin, normal) for begin, end in ((a, b), (b, c), (c, a))]
@@ -277,28 +277,28 @@ class _Faces:
 
     def distances(self, points: Floats) -> Floats:
         """Return the distances of points from the nearest face [m]."""
-        found = np.empty(len(points))
+        squares = np.empty(len(points))
         for first in range(0, len(points), self._chunk):
             some = slice(first, first + self._chunk)
-            found[some] = self._squares_from(points[some]).min(axis=1)
-        return np.asarray(np.sqrt(np.maximum(found, 0.0)))
+            squares[some] = self._squares_from(points[some]).min(axis=1)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     def farthest(self, begins: Floats, ends: Floats) -> Floats:
         """Return upper bounds on the distance of any point of an edge from the nearest face [m]."""
-        found = np.empty(len(begins))
+        bounds = np.empty(len(begins))
         for first in range(0, len(begins), self._chunk):
             some = slice(first, first + self._chunk)
             both = np.maximum(self._squares_from(begins[some]), self._squares_from(ends[some]))
-            found[some] = both.min(axis=1)
-        return np.asarray(np.sqrt(np.maximum(found, 0.0)))
+            bounds[some] = both.min(axis=1)
+        return np.asarray(np.sqrt(np.maximum(bounds, 0.0)))
 
     def inside(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return True for points inside the surface (Van Oosterom and Strackee 1983)."""
-        found = np.empty(len(points), dtype=bool)
+        is_inside = np.empty(len(points), dtype=bool)
         for first in range(0, len(points), self._chunk):
             some = slice(first, first + self._chunk)
-            found[some] = self._turns(points[some]) > 0.5
-        return found
+            is_inside[some] = self._turns(points[some]) > 0.5
+        return is_inside
 
     def _squares_from(self, points: Floats) -> Floats:
         """Return the squared distances of points from faces [m2], shape (points, faces)."""
@@ -320,14 +320,14 @@ class _Faces:
         own = np.einsum("ij,ij->i", points, points)[:, None]
         to = [points @ corner.T for corner in self._corners]
         x, y, z = (
-            np.sqrt(np.maximum(own - 2 * one + square, 0.0))
-            for one, square in zip(to, self._squares, strict=True)
+            np.sqrt(np.maximum(own - 2 * product + square, 0.0))
+            for product, square in zip(to, self._squares, strict=True)
         )
         a, b, c = self._corners
         volume = self._height - points @ self._normal
         below = x * y * z
-        for one, other, rest, i, j in ((a, b, z, 0, 1), (b, c, x, 1, 2), (c, a, y, 2, 0)):
-            below += (own - to[i] - to[j] + np.einsum("ij,ij->i", one, other)) * rest
+        for begin, end, rest, i, j in ((a, b, z, 0, 1), (b, c, x, 1, 2), (c, a, y, 2, 0)):
+            below += (own - to[i] - to[j] + np.einsum("ij,ij->i", begin, end)) * rest
         return np.asarray(np.arctan2(volume, below).sum(axis=1) / (2 * math.pi))
 
 
@@ -541,14 +541,14 @@ _GOLDEN = (5**0.5 - 1) / 2
 _PAIRS_PENETRATION = 1_000_000
 
 
-def depth_m(one: Polyhedron, other: Polyhedron) -> float:
+def depth_m(surface: Polyhedron, other: Polyhedron) -> float:
     """Return the greatest depth of an edge of either surface in the other [m]; 0 if disjoint.
 
     Polyhedra with a common volume have an edge of one in the other. The depth is the distance to
     the
     nearest face, found to 0.05 mm in concave surfaces.
     """
-    return max(_deepest(one, other), _deepest(other, one))
+    return max(_deepest(surface, other), _deepest(other, surface))
 
 
 def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
@@ -583,13 +583,13 @@ def _highest_least(a: Floats, b: Floats) -> float:
     """
     low, high = np.zeros(len(a)), np.ones(len(a))
 
-    def least(share: Floats) -> Floats:
+    def lowest(share: Floats) -> Floats:
         return np.asarray((a + (b - a) * share[:, None]).min(axis=1))
 
-    best = np.maximum(least(low), least(high))
+    best = np.maximum(lowest(low), lowest(high))
     for _ in range(_HALVINGS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        at_left, at_right = least(left), least(right)
+        at_left, at_right = lowest(left), lowest(right)
         best = np.maximum(best, np.maximum(at_left, at_right))
         rises = at_left < at_right
         low, high = np.where(rises, left, low), np.where(rises, high, right)

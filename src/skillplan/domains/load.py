@@ -245,12 +245,12 @@ class Problem:
             raise OptionError(f"A family takes seed >= 0 and count >= 1, not {seed} and {count}.")
         drawn = self.domain.variants(self.config, seed, count)
         name = self.task.name
-        made = []
+        tasks = []
         for index, config in enumerate(drawn):
             sha256 = _content_hash(config)
             (task,) = self.domain.ground(config, sha256)
-            made.append(task.replace(name=f"{name}/{index}", sha256=sha256))
-        return tuple(made)
+            tasks.append(task.replace(name=f"{name}/{index}", sha256=sha256))
+        return tuple(tasks)
 
     def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
         """Return the domain's results beyond the plans."""
@@ -386,8 +386,8 @@ def _validated(
     except ValidationError as error:
         # Entries that could not be read are missing from the data; the document reports them.
         unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
-        found = schema_issues(error, domain.Config)
-        faults = [issue for issue in found if issue.path not in unread]
+        listed = schema_issues(error, domain.Config)
+        faults = [issue for issue in listed if issue.path not in unread]
         unknown = [
             untagged(fault["loc"]) for fault in error.errors() if fault["type"] == "extra_forbidden"
         ]
@@ -401,8 +401,8 @@ def _validated(
         # Models are validated as a whole only if their keys are valid. A missing key may be a
         # misspelt unknown one, which is reported already.
         unread |= {tuple(path[:-1]) for path in unknown}
-        found = schema_issues(error, domain.Config)
-        return None, faults + [issue for issue in found if issue.path not in unread]
+        listed = schema_issues(error, domain.Config)
+        return None, faults + [issue for issue in listed if issue.path not in unread]
 
 
 def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:

@@ -1,6 +1,6 @@
-"""A task, or a plan of it, in formats that other tools read; and plans read back from them.
+"""Exporters of tasks and plans, and a reader of plans. They write no files.
 
-Writes no file itself, and decides nothing: what a format cannot say is refused in words.
+A format refuses, with a message, tasks that it cannot represent.
 """
 
 import lazy_loader as _lazy

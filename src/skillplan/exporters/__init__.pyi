@@ -1,7 +1,7 @@
 from .behaviour_tree import PORTS as PORTS
 from .behaviour_tree import BehaviourTreeExporter as BehaviourTreeExporter
-from .behaviour_tree import meant as meant
-from .behaviour_tree import said as said
+from .behaviour_tree import escape_text as escape_text
+from .behaviour_tree import unescape_text as unescape_text
 from .exporter import Exporter as Exporter
 from .exporter import Handover as Handover
 from .exporter import Identifiers as Identifiers
@@ -34,10 +34,10 @@ __all__ = [
     "PddlExporter",
     "PlanningTask",
     "StructuredTextExporter",
-    "meant",
+    "escape_text",
     "quoted",
     "read_cell",
     "read_plan",
-    "said",
     "scale_of",
+    "unescape_text",
 ]

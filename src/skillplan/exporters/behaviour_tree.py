@@ -1,7 +1,8 @@
 """A plan as a behaviour tree in the XML of BehaviorTree.CPP, version 4.
 
-Each skill is a subtree of its kind: passed over where it is done already, else tried so often, with
-its precondition before and its postcondition behind, and a way to recover after every failure.
+Each skill is a subtree of its kind. It succeeds at once if the skill is done. Otherwise it checks
+the precondition, executes the skill and checks the postcondition, with a recovery after every
+failure and a limited number of attempts.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ from skillplan.exporters.exporter import (
 )
 from skillplan.task import back_end
 
-# What XML cannot hold, what an attribute turns into blanks, and what would name an entry of the
-# blackboard.
+# Characters that XML cannot hold, that attributes turn into blanks, or that would name an entry of
+# the blackboard.
 _UNSAID = re.compile(r"[\\{\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _WRITTEN = re.compile(r"\\u([0-9a-f]{4})")
 
 PORTS = {
     "skill": "name of the skill in the task file",
-    "subject": "what the skill is done to, such as a part",
+    "subject": "object of the skill, such as a part",
     "tool": "tool that it uses",
-    "from_place": "place where the robot stands before",
-    "to_place": "place where it stands afterwards",
+    "from_place": "place of the robot before",
+    "to_place": "place of the robot afterwards",
     "requires": "facts that must hold before, separated by semicolons",
     "forbids": "facts that must not hold before",
     "achieves": "facts that hold afterwards",
     "ends": "facts that do not hold afterwards",
-    "cost": "what it costs, in the task's unit",
-    "duration_s": "how long it takes [s]",
+    "cost": "cost in the task's unit",
+    "duration_s": "duration [s]",
 }
 
 _SKILL_TREE = """\
@@ -75,33 +76,33 @@ class BehaviourTreeExporter(Exporter):
         """Options of behaviour trees."""
 
         attempts: int = Field(
-            default=2, ge=1, le=100, description="how often a skill is tried in all [-]"
+            default=2, ge=1, le=100, description="number of attempts at a skill [-]"
         )
 
     options: Options
 
     def refuses(self, handover: Handover) -> str | None:
-        """Refuse chance after which a skill cannot just be tried again."""
+        """Refuse chance after which a skill cannot be tried again."""
         for skill in handover.skills:
             for outcome in skill.skill.outcomes_in(skill.before)[1:]:
                 if not skill.skill.applicable(outcome.apply(skill.before)):
                     return (
                         f"after {skill.skill.name} has failed by chance it cannot be tried again, "
-                        "and the tree follows one plan. Take the chance out of the task file"
+                        "and the tree follows planned plan. Take the chance out of the task file"
                     )
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that what is left to chance is tried again."""
+        """Return that failed skills are tried again."""
         if not handover.chance:
             return ()
         return (f"a skill that fails by chance is tried {self.options.attempts} times",)
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
         """Return the tree with the models of its nodes."""
-        kinds = dict.fromkeys(one.skill.kind for one in handover.skills)
+        kinds = dict.fromkeys(planned.skill.kind for planned in handover.skills)
         trees = Identifiers(kinds, {"plan"})
-        names = Identifiers(dict.fromkeys(one.skill.name for one in handover.skills))
+        names = Identifiers(dict.fromkeys(planned.skill.name for planned in handover.skills))
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_head(handover)]
         lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
         lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
@@ -117,14 +118,14 @@ class BehaviourTreeExporter(Exporter):
         return {"plan.xml": f"{text}  <TreeNodesModel>\n{models}\n  </TreeNodesModel>\n</root>\n"}
 
 
-def said(name: str) -> str:
-    """Return a text as an attribute has it: what XML cannot hold by its number."""
-    return _UNSAID.sub(lambda found: f"\\u{ord(found[0]):04x}", name)
+def escape_text(name: str) -> str:
+    """Return a text for an attribute, with escapes for characters that XML cannot hold."""
+    return _UNSAID.sub(lambda match: f"\\u{ord(match[0]):04x}", name)
 
 
-def meant(text: str) -> str:
-    """Return the text that `said` was given."""
-    return _WRITTEN.sub(lambda found: chr(int(found[1], 16)), text)
+def unescape_text(text: str) -> str:
+    """Return the text that `escape_text` was given."""
+    return _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
 
 
 def _head(handover: Handover) -> Iterator[str]:
@@ -138,24 +139,27 @@ def _head(handover: Handover) -> Iterator[str]:
     yield "     SkillDone; each finds its ports in the blackboard of its subtree. -->"
 
 
-def _ports(one: PlannedSkill) -> dict[str, str]:
-    condition, outcome = one.skill.condition(one.before), one.skill.prediction_in(one.before)
-    # Of what is deleted only what was there can be seen to be gone.
-    ended = outcome.delete & one.before
+def _ports(planned: PlannedSkill) -> dict[str, str]:
+    condition, outcome = (
+        planned.skill.condition(planned.before),
+        planned.skill.prediction_in(planned.before),
+    )
+    # Only facts that held before can be seen to end.
+    ended = outcome.delete & planned.before
     values = (
-        one.skill.name,
-        one.subject,
-        one.tool,
-        one.origin,
-        one.destination,
+        planned.skill.name,
+        planned.subject,
+        planned.tool,
+        planned.origin,
+        planned.destination,
         ";".join(condition.requires),
         ";".join(condition.forbids),
         ";".join(outcome.add),
         ";".join(ended),
-        decimal_text(one.step.cost),
-        decimal_text(one.step.duration_s),
+        decimal_text(planned.step.cost),
+        decimal_text(planned.step.duration_s),
     )
-    return dict(zip(PORTS, map(said, values), strict=True))
+    return dict(zip(PORTS, map(escape_text, values), strict=True))
 
 
 def _models(trees: list[str]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What every exporter offers: the files that hand a task or a plan on, or why there are none."""
+"""Interface of exporters: a handover of a task or plan, identifiers, and the files of a format."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class PlannedSkill:
     Parameters
     ----------
     step
-        What it costs and how long it takes.
+        Cost and duration.
     skill
         The skill.
     before, after
-        The state where it starts, and the nominal one where it ends.
+        State at its start, and nominal state at its end.
     origin, destination
-        Names of the places where the robot stands then; empty where the task has none.
+        Names of the robot's places; empty if the task has none.
     """
 
     step: Step
@@ -45,27 +45,27 @@ class PlannedSkill:
 
     @property
     def subject(self) -> str:
-        """What the skill is done to: ``pcb`` of ``pick(pcb)``."""
+        """Object of the skill: ``pcb`` of ``pick(pcb)``."""
         return argument(self.skill.name)
 
     @property
     def tool(self) -> str:
-        """The tool that it uses; empty where it names none."""
+        """Tool of the skill; may be empty."""
         return self.skill.parameters.get("tool", "")
 
 
 @dataclass(frozen=True)
 class Handover:
-    """A task and a plan that are handed over.
+    """A task and a plan to be exported.
 
     Parameters
     ----------
     model
-        The task with the back ends that judge it.
+        Task with its back ends.
     plan
-        Replayed, feasible and complete; None where only the task is handed over.
+        Replayed, feasible and complete; None to export the task only.
     charted
-        True if the hand-made chart is all that the detectors go by.
+        True if detectors use the hand-made chart only.
     """
 
     model: SkillModel
@@ -80,24 +80,24 @@ class Handover:
     @cached_property
     def skills(self) -> tuple[PlannedSkill, ...]:
         """The skills of the plan, in order; none without a plan."""
-        found = []
+        planned = []
         state = self.model.initial
         for step in () if self.plan is None else self.plan.steps:
             skill = self.task.skills[step.action]
             after = skill.prediction_in(state).apply(state)
             places = _place(self.task, skill, state), _place(self.task, skill, after)
-            found.append(PlannedSkill(step, skill, state, after, *places))
+            planned.append(PlannedSkill(step, skill, state, after, *places))
             state = after
-        return tuple(found)
+        return tuple(planned)
 
     @property
     def chance(self) -> str:
-        """The first skill of several outcomes, whose outcome is left to chance; else empty."""
+        """Name of the first skill with several outcomes; empty if all are deterministic."""
         return next((skill.name for skill in self.task.skills if not skill.deterministic), "")
 
 
 def argument(name: str) -> str:
-    """Return what stands in brackets: ``pcb`` of ``placed(pcb)``; else nothing."""
+    """Return the argument in brackets: ``pcb`` of ``placed(pcb)``; may be empty."""
     _, bracket, rest = name.partition("(")
     return rest.removesuffix(")") if bracket else ""
 
@@ -111,12 +111,12 @@ def _place(task: Task, skill: Skill, state: State) -> str:
 
 
 def decimal_text(value: float) -> str:
-    """Return a number with 12 significant digits, the noise of binary fractions rounded away."""
+    """Return a number with 12 significant digits, which removes noise of binary fractions."""
     return f"{value + 0.0:.12g}"
 
 
 class Exporter(ABC):
-    """Says a task, or a plan of it, in a format that other tools read.
+    """Writes a task or a plan in a format of other tools.
 
     Parameters
     ----------
@@ -128,12 +128,11 @@ class Exporter(ABC):
     name
         Kebab-case, as in the entry point.
     Options
-        A pydantic model whose fields carry range and description.
+        A pydantic model whose fields have ranges and descriptions.
     suffix
-        End of the name of the one file that it makes, such as ``.csv``; empty where it makes
-        several, which go into a folder.
+        Suffix of a single file, such as ``.csv``; empty for a folder of files.
     needs_plan
-        True if there is nothing to hand over without a plan.
+        True if a task without a plan cannot be exported.
     """
 
     name: ClassVar[str]
@@ -145,27 +144,26 @@ class Exporter(ABC):
         self.options = self.Options() if options is None else options
 
     def refuses(self, handover: Handover) -> str | None:
-        """Return in words what the format cannot say of it; None where it can say all.
+        """Return the reason why the format cannot represent the handover, or None.
 
-        By default what is left to chance is refused: a list of skills says nothing of it.
+        By default tasks with chance are refused, which a list of skills cannot represent.
         """
         return refused_chance(handover)
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return what whoever takes the files over has to know, a clause each."""
+        """Return notes for users of the files, a clause each."""
         return ()
 
     @abstractmethod
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
-        """Return contents by the names of files; the name of a single one is not used.
+        """Return contents by file name; a single file may get another name.
 
-        Called where it does not refuse. Texts are written as UTF-8. The last of several is
-        written last.
+        Called only if `refuses` returns None. Texts are written as UTF-8, the last file last.
         """
 
 
 def refused_chance(handover: Handover) -> str | None:
-    """Return why what is left to chance cannot be handed over; None where nothing is."""
+    """Return the reason why a task with chance is refused, or None."""
     if not handover.chance:
         return None
     return (
@@ -179,19 +177,18 @@ _LONGEST = 60
 
 
 class Identifiers:
-    """Names with an identifier each: small letters, digits and single underscores.
+    """Unique identifiers of names: small letters, digits and single underscores.
 
-    They depend on the names and their order alone, so that whoever knows the names can tell them
-    from the identifiers again.
+    They depend on the names and their order alone, so they can be converted back.
 
     Parameters
     ----------
     names
-        Distinct ones; any text.
+        Distinct texts.
     reserved
-        Words of the language, in small letters, that no identifier may be.
+        Reserved words of the language, in small letters.
     prefix
-        What every identifier begins with.
+        Prefix of every identifier.
     """
 
     def __init__(
@@ -201,12 +198,12 @@ class Identifiers:
         self._by_identifier: dict[str, str] = {}
         for name in names:
             plain = prefix + _plain(name)
-            found, number = plain, 1
-            while found in self._by_identifier or found in reserved:
+            identifier, number = plain, 1
+            while identifier in self._by_identifier or identifier in reserved:
                 number += 1
-                found = f"{plain}_{number}"
-            self._by_name[name] = found
-            self._by_identifier[found] = name
+                identifier = f"{plain}_{number}"
+            self._by_name[name] = identifier
+            self._by_identifier[identifier] = name
 
     def __getitem__(self, name: str) -> str:
         return self._by_name[name]
@@ -215,20 +212,20 @@ class Identifiers:
         return iter(self._by_name)
 
     def name_of(self, identifier: str) -> str | None:
-        """Return the name of an identifier, however its letters are; None of an unknown one."""
+        """Return the name of an identifier in any case; None if it is unknown."""
         return self._by_identifier.get(identifier.lower())
 
     def lines(self) -> list[str]:
-        """Return for a comment which identifier stands for which name: ``pick_pcb = "..."``."""
+        """Return lines for a comment, such as ``pick_pcb = "..."``."""
         return [f"{identifier} = {quoted(name)}" for name, identifier in self._by_name.items()]
 
 
 def quoted(text: str) -> str:
-    """Return a text as JSON in plain ASCII on one line, which no comment's end can hide in."""
+    """Return a text as one line of ASCII JSON that cannot end a comment."""
     return json.dumps(text).replace("*", "\\u002a").replace("\x7f", "\\u007f")
 
 
 def _plain(name: str) -> str:
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower())[:_LONGEST].strip("_")
-    # The word of a name without any letter or digit of ASCII.
+    # Word for a name without letters or digits of ASCII.
     return plain if plain[:1].isalpha() else f"x_{plain}".rstrip("_")

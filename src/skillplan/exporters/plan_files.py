@@ -1,7 +1,7 @@
-"""Plans read back from files: lists, tables, JSON, plans of PDDL planners, behaviour trees.
+"""Plans read from files: lists, tables, JSON, plans of PDDL planners, behaviour trees.
 
-Which it is, the content says. Nothing is executed, no entity of XML is expanded, and what is too
-large is refused before it is read.
+The content selects the format. Files are never executed, XML entities never expanded, and files
+that are too large are refused before reading.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from skillplan.errors import OptionError
-from skillplan.exporters.behaviour_tree import meant
+from skillplan.exporters.behaviour_tree import unescape_text
 from skillplan.exporters.plan_table import read_cell
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
@@ -27,11 +27,11 @@ FORMATS = (
     "action numbers or skill names separated by commas, a CSV table with a column skill or action, "
     "JSON of skillplan, a plan of a PDDL planner, or a behaviour tree in XML"
 )
-# Of what these nodes hold only some may be executed.
+# Nodes that may execute only some of their children.
 _CHOICES = ("Fallback", "Parallel", "Switch", "IfThenElse", "WhileDoElse", "ReactiveFallback")
 
 Entry = tuple[int, str]
-"""A line of the file, and a skill by name or number."""
+"""Line in the file, and name or number of a skill."""
 
 
 def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> tuple[Skill, ...]:
@@ -40,17 +40,17 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
     task
-        Whose skills are meant.
+        Task of the skills.
     skill_of
-        Returns the name of the skill of an action of PDDL; asked only for plans of planners.
+        Returns the skill of a PDDL action; called only for plans of planners.
 
     Raises
     ------
     OptionError
-        If it cannot be read, is too large, is in no format that is known, or names a skill that
-        there is not; the message says in which line.
+        If the file is unreadable, too large or in an unknown format, or names an unknown skill; the
+        message has the line.
     """
     try:
         content = read_bytes(path, MAX_BYTES)
@@ -85,7 +85,7 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
 
 
 def _begins_with_skill(text: str, task: Task) -> bool:
-    """Return True if the first word of a text is a skill, and not the heading of a column."""
+    """Return True if the first word of a text is a skill and not the header of a column."""
     first = next(_of_list(text), None)
     if first is None:
         return False
@@ -97,7 +97,7 @@ def _begins_with_skill(text: str, task: Task) -> bool:
 
 
 def _of_list(text: str) -> Iterator[Entry]:
-    """Yield the entries of the list that --sequence takes, over any number of lines."""
+    """Yield the entries of a list as for --sequence, on any number of lines."""
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split(",") if "," in line else line.split()
         yield from ((number, word.strip()) for word in words if word.strip())
@@ -133,18 +133,20 @@ def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
         parts = [document, *(document.get("stages") or []), *(document.get("sequences") or [])]
         named = [part for part in parts if isinstance(part, dict) and part.get("name") == task.name]
         document = (named or [document])[0].get("skills")
-    if not isinstance(document, list) or not all(isinstance(one, str | int) for one in document):
+    if not isinstance(document, list) or not all(
+        isinstance(entry, str | int) for entry in document
+    ):
         raise OptionError(
             f"{path}:1: holds no plan of {task.name}: a list of skills, or a document with the key "
             "skills, is wanted."
         )
-    # Where the plan begins, as steps have the same names.
+    # Begin of the plan, since steps contain the same names.
     at = max(0, text.find('"skills"'))
-    for one in document:
-        written = one if isinstance(one, int) else json.dumps(one, ensure_ascii=False)
-        found = text.find(str(written), at)
-        at = at if found < 0 else found + 1
-        yield 1 + text.count("\n", 0, at), str(one)
+    for entry in document:
+        written = entry if isinstance(entry, int) else json.dumps(entry, ensure_ascii=False)
+        position = text.find(str(written), at)
+        at = at if position < 0 else position + 1
+        yield 1 + text.count("\n", 0, at), str(entry)
 
 
 def _of_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> Iterator[Entry]:
@@ -189,7 +191,7 @@ def _of_node(
 ) -> Iterator[Entry]:
     skill = node.attributes.get("skill", "{")
     if not skill.startswith("{"):
-        yield node.line, meant(skill)
+        yield node.line, unescape_text(skill)
         return
     name = node.attributes.get("ID", "")
     if node.tag == "SubTree" and name in trees:
@@ -197,10 +199,10 @@ def _of_node(
             raise OptionError(f"{path}:{node.line}: the tree {name[:80]!r} holds itself.")
         yield from _of_node(path, trees[name], trees, (*within, name))
         return
-    found = [entry for child in node.children for entry in _of_node(path, child, trees, within)]
-    if len(found) > 1 and node.tag.startswith(_CHOICES):
+    entries = [entry for child in node.children for entry in _of_node(path, child, trees, within)]
+    if len(entries) > 1 and node.tag.startswith(_CHOICES):
         raise OptionError(
-            f"{path}:{node.line}: {node.tag} leaves open which of {len(found)} skills are done; a "
-            "plan is a sequence."
+            f"{path}:{node.line}: {node.tag} leaves open which of {len(entries)} skills are done; "
+            "a plan is a sequence."
         )
-    yield from found
+    yield from entries

@@ -1,4 +1,4 @@
-"""A plan as a table of comma-separated values, a row a skill."""
+"""A plan as a table of comma-separated values, planned row for each skill."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ COLUMNS = (
     "goal_z_m",
     "way",
 )
-# Spreadsheets take a cell that begins so for a formula; the last one marks text that begins so.
+# Spreadsheets take cells with these first characters for formulas. The last one escapes such
+# texts.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'")
 
 
@@ -42,7 +43,7 @@ class CsvExporter(Exporter):
     suffix: ClassVar[str] = ".csv"
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
-        """Return the table; `read_cell` takes back what keeps cells from being formulas."""
+        """Return the table, with escaped formulas (see `read_cell`)."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -54,18 +55,18 @@ class CsvExporter(Exporter):
 
 
 def read_cell(cell: str) -> str:
-    """Return the text that a cell was written for."""
+    """Return the original text of a cell."""
     return cell[1:] if cell[:1] == "'" and cell[1:2] in _FORMULA else cell
 
 
-def _row(one: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
-    step, skill = one.step, one.skill
-    texts = (skill.name, skill.kind, one.subject, " ".join(skill.agents), one.tool)
+def _row(planned: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
+    step, skill = planned.step, planned.skill
+    texts = (skill.name, skill.kind, planned.subject, " ".join(skill.agents), planned.tool)
     points = [*(step.start or ("",) * 3), *(step.goal or ("",) * 3)]
     return (
         str(step.index + 1),
         str(step.action),
-        *map(_text, (*texts, one.origin, one.destination)),
+        *map(_text, (*texts, planned.origin, planned.destination)),
         decimal_text(step.cost),
         _text(unit),
         decimal_text(step.duration_s),

@@ -1,4 +1,4 @@
-"""A plan as a function block in Structured Text of IEC 61131-3, for a PLC that steps through it."""
+"""A plan as a function block in Structured Text of IEC 61131-3, for a PLC."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from skillplan.exporters.exporter import Exporter, Handover, Identifiers, PlannedSkill, quoted
 
-# No text of a controller is longer by default.
+# Default length of texts in controllers.
 _LONGEST_TEXT = 80
 _ERROR_STEP: Final = -1
 
@@ -126,24 +126,24 @@ def _head(handover: Handover, block: Identifiers) -> Iterator[str]:
         yield f"// {line}"
 
 
-def _step(one: PlannedSkill, number: int) -> str:
+def _step(planned: PlannedSkill, number: int) -> str:
     return _STEP.format(
         number=number,
         following=number + 1,
         error=_ERROR_STEP,
-        name=quoted(one.skill.name),
-        action=one.step.action,
-        skill=_text(one.skill.name),
-        subject=_text(one.subject),
-        tool=_text(one.tool),
-        origin=_text(one.origin),
-        destination=_text(one.destination),
-        milliseconds=round(1000 * one.step.duration_s),
+        name=quoted(planned.skill.name),
+        action=planned.step.action,
+        skill=_text(planned.skill.name),
+        subject=_text(planned.subject),
+        tool=_text(planned.tool),
+        origin=_text(planned.origin),
+        destination=_text(planned.destination),
+        milliseconds=round(1000 * planned.step.duration_s),
     )
 
 
 def _text(name: str) -> str:
-    """Return what stands between quotes: escaped, and no longer than a controller has room for."""
+    """Return an escaped text of the length that controllers support."""
     plain = name.encode("ascii", "backslashreplace").decode("ascii")[:_LONGEST_TEXT]
     escaped = plain.replace("$", "$$").replace("'", "$'")
     return "".join(c if c.isprintable() else f"${ord(c):02X}" for c in escaped)

@@ -222,13 +222,13 @@ def linear_motions(
     robot = task.scene.robot(skill.motion.robot)
     tool = robot.tool(state)
     carries = skill.motion.carries
-    found = []
+    motions = []
     for visit in skill.motion.visits(state):
         motion = _linear_motion(task, robot, visit, carries, tool, drop_height_m)
-        found.append(motion)
+        motions.append(motion)
         carries = motion.leaves_with
         tool = tool_after(robot, visit, tool)
-    return found
+    return motions
 
 
 def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
@@ -436,17 +436,17 @@ def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
 
 def jaw_faults(task: Task) -> dict[str, str]:
     """Return messages on parts that are too wide for the only robot, by a fact about each."""
-    found: dict[str, str] = {}
+    faults: dict[str, str] = {}
     scene = task.scene
     for skill in task.skills:
         ways = [skill.by(way) for way in skill.ways] or [skill]
-        reasons = [too_wide(scene, scene.robots[0], one) for one in ways]
+        reasons = [too_wide(scene, scene.robots[0], variant) for variant in ways]
         # A part may be too wide for one grasp and fit another.
         words = reasons[0] if all(reasons) else None
         for visit in _handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
-            found.setdefault(task.operations.get(visit.subject, first), f"{words}.")
-    return found
+            faults.setdefault(task.operations.get(visit.subject, first), f"{words}.")
+    return faults
 
 
 def _handled(skill: Skill) -> Iterator[Visit]:

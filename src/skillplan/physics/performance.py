@@ -124,16 +124,17 @@ class View:
         angle = angle or Angle()
         low = [min(point[axis] for point in points) for axis in range(3)]
         high = [max(point[axis] for point in points) for axis in range(3)]
-        middle = tuple((one + other) / 2 for one, other in zip(low, high, strict=True))
+        middle = tuple((value + other) / 2 for value, other in zip(low, high, strict=True))
         target = (middle[0], middle[1], middle[2])
         if angle.distance_m is not None:
             return cls(target, angle, angle.distance_m)
         half = math.tan(math.radians(FIELD_OF_VIEW_DEG) / 2) * FILLED
         distance_m = NEAREST_M
         for point in points:
-            away = [one - other for one, other in zip(point, target, strict=True)]
+            away = [value - other for value, other in zip(point, target, strict=True)]
             x, y, z = (
-                sum(own * one for own, one in zip(axis, away, strict=True)) for axis in angle.axes
+                sum(own * value for own, value in zip(axis, away, strict=True))
+                for axis in angle.axes
             )
             # A point must lie within the pyramid of view at its own depth.
             wide_m, high_m = abs(x) / (half * WIDTH / HEIGHT) + z, abs(y) / half + z

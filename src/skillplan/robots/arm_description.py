@@ -471,7 +471,7 @@ class Hand:
         if not (math.isfinite(self.mass_kg) and self.mass_kg >= 0):
             raise ValueError(f"Hand mass_kg must be >= 0, not {self.mass_kg}.")
         for what, rows in (("jaw_m", self.jaw_m), ("body_m", self.body_m)):
-            if len(rows) < 2 or not all(math.isfinite(one) for row in rows for one in row):
+            if len(rows) < 2 or not all(math.isfinite(x) for row in rows for x in row):
                 raise ValueError(f"Hand {what} needs two heights at least, all of them finite.")
 
     @property

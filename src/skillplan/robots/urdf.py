@@ -157,15 +157,15 @@ def named(root: Element, tag: str) -> dict[str, Element]:
     UrdfError
         If an element has no name, or two have the same.
     """
-    found: dict[str, Element] = {}
+    elements: dict[str, Element] = {}
     for element in root.all(tag):
         name = element.attributes.get("name")
         if not name:
             raise UrdfError(f"a <{tag}> has no name", line=element.line)
-        if name in found:
+        if name in elements:
             raise UrdfError(f"two {tag}s are called {name!r}", line=element.line)
-        found[name] = element
-    return found
+        elements[name] = element
+    return elements
 
 
 def number(
@@ -256,7 +256,7 @@ def shapes_of(
     UrdfError
         If a shape is not supported.
     """
-    found = []
+    shapes = []
     for collision in link.all("collision"):
         geometry = collision.first("geometry")
         shape = geometry.children[0] if geometry is not None and geometry.children else None
@@ -264,10 +264,10 @@ def shapes_of(
             name = link.attributes["name"]
             raise UrdfError(f"a <collision> of link {name!r} has no shape", line=collision.line)
         try:
-            found.append(_shape(shape, frame.then(pose_of(collision)), read_mesh))
+            shapes.append(_shape(shape, frame.then(pose_of(collision)), read_mesh))
         except ValueError as error:
             raise UrdfError(str(error).rstrip("."), line=shape.line) from None
-    return found
+    return shapes
 
 
 def _shape(
@@ -290,7 +290,9 @@ def _shape(
         return Rod(*ends, number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "mesh":
         name = shape.attributes.get("filename", "")
-        corners = [frame.apply(one) for one in read_mesh(name, numbers(shape, "scale", _ONE_URDF))]
+        corners = [
+            frame.apply(corner) for corner in read_mesh(name, numbers(shape, "scale", _ONE_URDF))
+        ]
         return Hull(tuple(corners))
     raise ValueError(f"<{shape.tag}> is no shape of a link; give box, cylinder, sphere or mesh")
 
@@ -406,7 +408,7 @@ class _Tree:
         if len(home_rad) != len(joints):
             message = f"{len(home_rad)} angles, where the arm has {len(joints)} joints"
             raise UrdfError(message, key="home_rad")
-        shapes = tuple(tuple(found) for _, found in bodies)
+        shapes = tuple(tuple(own_shapes) for _, own_shapes in bodies)
         return ArmDescription(
             self.name, tuple(joints), tip, tuple(home_rad), shapes if any(shapes) else ()
         )

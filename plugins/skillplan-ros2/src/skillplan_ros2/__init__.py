@@ -1,6 +1,6 @@
 """The exporter `ros2`: the skills of a plan as joint trajectories of ROS 2, without ROS.
 
-It finds no path and times none itself: what `swept` plans is what it writes.
+`swept` plans the trajectories.
 """
 
 import lazy_loader as _lazy

@@ -22,8 +22,8 @@ from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, timed_plan
 TRAJECTORY_TYPE: Final = "trajectory_msgs/msg/JointTrajectory"
 TEXT_TYPE: Final = "std_msgs/msg/String"
 
-# Durations and times are in every store. All types of a version take longer to load than all else
-# that is written.
+# Durations and times are in every store. Loading all types of a version would take longer than the
+# rest of the export.
 _FIELDS: Final = {
     TEXT_TYPE: "string data",
     "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id",
@@ -47,7 +47,7 @@ _FIELDS: Final = {
 
 
 def message_types() -> Typestore:
-    """Return the types of trajectories, of texts, and of what they are made of."""
+    """Return the types of trajectories and texts with their parts."""
     types = get_typestore(Stores.EMPTY)
     for name, fields in _FIELDS.items():
         types.register(get_types_from_msg(f"{fields}\n", name))
@@ -57,7 +57,7 @@ def message_types() -> Typestore:
 SKILL_TOPIC: Final = "/skillplan/skill"
 HAND_TOPIC: Final = "/skillplan/hand"
 
-# The last before one of a changed syntax, so that older readers know it, too.
+# The last release before a change of syntax, which older readers support.
 _BAG_VERSION: Final = 8
 
 
@@ -69,11 +69,11 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
     plan
         The trajectories.
     topic
-        Of the trajectories. Names of skills, and what the hand does, have topics of their own.
+        Topic of the trajectories. Names of skills and actions of the hand have their own topics.
     """
     types = message_types()
     with TemporaryDirectory() as folder:
-        # The file is called like the folder.
+        # The file has the name of the folder.
         path = Path(folder) / "trajectories"
         with Writer(path, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP) as writer:
             connections = {
@@ -88,25 +88,25 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
                 for name, time_ns, message in _messages(types.types, plan.joints, skill, topic):
                     content = types.serialize_cdr(message, message.__msgtype__)
                     writer.write(connections[name], time_ns, content)
-        return {one.name: one.read_bytes() for one in sorted(path.iterdir(), reverse=True)}
+        return {file.name: file.read_bytes() for file in sorted(path.iterdir(), reverse=True)}
 
 
 def _messages(
-    types: Any, joints: tuple[str, ...], one: SkillTrajectory, topic: str
+    types: Any, joints: tuple[str, ...], skill: SkillTrajectory, topic: str
 ) -> Iterator[tuple[str, int, Any]]:
-    """Yield topic, time [ns] and message of what is said of a skill."""
+    """Yield topic, time [ns] and message for a skill."""
     text = types[TEXT_TYPE]
-    yield SKILL_TOPIC, one.begin_ns, text(data=one.skill)
-    yield topic, one.begin_ns, _trajectory(types, joints, one)
-    for action in one.hand:
-        yield HAND_TOPIC, one.begin_ns + action.after_ns, text(data=action.text)
+    yield SKILL_TOPIC, skill.begin_ns, text(data=skill.skill)
+    yield topic, skill.begin_ns, _trajectory(types, joints, skill)
+    for action in skill.hand:
+        yield HAND_TOPIC, skill.begin_ns + action.after_ns, text(data=action.text)
 
 
-def _trajectory(types: Any, joints: tuple[str, ...], one: SkillTrajectory) -> Any:
+def _trajectory(types: Any, joints: tuple[str, ...], skill: SkillTrajectory) -> Any:
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
     none = np.zeros(0)
-    # The stamp of 0 tells a controller to begin at once.
+    # A stamp of 0 means that the controller starts at once.
     stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     return types[TRAJECTORY_TYPE](
         header=types["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
@@ -120,33 +120,33 @@ def _trajectory(types: Any, joints: tuple[str, ...], one: SkillTrajectory) -> An
                 time_from_start=duration(*seconds(time_ns)),
             )
             for time_ns, position, speed in zip(
-                one.times_ns, one.positions_rad, one.speeds_rad_per_s, strict=True
+                skill.times_ns, skill.positions_rad, skill.speeds_rad_per_s, strict=True
             )
         ],
     )
 
 
-# Of angles [rad] and speeds [rad/s].
+# Tolerances of angles [rad] and speeds [rad/s].
 _DIGITS = 9
 
 
 def message_text(plan: TimedPlan) -> str:
-    """Return the messages in order, each with its skill and times in a comment."""
+    """Return the messages in order, with skill and times in comments."""
     names = json.dumps(list(plan.joints))
     return "".join(f"{line}\n" for skill in plan.skills for line in _document(names, skill))
 
 
-def _document(names: str, one: SkillTrajectory) -> Iterator[str]:
+def _document(names: str, skill: SkillTrajectory) -> Iterator[str]:
     yield "---"
-    yield f"# {quoted(one.skill)}, from {_shown_s(one.begin_ns)} to {_shown_s(one.end_ns)} s"
-    for action in one.hand:
-        begin_ns = one.begin_ns + action.after_ns
+    yield f"# {quoted(skill.skill)}, from {_shown_s(skill.begin_ns)} to {_shown_s(skill.end_ns)} s"
+    for action in skill.hand:
+        begin_ns = skill.begin_ns + action.after_ns
         yield f"# {quoted(action.text)} from {_shown_s(begin_ns)} s on"
     yield "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}"
     yield f"joint_names: {names}"
     yield "points:"
     for time_ns, position, speed in zip(
-        one.times_ns, one.positions_rad, one.speeds_rad_per_s, strict=True
+        skill.times_ns, skill.positions_rad, skill.speeds_rad_per_s, strict=True
     ):
         sec, nanosec = seconds(time_ns)
         yield f"- positions: {_numbers(position)}"
@@ -157,7 +157,7 @@ def _document(names: str, one: SkillTrajectory) -> Iterator[str]:
 
 
 def _numbers(values: Array) -> str:
-    # Without an exponent, which YAML 1.1 would take for a text.
+    # YAML 1.1 would read a number with an exponent as text.
     return (
         "["
         + ", ".join(f"{round(float(value), _DIGITS) + 0.0:.{_DIGITS}f}" for value in values)
@@ -179,11 +179,11 @@ class Ros2Exporter(Exporter):
     suffix: ClassVar[str] = ""
 
     class Options(back_end.Options):
-        """Options of what is written, and of the arm's speed."""
+        """Options of the content, and of the arm's speed."""
 
         format: Literal["bag", "yaml", "both"] = Field(
             default="bag",
-            description="what is written into the folder: a bag, trajectories.yaml, or both [-]",
+            description="content of the folder: a bag, trajectories.yaml, or both [-]",
         )
         topic: str = Field(
             default="/joint_trajectory_controller/joint_trajectory",
@@ -210,7 +210,7 @@ class Ros2Exporter(Exporter):
     _made: tuple[Handover, TimedPlan] | None = None
 
     def refuses(self, handover: Handover) -> str | None:
-        """Refuse chance, tasks without an arm, and skills of which `swept` finds no path."""
+        """Refuse chance, tasks without an arm, and skills without a path of `swept`."""
         refusal = refused_chance(handover)
         if refusal is not None:
             return refusal
@@ -221,7 +221,7 @@ class Ros2Exporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return that trajectories move the arm only."""
+        """Return that trajectories move only the arm."""
         where = f"the topic {HAND_TOPIC}" if self.options.format != "yaml" else "comments"
         return (f"trajectories move the arm only; when the hand acts stands in {where}",)
 
@@ -236,7 +236,7 @@ class Ros2Exporter(Exporter):
         return files
 
     def _plan(self, handover: Handover) -> TimedPlan:
-        """Return the trajectories, made once."""
+        """Return the trajectories, computed once."""
         if self._made is None or self._made[0] is not handover:
             self._made = handover, timed_plan(handover, self.options.speed_fraction)
         return self._made[1]

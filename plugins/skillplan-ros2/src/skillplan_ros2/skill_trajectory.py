@@ -1,4 +1,4 @@
-"""Where the joints are when in a skill: points in time, and what the hand does between them."""
+"""Joint trajectories of skills: points in time, and actions of the hand in between."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class HandAction:
-    """What the hand does while the arm stands still.
+    """An action of the hand while the arm rests.
 
     Parameters
     ----------
     after_ns
-        When it begins, from the begin of the skill on [ns].
+        Time since the begin of the skill [ns].
     text
         Event and subject, such as ``grasp pcb``.
     """
@@ -35,15 +35,15 @@ class SkillTrajectory:
     Parameters
     ----------
     skill
-        Its name.
+        Name of the skill.
     begin_ns
-        When it begins in the plan [ns].
+        Begin in the plan [ns].
     times_ns
-        Of the points, from 0 on and strictly rising [ns].
+        Times of the points, strictly rising from 0 [ns].
     positions_rad, speeds_rad_per_s
-        Of the joints there; shape (points, joints).
+        Angles and speeds of the joints, shape (points, joints).
     hand
-        What the hand does, in order.
+        Actions of the hand in order.
     """
 
     skill: str
@@ -55,7 +55,7 @@ class SkillTrajectory:
 
     @property
     def end_ns(self) -> int:
-        """When it ends in the plan [ns]."""
+        """End in the plan [ns]."""
         return self.begin_ns + self.times_ns[-1]
 
 
@@ -65,7 +65,7 @@ class TrajectoryPoints:
     Parameters
     ----------
     begin_rad
-        How the arm stands before, shape (joints,).
+        Posture of the arm before, shape (joints,).
     """
 
     def __init__(self, begin_rad: Array) -> None:
@@ -81,9 +81,9 @@ class TrajectoryPoints:
         Parameters
         ----------
         times_s
-            Of its points, from 0 on; the first is where the arm is already.
+            Times of the points from 0; the first point is the current posture.
         positions_rad, speeds_rad_per_s
-            Of the joints there; shape (points, joints).
+            Angles and speeds of the joints, shape (points, joints).
         """
         for time_s, position, speed in zip(
             times_s[1:], positions_rad[1:], speeds_rad_per_s[1:], strict=True
@@ -92,13 +92,13 @@ class TrajectoryPoints:
         self._now_s += float(times_s[-1])
 
     def act(self, duration_s: float, text: str) -> None:
-        """Add that the hand does something, and the arm stands still so long."""
+        """Add an action of the hand during which the arm rests."""
         self._hand.append(HandAction(_ns(self._now_s), text))
         self._now_s += duration_s
         self._add(self._now_s, self._positions[-1], np.zeros(len(self._positions[-1])))
 
     def of(self, skill: str, begin_ns: int) -> SkillTrajectory:
-        """Return the trajectory of a skill that begins then."""
+        """Return the trajectory of a skill that begins at a time."""
         return SkillTrajectory(
             skill,
             begin_ns,
@@ -110,7 +110,7 @@ class TrajectoryPoints:
 
     def _add(self, time_s: float, position: Array, speed: Array) -> None:
         time_ns = _ns(time_s)
-        # What takes less than a nanosecond moves nothing.
+        # A run below a nanosecond moves nothing.
         if time_ns > self._times_ns[-1]:
             self._times_ns.append(time_ns)
             self._positions.append(position)
@@ -118,7 +118,7 @@ class TrajectoryPoints:
 
 
 def seconds(time_ns: int) -> tuple[int, int]:
-    """Return a time as whole seconds and the nanoseconds beyond them."""
+    """Return a time as whole seconds and remaining nanoseconds."""
     return divmod(time_ns, NS_PER_S)
 
 

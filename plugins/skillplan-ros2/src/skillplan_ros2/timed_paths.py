@@ -1,6 +1,6 @@
-"""The timed paths of a plan's skills, of the same source as those that are checked and simulated.
+"""Timed paths of a plan's skills, from the source that detectors and engines use.
 
-This is the only place where the planner of `skillplan-pinocchio` is asked.
+This is the only module that calls the planner of `skillplan-pinocchio`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, TrajectoryPo
 
 
 class NoTrajectory(Exception):
-    """That a skill of a plan has no trajectory; says why in a clause."""
+    """A skill of a plan has no trajectory; the message is a clause."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,9 +30,9 @@ class TimedPlan:
     Parameters
     ----------
     joints
-        Their names, from the base to the hand.
+        Names of the joints, from the base to the hand.
     skills
-        In the order of the plan; each begins where and when the one before ends.
+        In the order of the plan; each begins at the end of the one before.
     """
 
     joints: tuple[str, ...]
@@ -45,9 +45,9 @@ def timed_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
     Parameters
     ----------
     handover
-        With a plan.
+        A handover with a plan.
     speed_fraction
-        Share of the joints' limits of speed and acceleration, in (0, 1]; None for that of `swept`.
+        Share of the limits of speed and acceleration, in (0, 1]; None for the option of `swept`.
 
     Raises
     ------
@@ -59,21 +59,21 @@ def timed_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
         raise NoTrajectory(
             f"a joint trajectory is of one arm, and the task has {robots or 'none'}: export to csv"
         )
-    for one in handover.skills:
-        if one.skill.motion is None:
-            raise NoTrajectory(f"{one.skill.name} is no motion of the arm: export to csv")
+    for planned in handover.skills:
+        if planned.skill.motion is None:
+            raise NoTrajectory(f"{planned.skill.name} is no motion of the arm: export to csv")
     timing = _Timing(handover, speed_fraction)
-    found: list[SkillTrajectory] = []
+    trajectories: list[SkillTrajectory] = []
     for skill in handover.skills:
-        found.append(timing.trajectory(skill, found[-1] if found else None))
+        trajectories.append(timing.trajectory(skill, trajectories[-1] if trajectories else None))
     names = tuple(joint.name for joint in handover.task.scene.robots[0].model.joints)
-    return TimedPlan(names, tuple(found))
+    return TimedPlan(names, tuple(trajectories))
 
 
 class _Timing:
     def __init__(self, handover: Handover, speed_fraction: float | None) -> None:
         self.feasibility = handover.model.feasibility
-        # Where `swept` judges the plan, with the options that it judges by.
+        # Use the options of `swept` if it judges the plan.
         judges = (
             back_end
             for back_end in self.feasibility.back_ends
@@ -83,36 +83,36 @@ class _Timing:
         fraction = speed_fraction or self.detector.options.speed_fraction
         self.limits = JointLimits.of(handover.task.scene.robots[0].model).scaled(fraction)
 
-    def trajectory(self, one: PlannedSkill, before: SkillTrajectory | None) -> SkillTrajectory:
-        """Return the trajectory of a skill from where and when the one before ends."""
+    def trajectory(self, planned: PlannedSkill, before: SkillTrajectory | None) -> SkillTrajectory:
+        """Return the trajectory of a skill from the end of the one before."""
         begin_rad = None if before is None else before.positions_rad[-1]
-        paths = self._paths(one, begin_rad)
+        paths = self._paths(planned, begin_rad)
         points = TrajectoryPoints(paths.begin_rad)
         for motion in paths.motions:
-            self._move(motion, points, one.skill.name)
-        return points.of(one.skill.name, 0 if before is None else before.end_ns)
+            self._move(motion, points, planned.skill.name)
+        return points.of(planned.skill.name, 0 if before is None else before.end_ns)
 
-    def _paths(self, one: PlannedSkill, begin_rad: Array | None) -> SkillPaths:
-        name = one.skill.name
-        taken = self.feasibility.taken(one.skill, one.before)
-        verdict = self.detector.check(taken, one.before)
+    def _paths(self, planned: PlannedSkill, begin_rad: Array | None) -> SkillPaths:
+        name = planned.skill.name
+        taken = self.feasibility.taken(planned.skill, planned.before)
+        verdict = self.detector.check(taken, planned.before)
         if not verdict.is_feasible:
             raise NoTrajectory(f"swept does not grant {name}: {verdict.reason}")
-        paths = self.detector.paths.paths(taken, one.before, begin_rad)
+        paths = self.detector.paths.paths(taken, planned.before, begin_rad)
         if isinstance(paths, Unreachable):
             raise NoTrajectory(f"swept finds no path for {name}: {paths.reason}")
         if paths.unfound is not None:
             raise NoTrajectory(f"swept finds no path for {name}: {paths.unfound.reason}")
         return paths
 
-    def _move(self, one: MotionPaths, points: TrajectoryPoints, name: str) -> None:
-        assert not isinstance(one.travel, Unfound)
-        visit = one.motion.visit
+    def _move(self, paths: MotionPaths, points: TrajectoryPoints, name: str) -> None:
+        assert not isinstance(paths.travel, Unfound)
+        visit = paths.motion.visit
         try:
-            for path in (one.travel.path, *one.strokes.down):
+            for path in (paths.travel.path, *paths.strokes.down):
                 points.move(*self._run(path))
             points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}")
-            for path in one.strokes.up:
+            for path in paths.strokes.up:
                 points.move(*self._run(path))
         except ArithmeticError as error:
             raise NoTrajectory(
@@ -120,13 +120,13 @@ class _Timing:
             ) from None
 
     def _run(self, path: JointPath) -> tuple[Array, Array, Array]:
-        """Return times, positions and speeds at all places where a run changes how it gains speed.
+        """Return times, positions and speeds at all changes of acceleration.
 
-        Between two of them it does so evenly, so that cubics through them are the run.
+        The acceleration is constant in between, so cubics through these points reproduce the run.
         """
         run = fastest_trajectory(path, self.limits)
         positions = path.along(run.places)
-        # At its ends to the bit, and at rest.
+        # Exact positions at both ends, at rest.
         positions[0] = path.nodes[0]
         if len(run.places) > 1:
             positions[-1] = path.nodes[-1]

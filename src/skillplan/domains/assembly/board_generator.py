@@ -62,28 +62,30 @@ class RandomOrder:
 
         Elements without successors are left out.
         """
-        found: dict[int, list[int]] = {}
+        successors: dict[int, list[int]] = {}
         for place, after in enumerate(self._after):
             further = 0
             for later in _bits(after):
                 further |= self._after[later]
             if after:
                 right_after = (self._elements[later] for later in _bits(after & ~further))
-                found[self._elements[place]] = sorted(right_after)
-        return dict(sorted(found.items()))
+                successors[self._elements[place]] = sorted(right_after)
+        return dict(sorted(successors.items()))
 
     def _additions(self, draw: Callable[[], float]) -> Iterator[tuple[int, int]]:
         """Yield pairs of places to add, given the relation at that time."""
         count = len(self._elements)
-        drawn = [(draw(), one, other) for one in range(count) for other in range(one + 1, count)]
-        for _, one, other in sorted(drawn):
-            while not self._after[one] >> other & 1:
+        drawn = [
+            (draw(), lower, upper) for lower in range(count) for upper in range(lower + 1, count)
+        ]
+        for _, lower, upper in sorted(drawn):
+            while not self._after[lower] >> upper & 1:
                 # Take the first place before `lower` that is not yet before `upper`, and the last
                 # place after `upper` that is not yet after it. Everything before the first is
                 # already before the last, and everything after the last is already after the first.
-                missing = (self._before[one] | 1 << one) & ~self._before[other]
+                missing = (self._before[lower] | 1 << lower) & ~self._before[upper]
                 earlier = (missing & -missing).bit_length() - 1
-                missing = (self._after[other] | 1 << other) & ~self._after[earlier]
+                missing = (self._after[upper] | 1 << upper) & ~self._after[earlier]
                 yield earlier, missing.bit_length() - 1
 
 
@@ -218,8 +220,8 @@ class BoardGenerator:
         name = f" --name {self.name}" if self.name else ""
         failing = ""
         if self.failures is not None:
-            least, greatest = self.failures
-            failing = f" --failures {least:g}:{greatest:g} --failing-share {self.failing_share:g}"
+            lowest, greatest = self.failures
+            failing = f" --failures {lowest:g}:{greatest:g} --failing-share {self.failing_share:g}"
         return (
             f"skillplan generate assembly --parts {self.parts} --density {density} "
             f"--tools {self.tools} --seed {self.seed}{failing}{name}"
@@ -230,7 +232,8 @@ class BoardGenerator:
         """Direct successors in the chart by part; empty for a chart without order."""
         order = RandomOrder(self.parts, self._draws("order"), self.ordered_pairs)
         return {
-            _part(before): [_part(one) for one in after] for before, after in order.covers().items()
+            _part(before): [_part(successor) for successor in after]
+            for before, after in order.covers().items()
         }
 
     def text(self, version: str = "") -> str:
@@ -326,14 +329,14 @@ class BoardGenerator:
             return {}
         draw = self._draws("failures")
         count = math.floor(self.failing_share * self.parts + 0.5)
-        least, greatest = self.failures
-        found = {}
+        lowest, greatest = self.failures
+        probabilities = {}
         for number in _shuffled(self.parts, draw)[:count]:
             # The file has two decimals and refuses grasps that always fail.
-            probability = min(round(least + (greatest - least) * draw(), 2), 0.99)
+            probability = min(round(lowest + (greatest - lowest) * draw(), 2), 0.99)
             if probability:
-                found[number] = probability
-        return found
+                probabilities[number] = probability
+        return probabilities
 
     def _tools_of_parts(self) -> list[int]:
         """Return a tool for each part: distinct tools for the first parts, then random ones."""

@@ -241,8 +241,8 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
     if len(used) > _DIRECTIONS:
         middle = used.mean(axis=0)
         used = used[np.unique(np.argmax((used - middle) @ _even_directions().T, axis=0))]
-    found = tuple((float(x), float(y), float(z)) for x, y, z in used)
-    return found, content
+    points = tuple((float(x), float(y), float(z)) for x, y, z in used)
+    return points, content
 
 
 def _even_directions() -> Floats:
@@ -374,7 +374,7 @@ def _pieces(
     groups = _components(raw_faces, len(corners))
     if not 0 < len(groups) <= MAX_PIECES:
         raise MeshFileError(f"It holds {len(groups):,} pieces; give 1 to {MAX_PIECES:,}.", "pieces")
-    found = []
+    pieces = []
     for number, faces in enumerate(groups, 1):
         try:
             piece = polyhedron_of(corners, faces, "")
@@ -382,8 +382,8 @@ def _pieces(
             raise MeshFileError(f"Piece {number}: {error}", "pieces") from None
         if not piece.convex:
             raise MeshFileError(f"Piece {number} is not convex; cut it further.", "pieces")
-        found.append(piece)
-    points = np.concatenate([piece.corners for piece in found])
+        pieces.append(piece)
+    points = np.concatenate([piece.corners for piece in pieces])
     off = np.abs(np.ptp(points, axis=0) - np.array(size)).max()
     off = max(float(off), float(np.abs(points.max(axis=0) + points.min(axis=0)).max()))
     if off > _PIECES_OFF * max(size):
@@ -392,7 +392,7 @@ def _pieces(
             "of this mesh, in its frame.",
             "pieces",
         )
-    return tuple(found), hashlib.sha256(content).hexdigest()
+    return tuple(pieces), hashlib.sha256(content).hexdigest()
 
 
 def _components(faces: Indices, count: int) -> list[Indices]:

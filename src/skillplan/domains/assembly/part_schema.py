@@ -111,25 +111,25 @@ class MeshConfig(Strict):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         """Read the file."""
-        made = handler(data)
+        mesh = handler(data)
         # Imports trimesh and numpy.
         from skillplan.domains.assembly.mesh_files import MeshFileError, read_mesh, read_pieces
 
         folder = Path((info.context or {}).get("folder", Path()))
         try:
-            read = read_mesh(folder, made.file, made.scale)
-            own, about = read_pieces(folder, made.pieces, made.scale, read)
+            read = read_mesh(folder, mesh.file, mesh.scale)
+            own, about = read_pieces(folder, mesh.pieces, mesh.scale, read)
         except MeshFileError as error:
-            name = made.pieces if error.key == "pieces" else made.file
+            name = mesh.pieces if error.key == "pieces" else mesh.file
             raise Located(f"{shown(name)}: {continued(str(error))}", error.key) from None
-        centre = made.centre_m or [0.0, 0.0, read.size[2] / 2]
+        centre = mesh.centre_m or [0.0, 0.0, read.size[2] / 2]
         where = (centre[0], centre[1], centre[2])
-        made._corners = read.about(where)
-        made._middle_m, made._size_m = read.middle, read.size
-        made._pieces = tuple(Mesh(piece.about(where), piece.faces) for piece in own)
-        made._faces, made._convex = read.faces, read.convex
-        made._sha256 = f"{read.sha256}{about}"
-        return made
+        mesh._corners = read.about(where)
+        mesh._middle_m, mesh._size_m = read.middle, read.size
+        mesh._pieces = tuple(Mesh(piece.about(where), piece.faces) for piece in own)
+        mesh._faces, mesh._convex = read.faces, read.convex
+        mesh._sha256 = f"{read.sha256}{about}"
+        return mesh
 
     @property
     def corners(self) -> tuple[Point, ...]:

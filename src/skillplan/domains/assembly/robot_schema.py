@@ -102,21 +102,21 @@ class RobotConfig(Strict):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         """Find the model, or read it."""
-        made = handler(data)
-        if made.model in ARMS:
-            made._arm, made._hand = made._named()
-            return made
+        robot = handler(data)
+        if robot.model in ARMS:
+            robot._arm, robot._hand = robot._named()
+            return robot
         folder = Path((info.context or {}).get("folder", Path()))
         try:
-            made._arm, made._sha256 = read_arm(folder, made.model, made.tip, made.home_rad)
+            robot._arm, robot._sha256 = read_arm(folder, robot.model, robot.tip, robot.home_rad)
         except ArmFileError as error:
             words = str(error)
             if error.key == "model":
-                words = f"{shown(made.model)}: {continued(words)}"
-            key = error.key if getattr(made, error.key) is not None else "model"
+                words = f"{shown(robot.model)}: {continued(words)}"
+            key = error.key if getattr(robot, error.key) is not None else "model"
             raise Located(words, key) from None
-        made._hand = STANDARD_HAND
-        return made
+        robot._hand = STANDARD_HAND
+        return robot
 
     def _named(self) -> tuple[ArmDescription, Hand]:
         arm, hand = ARMS[self.model]

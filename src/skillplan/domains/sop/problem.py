@@ -118,9 +118,9 @@ class NodeOrder:
             before = self.direct[path[-1]] & rest
             node = (before & -before).bit_length() - 1
             if node in seen:
-                found = path[seen[node] :][::-1]
-                lowest = found.index(min(found))
-                return (*found[lowest:], *found[:lowest])
+                loop = path[seen[node] :][::-1]
+                lowest = loop.index(min(loop))
+                return (*loop[lowest:], *loop[:lowest])
             seen[node] = len(path)
             path.append(node)
 

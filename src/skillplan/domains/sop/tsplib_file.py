@@ -165,7 +165,7 @@ class MatrixText:
             return fault_at(self.text, self._close, f"the {n} x {n} numbers are missing.")
         usual, often = Counter(counts).most_common(1)[0]
         width = usual if n is None else n
-        odd = next((i for i, found in enumerate(counts) if found != width), None)
+        odd = next((i for i, number in enumerate(counts) if number != width), None)
         if n is None:
             message = f"{count} numbers make no square matrix."
         else:

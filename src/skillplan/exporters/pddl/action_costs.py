@@ -1,7 +1,7 @@
-"""Actions of a skill, each with one cost for every place where the robot may stand.
+"""PDDL actions with one cost for each place of the robot.
 
-A cost depends on facts that can be read off it (`CostBasis`). An action is split by all of them, so
-that no two states of one action differ in cost.
+The facts that affect a cost can be read off it (`CostBasis`). A skill is split by all of them, so
+all states of an action have the same cost.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 
-# Planners such as Fast Downward add costs up in 32 bits.
+# Fast Downward and other planners add costs up in 32 bits.
 MOST_SUM = 2**31 - 1
 _MICRO = 1_000_000
 _UNITS = {"m": "micrometre", "s": "microsecond"}
-# More actions than this for one skill are not written.
+# Greatest number of actions for one skill.
 _MOST_ACTIONS = 10_000
 
 
 class NoActionCosts(Exception):
-    """Costs cannot be said as those of actions; says why and what to do instead, in a clause."""
+    """PDDL cannot represent the costs; the message is a clause with reason and remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +45,15 @@ class Variant:
     skill
         The skill.
     label
-        Facts that tell it from other actions of the skill; empty for a single one.
+        Facts that distinguish it from other actions of the skill; may be empty.
     requires, forbids
-        Facts that must hold, and that must not.
+        Facts of the precondition.
     outcome
-        The nominal outcome.
+        Nominal outcome.
     origins
-        Cost by the place where the robot may stand; empty if the place does not matter.
+        Cost by the place of the robot; empty if the place does not matter.
     constant
-        The cost if the place does not matter.
+        Cost if the place does not matter.
     """
 
     skill: Skill
@@ -67,16 +67,16 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How costs are written as whole numbers.
+    """Conversion of costs to whole numbers.
 
     Parameters
     ----------
     per_unit
-        So many make one unit of the task's costs.
+        Number of steps in one unit of the task's costs.
     unit
-        What one of them is called.
+        Name of a step.
     exact
-        True if nothing is rounded.
+        True if costs are not rounded.
     """
 
     per_unit: int
@@ -84,11 +84,11 @@ class Scale:
     exact: bool
 
     def whole(self, cost: float) -> int:
-        """Return a cost as a whole number, the nearest."""
+        """Return a cost rounded to the nearest whole number."""
         return round(cost * self.per_unit)
 
     def rounding(self, skills: int) -> float:
-        """Return by how much the sum over so many skills is off at most, in the task's unit."""
+        """Return the greatest rounding error of a sum over skills, in the task's unit."""
         return 0.0 if self.exact else skills / 2 / self.per_unit
 
 
@@ -112,26 +112,26 @@ class Variants:
         Raises
         ------
         NoActionCosts
-            If its cost depends on facts that cannot be read off it, or it takes too many actions.
+            If the cost depends on unknown facts, or needs too many actions.
         """
         basis = self._cost_bits(case.skill)
         region = (case.requires.bits, case.forbids.bits)
         where = self._places(region, basis | named_bits(cover))
         groups = [group for group in self._states.groups(basis) if group != where]
-        found: list[Variant] = []
+        variants: list[Variant] = []
         for way in cover.feasible:
             for feasible in simplified(self._states, case, cover, way, where):
                 for part in self._split(case, feasible, groups, where):
                     variant = self._priced(case, part, where, matters=bool(basis & where))
-                    found += [] if variant is None else [variant]
-                    if len(found) > _MOST_ACTIONS:
+                    variants += [] if variant is None else [variant]
+                    if len(variants) > _MOST_ACTIONS:
                         raise NoActionCosts(
                             f"{case.skill.name} comes to more than {_MOST_ACTIONS:,} actions"
                         )
-        return _numbered(found)
+        return _numbered(variants)
 
     def _cost_bits(self, skill: Skill) -> int:
-        """Return the bits of the facts that a skill's cost depends on."""
+        """Return the bits of the facts that affect a skill's cost."""
         model = self._model
         bits = self._basis.bits(skill.duration_s if model.asks_costs else skill.cost)
         if bits is None:
@@ -139,8 +139,8 @@ class Variants:
         return bits | model.feasibility.times.basis if model.asks_costs else bits
 
     def _places(self, region: Region, bits: int) -> int:
-        """Return the group that says where the robot stands, which becomes the parameter."""
-        # An empty region has no actions, whatever their parameter.
+        """Return the group of facts for the robot's place, which becomes the parameter."""
+        # An empty region has no actions, so any parameter will do.
         _, ruled_out = self._states.close(region) or region
         largest, most = 0, 1
         for group in self._states.groups(bits & ~region[0]):
@@ -150,7 +150,7 @@ class Variants:
         return largest
 
     def _is_of_one_kind(self, group: int) -> bool:
-        """Return True if all facts of a group are of one predicate with an argument."""
+        """Return True if all facts of a group have the same predicate with an argument."""
         names = self._model.task.facts.names_of(group)
         kinds = {name.partition("(")[0] for name in names}
         return len(kinds) == 1 and all("(" in name for name in names)
@@ -158,7 +158,7 @@ class Variants:
     def _split(
         self, case: Case, feasible: FeasibleRegion, groups: Sequence[int], where: int
     ) -> Iterator[_Part]:
-        """Yield the parts of a region in which the cost depends on the place alone."""
+        """Yield parts of a region in which the cost depends on the place alone."""
         true = case.requires.bits | feasible.true
         false = case.forbids.bits | feasible.false
         closed = false | where & ~feasible.places
@@ -168,7 +168,7 @@ class Variants:
         yield from parts
 
     def _divided(self, part: _Part, group: int) -> list[_Part]:
-        """Return a part by the choices that it leaves of a group."""
+        """Return a part split by the open facts of a group."""
         choices = self._states.choices(group, part.region)
         if len(choices) == 1:
             return [replace(part, region=choices[0])]
@@ -182,14 +182,14 @@ class Variants:
         return divided
 
     def _priced(self, case: Case, part: _Part, where: int, *, matters: bool) -> Variant | None:
-        """Return the action for a part of a region; None if it is never done there.
+        """Return the action for a part of a region; None if no state has a finite cost.
 
         Parameters
         ----------
         case, part, where
-            The case, the part and the group of the places.
+            Case, part, and group of the places.
         matters
-            True if its cost depends on the place.
+            True if the cost depends on the place.
         """
         facts = self._model.task.facts
         label = " ".join(filter(None, [case.label, part.label]))
@@ -207,7 +207,7 @@ class Variants:
         return action if origins else None
 
     def _excludes_places(self, part: _Part, where: int) -> bool:
-        """Return True if the robot must not stand in some places that a part's facts leave open."""
+        """Return True if the robot is excluded from places that a part's facts allow."""
         facts = (part.requires, part.forbids)
         choices = self._states.choices(where, facts) if where else []
         return not all(true & where & part.places for true, _ in choices)
@@ -220,7 +220,7 @@ class Variants:
         try:
             return self._model.cost(state, skill)
         except ValueError:
-            # The state leaves open where the robot stands: no plan leads there.
+            # The state has no place of the robot, so no plan reaches it.
             return math.inf
 
 
@@ -231,13 +231,13 @@ class _Part:
     Parameters
     ----------
     label
-        Facts that tell it from other parts.
+        Facts that distinguish it from other parts.
     requires, forbids
-        Bits of the facts that its action needs and forbids.
+        Bits of the facts that its action requires and forbids.
     region
-        Its states.
+        States of the part.
     places
-        Bits of the places where the robot may stand; 0 if they are not told apart.
+        Bits of the possible places of the robot; 0 if they do not matter.
     """
 
     label: str
@@ -248,7 +248,7 @@ class _Part:
 
 
 def _numbered(variants: Sequence[Variant]) -> list[Variant]:
-    """Return actions of one skill with labels of their own."""
+    """Return actions of one skill with distinct labels."""
     count: dict[str, int] = {}
     for variant in variants:
         count[variant.label] = count.get(variant.label, 0) + 1
@@ -264,36 +264,36 @@ def _numbered(variants: Sequence[Variant]) -> list[Variant]:
 def scale_of(
     costs: Sequence[float], unit: str, skills: int, *, accept_rounding: bool = False
 ) -> Scale:
-    """Return how to write costs: whole numbers as they are, others in millionths.
+    """Return the scale of costs: whole numbers stay, other costs become millionths.
 
     Parameters
     ----------
     costs
-        All of them.
+        All costs.
     unit
-        Of the task's costs.
+        Unit of the task's costs.
     skills
-        The most that a plan may have.
+        Greatest number of skills in a plan.
     accept_rounding
-        True if costs may be as small as what rounding comes to.
+        True to accept costs as small as the rounding error of a plan.
 
     Raises
     ------
     NoActionCosts
-        If the sum over a plan may not fit, or rounding may hide what a skill costs.
+        If the sum over a plan may overflow, or rounding may hide the cost of a skill.
     """
     if all(cost == round(cost) for cost in costs):
         scale = Scale(1, unit or "unit", exact=True)
     else:
         scale = Scale(_MICRO, _UNITS.get(unit, f"millionth of a {unit or 'unit'}"), exact=False)
-    # Of two plans each is off by half of one a skill.
+    # Each of two plans is off by half a step for each skill.
     if not (scale.exact or accept_rounding):
-        least = min((cost for cost in costs if cost > 0), default=math.inf)
-        if least * scale.per_unit <= skills:
+        lowest = min((cost for cost in costs if cost > 0), default=math.inf)
+        if lowest * scale.per_unit <= skills:
             raise NoActionCosts(
                 f"rounding to whole {scale.unit}s may shift two plans of {skills} skills by "
                 f"{skills} of them against each other, and a skill costs no more than "
-                f"{least * scale.per_unit:.3g}: plans could change places. Give lengths or times "
+                f"{lowest * scale.per_unit:.3g}: plans could change places. Give lengths or times "
                 "in the unit of the schema, or accept it by -O accept_rounding=true"
             )
     if scale.whole(max(costs, default=0.0)) * skills > MOST_SUM:

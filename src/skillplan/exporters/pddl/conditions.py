@@ -1,10 +1,12 @@
-"""Verdicts of back ends as conditions on facts: in which states each skill is feasible.
+"""Verdicts of back ends as conditions on facts.
 
-A verdict holds in every state that agrees with it on the facts that it names. The states in which
-a skill is applicable are covered by such regions, one query each, until none is left. Regions in
-which the skill is feasible are then widened as far as no infeasible one is touched: to prime
-implicants, as in two-level logic minimisation (Brayton et al., "Logic minimization algorithms for
-VLSI synthesis", 1984). A partial order comes to one condition, a choice of supports to several.
+A verdict holds in every state with the same values of the facts that it names. Such regions cover
+all states in which a skill is applicable, with one query each. Feasible regions are then widened to
+prime implicants, as in two-level logic minimisation (Brayton et al., "Logic minimization algorithms
+for VLSI synthesis", 1984). A partial order yields one condition, a choice of supports several.
+
+Some groups of facts are exclusive. For most of them the skills keep exactly one fact true: the arm
+is always somewhere. This is proved by induction over the skills and used to complete states.
 """
 
 from __future__ import annotations
@@ -24,17 +26,11 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
 Region = tuple[int, int]
-"""States in which the facts of the first bits hold and those of the second do not."""
+"""States in which the first facts hold and the second do not, as bits."""
 
 
 class ConsistentStates:
-    """The states of a task that respect its exclusive groups; they need not be reachable.
-
-    Parameters
-    ----------
-    task
-        The task.
-    """
+    """States of a task that respect its exclusive groups; they need not be reachable."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -45,18 +41,18 @@ class ConsistentStates:
             for bit in each_bit(mask):
                 self._groups_of.setdefault(bit.bit_length(), []).append(number)
         several = (number for number, groups in self._groups_of.items() if len(groups) > 1)
-        # Only through these facts does one group tell anything about another.
+        # Only these facts link groups with each other.
         self._shared = sum(1 << (number - 1) for number in several)
 
     def choices(self, group: int, region: Region) -> list[Region]:
-        """Return regions that split `region` by the facts of a group, or by one fact.
+        """Return a region split by the facts of a group.
 
         Parameters
         ----------
         group
-            Bits of an exclusive group, or of one fact that belongs to none.
+            Bits of an exclusive group, or of one fact without a group.
         region
-            The region that is split.
+            The region.
         """
         cases = [(bit, group & ~bit) for bit in each_bit(group)]
         cases += [] if self.is_exact(group) else [(0, group)]
@@ -68,21 +64,21 @@ class ConsistentStates:
         return any(mask == group and exact for mask, exact in self._groups)
 
     def groups(self, bits: int) -> list[int]:
-        """Return the groups that facts belong to, as bits; facts without a group as their own."""
-        found: dict[int, None] = {}
+        """Return the groups of facts as bits; a fact without a group is its own group."""
+        masks: dict[int, None] = {}
         for bit in each_bit(bits):
             numbers = self._groups_of.get(bit.bit_length(), ())
-            found.update(dict.fromkeys(self._groups[number][0] for number in numbers))
+            masks.update(dict.fromkeys(self._groups[number][0] for number in numbers))
             if not numbers:
-                found[bit] = None
-        return [*found]
+                masks[bit] = None
+        return [*masks]
 
     def close(self, region: Region) -> Region | None:
-        """Return a region with the facts that follow from its own; None if it is empty."""
+        """Return a region with all implied facts; None if it is empty."""
         return self._propagate(*region, range(len(self._groups)))
 
     def member(self, region: Region) -> State | None:
-        """Return a state of a region, as similar to the initial one as found; None if empty."""
+        """Return a state of a region, similar to the initial state; None if the region is empty."""
         closed = self.close(region)
         todo: list[Iterator[Region]] = [iter([] if closed is None else [closed])]
         while todo:
@@ -98,14 +94,14 @@ class ConsistentStates:
         return None
 
     def _open_group(self, true: int, false: int) -> int | None:
-        """Return the number of a group of which it is open what holds."""
+        """Return the number of a group without a known fact."""
         for number, (mask, _) in enumerate(self._groups):
             if not mask & true and mask & ~false:
                 return number
         return None
 
     def _branches(self, region: Region, number: int) -> Iterator[Region]:
-        """Yield a region by the facts of a group that it leaves open, the initial one first."""
+        """Yield parts of a region by the open facts of a group, the initial fact first."""
         true, false = region
         mask, exact = self._groups[number]
         left = mask & ~false
@@ -118,7 +114,7 @@ class ConsistentStates:
                 yield closed
 
     def _around(self, changed: int) -> Iterator[int]:
-        """Yield the numbers of the groups that share facts that have changed with other groups."""
+        """Yield the numbers of the groups that share changed facts."""
         for bit in each_bit(changed & self._shared):
             yield from self._groups_of[bit.bit_length()]
 
@@ -137,7 +133,7 @@ class ConsistentStates:
 
 
 def _keeps_one(task: Task, mask: int) -> bool:
-    """Return True if exactly one fact of a group holds at first and after every skill."""
+    """Return True if exactly one fact of a group holds initially and after every skill."""
     if (task.initial.bits & mask).bit_count() != 1:
         return False
     for skill in task.skills:
@@ -154,7 +150,7 @@ def _keeps_one(task: Task, mask: int) -> bool:
 
 
 def _leaves_one(mask: int, requires: int, forbids: int, outcome: Outcome) -> bool:
-    """Return True if one fact of a group holds after an outcome if one did before."""
+    """Return True if an outcome keeps exactly one fact of a group."""
     known_false = forbids | (mask & ~requires if mask & requires else 0)
     may_hold = mask & ~known_false
     added, deleted = outcome.add.bits & mask, outcome.delete.bits & mask
@@ -163,24 +159,24 @@ def _leaves_one(mask: int, requires: int, forbids: int, outcome: Outcome) -> boo
     return not added & (added - 1) and not may_hold & ~deleted & ~added
 
 
-# More queries than this about one skill are not made.
+# Greatest number of queries for one skill.
 _MOST_QUERIES = 5_000
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A skill, or one of its conditional effects, by itself.
+    """A skill, or one of its conditional effects.
 
     Parameters
     ----------
     skill
         The skill.
     label
-        The fact that selects the case; empty if the skill has none.
+        Fact that selects the case; empty for skills without cases.
     requires, forbids
-        Facts that must hold, and that must not.
+        Facts of the precondition.
     outcome
-        The nominal outcome.
+        Nominal outcome.
     """
 
     skill: Skill
@@ -192,19 +188,18 @@ class Case:
 
 @dataclass
 class Cover:
-    """Regions that together are all states in which a case is applicable.
+    """Regions that cover all states in which a case is applicable.
 
     Parameters
     ----------
     feasible
-        Regions in which it is feasible, by the way that it is executed in; one empty way unless
-        costs depend on it.
+        Feasible regions by variant of execution; one empty variant unless costs depend on it.
     infeasible
         All other regions.
     refusal
-        Why it is infeasible in the first of them, in words.
+        Reason of the first infeasible verdict.
     left_out
-        Why the verdict of some regions is not known, in words; they count as infeasible.
+        Reason of an unknown verdict; its region counts as infeasible.
     """
 
     feasible: dict[str, list[Region]] = field(default_factory=dict)
@@ -220,10 +215,9 @@ class FeasibleRegion:
     Parameters
     ----------
     true, false
-        Bits of the facts that must hold, and must not, beyond the precondition; none of the
-        places.
+        Bits of required and forbidden facts beyond the precondition, places excluded.
     places
-        Bits of the places where the robot may stand; 0 if that does not matter.
+        Bits of the possible places of the robot; 0 if they do not matter.
     """
 
     true: int
@@ -250,14 +244,14 @@ def cases_of(skill: Skill) -> Iterator[Case]:
 def covers_of(
     model: SkillModel, states: ConsistentStates, cases: Sequence[Case]
 ) -> dict[tuple[str, str], Cover]:
-    """Return the cover of every case by skill and label; back ends are queried for it.
+    """Query back ends and return the cover of every case by skill and label.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     SearchStopped
-        If the model's time is over.
+        If the time of the model is over.
     """
     queries = run_queries(model, [_explore(model, states, case) for case in cases])
     return {
@@ -268,11 +262,11 @@ def covers_of(
 
 
 def _explore(model: SkillModel, states: ConsistentStates, case: Case) -> CheckSteps[Cover]:
-    """Cover the states in which a case is applicable by the regions of verdicts."""
+    """Cover the states of a case by regions of verdicts."""
     facts = model.task.facts
     robots = model.task.scene.robots
     by_way = model.asks_costs and bool(case.skill.ways)
-    # What an unknown verdict is taken to rest on if it does not say.
+    # Facts that an unknown verdict without named facts is assumed to depend on.
     seen = facts.of(*{fact for robot in robots for fact in robot.places}).bits
     cover = Cover()
     todo = [(case.requires.bits, case.forbids.bits)]
@@ -319,14 +313,14 @@ def _facts_of(verdict: Verdict, all_bits: int) -> int:
 def simplified(
     states: ConsistentStates, case: Case, cover: Cover, way: str, where: int
 ) -> list[FeasibleRegion]:
-    """Return few and wide regions in which a case is feasible by a way, and no other states.
+    """Return few wide regions that contain exactly the feasible states of a variant.
 
     Parameters
     ----------
     states, case, cover, way
-        The case and its cover.
+        Case, cover, and variant.
     where
-        Bits of the places that are told apart in one region; 0 for none.
+        Bits of the places that a region distinguishes; 0 for none.
     """
     other_ways = [regions for name, regions in cover.feasible.items() if name != way]
     others = chain(cover.infeasible, *other_ways)
@@ -338,14 +332,14 @@ def simplified(
         if closed is None:
             continue
         start = widening.region(closed, region)
-        if not any(one.contains(start) for one in kept):
+        if not any(other.contains(start) for other in kept):
             wide = widening.widest(start)
-            kept = [one for one in kept if not wide.contains(one)] + [wide]
+            kept = [other for other in kept if not wide.contains(other)] + [wide]
     return kept
 
 
 class _Widening:
-    """Widens regions as far as they touch no barred one."""
+    """Widens regions without overlapping barred ones."""
 
     def __init__(
         self, states: ConsistentStates, case: Case, barred: list[Region], where: int
@@ -358,12 +352,12 @@ class _Widening:
         self._open = 0 if closed is None else self._places(closed)
 
     def region(self, closed: Region, named: Region) -> FeasibleRegion:
-        """Return a region beyond the precondition, with its places apart."""
+        """Return a region beyond the precondition, with separate places."""
         known = self._requires | self._forbids | self._where
         return FeasibleRegion(named[0] & ~known, named[1] & ~known, self._places(closed))
 
     def widest(self, region: FeasibleRegion) -> FeasibleRegion:
-        """Return a widest region about one, literal by literal and then place by place."""
+        """Return a maximal region, widened literal by literal and then place by place."""
         true, false, places = region.true, region.false, region.places
         for bit in each_bit(false | true):
             if self._is_free(true & ~bit, false & ~bit, places):
@@ -374,7 +368,7 @@ class _Widening:
         return FeasibleRegion(true, false, places)
 
     def _is_free(self, true: int, false: int, places: int) -> bool:
-        """Return True if no state of a region is in a barred one."""
+        """Return True if a region has no state in a barred one."""
         true, false = true | self._requires, false | self._forbids
         if self._where:
             false |= self._where & ~places
@@ -389,12 +383,12 @@ class _Widening:
         return True
 
     def _places(self, closed: Region) -> int:
-        """Return the places that a closed region leaves open."""
+        """Return the possible places of a closed region."""
         held = closed[0] & self._where
         return held or self._where & ~closed[1]
 
 
 def named_bits(cover: Cover) -> int:
-    """Return the bits of all facts that the verdicts on a case rest on."""
-    regions = [region for found in cover.feasible.values() for region in found]
+    """Return the bits of all facts that the verdicts on a case depend on."""
+    regions = [region for parts in cover.feasible.values() for region in parts]
     return reduce(or_, (true | false for true, false in (*regions, *cover.infeasible)), 0)

@@ -1,4 +1,4 @@
-"""Domain, problem and plan in a folder."""
+"""The exporter ``pddl``: domain, problem and plan in PDDL 2.1."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _UNKNOWN = "thing"
 
 
 class Vocabulary:
-    """What the facts of a task are called in PDDL.
+    """Names of a task's facts in PDDL.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ class Vocabulary:
             if argument(fact):
                 arguments[self.predicate(fact)].append(argument(fact))
         self._type_of = {
-            predicate: _type(task, predicate, found)
-            for predicate, found in arguments.items()
-            if found
+            predicate: _type(task, predicate, values)
+            for predicate, values in arguments.items()
+            if values
         }
         self.types = Identifiers(dict.fromkeys(self._type_of.values()), KEYWORDS)
         taken = KEYWORDS | {self.types[name] for name in self.types}
@@ -71,16 +71,16 @@ class Vocabulary:
         self.taken = taken | {self.predicates[name] for name in self.predicates}
         keys = {
             self._object(fact): None for fact in task.facts.names if argument(fact)
-        }  # a set in order
+        }  # an ordered set
         self.objects = Identifiers(keys, self.taken)
 
     @staticmethod
     def predicate(fact: str) -> str:
-        """Return the name of a fact's predicate; facts with and without argument are two."""
+        """Return the name of a fact's predicate; with and without argument they differ."""
         return f"{fact.partition('(')[0]}()" if argument(fact) else fact
 
     def type_of(self, predicate: str) -> str | None:
-        """Return the identifier of the type of a predicate's argument; None without one."""
+        """Return the identifier of the type of a predicate's argument, or None."""
         name = self._type_of.get(predicate)
         return None if name is None else self.types[name]
 
@@ -90,22 +90,22 @@ class Vocabulary:
         return f"({name} {self.object(fact)})" if argument(fact) else f"({name})"
 
     def object(self, fact: str) -> str:
-        """Return the identifier of the object that a fact is about."""
+        """Return the identifier of a fact's object."""
         return self.objects[self._object(fact)]
 
     def objects_by_type(self) -> dict[str, list[str]]:
-        """Return the identifiers of all objects by that of their type."""
-        found: dict[str, list[str]] = {}
+        """Return the identifiers of all objects by type."""
+        objects: dict[str, list[str]] = {}
         for key in self.objects:
-            found.setdefault(self.types[key.partition("/")[0]], []).append(self.objects[key])
-        return found
+            objects.setdefault(self.types[key.partition("/")[0]], []).append(self.objects[key])
+        return objects
 
     def _object(self, fact: str) -> str:
         return f"{self._type_of[self.predicate(fact)]}/{argument(fact)}"
 
 
 def _type(task: Task, predicate: str, arguments: Iterable[str]) -> str:
-    """Return what the arguments of a predicate are: a parameter of skills, or places."""
+    """Return the type of a predicate's arguments: a parameter of skills, or places."""
     facts = {fact for fact in task.facts.names if Vocabulary.predicate(fact) == predicate}
     stands = {fact for robot in task.scene.robots for fact in robot.places} | set(task.places)
     if facts <= stands:
@@ -118,29 +118,29 @@ def _type(task: Task, predicate: str, arguments: Iterable[str]) -> str:
     return min(fitting, key=lambda key: len(values[key]), default=_UNKNOWN)
 
 
-# Between the identifier of a skill and that of what tells its actions apart; in neither of them.
+# Separator of a skill's identifier and an action's label, not part of either.
 _JOINT = "-"
-# Like the words steps-done and step-after, no identifier of a task.
+# Not an identifier of any task, like steps-done and step-after.
 _STEP = "step-number"
 _MOST_NAMED = 4
 
 
 class PlanningTask:
-    """A task as PDDL has it; back ends are queried when its actions are needed.
+    """A task in PDDL; back ends are queried when the actions are needed.
 
     Parameters
     ----------
     handover
         The task.
     accept_rounding
-        True if costs may be as small as what rounding comes to.
+        True to accept costs as small as the rounding error of a plan.
     count_steps
-        True if the step limit is part of the task.
+        True to include the step limit.
 
     Raises
     ------
     NoActionCosts
-        By what needs costs, if they cannot be said.
+        If an operation needs costs that PDDL cannot represent.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class PlanningTask:
 
     @cached_property
     def origin(self) -> str:
-        """Where the conditions of the skills come from, in words."""
+        """Source of the skills' conditions, in words."""
         if self.handover.charted:
             return "the task's hand-made chart"
         if all(skill.motion is None for skill in self.task.skills):
@@ -166,7 +166,7 @@ class PlanningTask:
 
     @cached_property
     def left_out(self) -> str:
-        """Skills whose verdicts are not all known, in words; empty if there are none."""
+        """Skills with unknown verdicts, in words; may be empty."""
         words = {
             skill: f"{skill} ({cover.left_out})"
             for (skill, _), cover in self._covers.items()
@@ -178,7 +178,7 @@ class PlanningTask:
 
     @cached_property
     def impossible(self) -> Mapping[str, str]:
-        """Skills that are never feasible, with a reason."""
+        """Skills that are never feasible, with the reason."""
         possible = {skill for (skill, _), cover in self._covers.items() if cover.feasible}
         return {
             skill: cover.refusal
@@ -210,7 +210,7 @@ class PlanningTask:
 
     @cached_property
     def actions(self) -> dict[str, str]:
-        """Identifiers of the actions, by skill and what tells its actions apart."""
+        """Identifiers of the actions, by skill and label."""
         labels: dict[str, list[str]] = {}
         for variant in self.variants:
             labels.setdefault(variant.skill.name, []).append(variant.label)
@@ -224,7 +224,7 @@ class PlanningTask:
 
     @cached_property
     def scale(self) -> Scale:
-        """How costs are written as whole numbers."""
+        """Conversion of costs to whole numbers."""
         costs = [
             cost
             for variant in self.variants
@@ -243,7 +243,7 @@ class PlanningTask:
         types = [known.types[name] for name in known.types]
         types += [_STEP] if self.count_steps else []
         lines += [f"  (:types {' '.join(types)} - object)"] if types else []
-        # In the domain, as actions name them.
+        # Actions name the objects, so they are constants of the domain.
         constants = known.objects_by_type().items()
         lines += ["  (:constants"] if constants else []
         lines += [f"    {' '.join(names)} - {kind}" for kind, names in constants]
@@ -257,9 +257,10 @@ class PlanningTask:
             lines += [f"    (steps-done ?x - {_STEP})", f"    (step-after ?x ?y - {_STEP})"]
         lines.append("  )")
         lines.append("  (:functions (total-cost) - number")
-        for one in self.variants:
-            if one.origins:
-                lines.append(f"    ({self._cost_of(one)} ?from - {self._kind(one)}) - number")
+        for variant in self.variants:
+            if variant.origins:
+                cost = self._cost_of(variant)
+                lines.append(f"    ({cost} ?from - {self._kind(variant)}) - number")
         lines.append("  )")
         for variant in self.variants:
             lines += self._action(variant)
@@ -288,17 +289,20 @@ class PlanningTask:
         return "\n".join(lines) + "\n)\n"
 
     def plan(self) -> str:
-        """Return the plan in the form of planners: an action a line, and what it costs."""
+        """Return the plan as planners write it: an action in each line, and the total cost."""
         lines, total = [], 0
         by_skill: dict[str, list[Variant]] = {}
-        for one in self.variants:
-            by_skill.setdefault(one.skill.name, []).append(one)
+        for candidate in self.variants:
+            by_skill.setdefault(candidate.skill.name, []).append(candidate)
         for number, planned in enumerate(self.handover.skills):
             variant = next(
-                one
-                for one in by_skill[planned.skill.name]
-                if Condition(one.requires, one.forbids).holds(planned.before)
-                and (not one.origins or any(fact in planned.before for fact in one.origins))
+                candidate
+                for candidate in by_skill[planned.skill.name]
+                if Condition(candidate.requires, candidate.forbids).holds(planned.before)
+                and (
+                    not candidate.origins
+                    or any(fact in planned.before for fact in candidate.origins)
+                )
             )
             words = [self.actions[_name(variant)]]
             cost = variant.constant
@@ -338,42 +342,42 @@ class PlanningTask:
         for names in (self.vocabulary.predicates, self.vocabulary.objects):
             yield from (f";   {line}" for line in names.lines())
 
-    def _action(self, one: Variant) -> Iterator[str]:
-        literals = self._literals(Condition(one.requires, one.forbids))
-        effects = self._effects(one)
+    def _action(self, variant: Variant) -> Iterator[str]:
+        literals = self._literals(Condition(variant.requires, variant.forbids))
+        effects = self._effects(variant)
         parameters = []
-        if one.origins:
-            literals.append(f"({self._where(one)} ?from)")
-            if not self._everywhere(one):
-                literals.append(f"({self._guard(one)} ?from)")
-            effects.append(f"(increase (total-cost) ({self._cost_of(one)} ?from))")
-            parameters.append(f"?from - {self._kind(one)}")
+        if variant.origins:
+            literals.append(f"({self._where(variant)} ?from)")
+            if not self._everywhere(variant):
+                literals.append(f"({self._guard(variant)} ?from)")
+            effects.append(f"(increase (total-cost) ({self._cost_of(variant)} ?from))")
+            parameters.append(f"?from - {self._kind(variant)}")
         else:
-            effects.append(f"(increase (total-cost) {self.scale.whole(one.constant)})")
+            effects.append(f"(increase (total-cost) {self.scale.whole(variant.constant)})")
         if self.count_steps:
             literals += ["(steps-done ?now)", "(step-after ?now ?next)"]
             effects += ["(not (steps-done ?now))", "(steps-done ?next)"]
             parameters.append(f"?now ?next - {_STEP}")
-        yield f"  (:action {self.actions[_name(one)]}"
+        yield f"  (:action {self.actions[_name(variant)]}"
         yield f"    :parameters ({' '.join(parameters)})"
         yield f"    :precondition (and {' '.join(literals)})"
         yield f"    :effect (and {' '.join(effects)}))"
 
-    def _effects(self, one: Variant) -> list[str]:
-        """Return what is brought about, without what is false anyway."""
+    def _effects(self, variant: Variant) -> list[str]:
+        """Return the effects that change something."""
         known, facts = self.vocabulary, self.task.facts
-        bits = one.outcome.delete.bits & ~one.forbids.bits
+        bits = variant.outcome.delete.bits & ~variant.forbids.bits
         for group in facts.exclusive:
             members = facts.of(*group).bits
-            if members & one.requires.bits:
-                bits &= ~members | one.requires.bits
-        origins = facts.of(*one.origins).bits
+            if members & variant.requires.bits:
+                bits &= ~members | variant.requires.bits
+        origins = facts.of(*variant.origins).bits
         effects = []
-        if origins and origins & ~(one.outcome.delete.bits | one.outcome.add.bits) == 0:
-            # Wherever it stood, it stands there no more, unless it comes back.
-            effects.append(f"(not ({self._where(one)} ?from))")
+        if origins and origins & ~(variant.outcome.delete.bits | variant.outcome.add.bits) == 0:
+            # The robot leaves its place, unless the action adds it again.
+            effects.append(f"(not ({self._where(variant)} ?from))")
             bits &= ~origins
-        added = [known.atom(fact) for fact in one.outcome.add - one.requires]
+        added = [known.atom(fact) for fact in variant.outcome.add - variant.requires]
         return effects + [f"(not {known.atom(fact)})" for fact in facts.names_of(bits)] + added
 
     def _literals(self, condition: Condition) -> list[str]:
@@ -383,36 +387,36 @@ class PlanningTask:
             *(f"(not {known.atom(fact)})" for fact in condition.forbids),
         ]
 
-    def _where(self, one: Variant) -> str:
-        return self.vocabulary.predicates[self._predicate(one)]
+    def _where(self, variant: Variant) -> str:
+        return self.vocabulary.predicates[self._predicate(variant)]
 
-    def _kind(self, one: Variant) -> str:
-        return str(self.vocabulary.type_of(self._predicate(one)))
+    def _kind(self, variant: Variant) -> str:
+        return str(self.vocabulary.type_of(self._predicate(variant)))
 
-    def _predicate(self, one: Variant) -> str:
-        return self.vocabulary.predicate(next(iter(one.origins)))
+    def _predicate(self, variant: Variant) -> str:
+        return self.vocabulary.predicate(next(iter(variant.origins)))
 
-    def _cost_of(self, one: Variant) -> str:
-        return f"cost-{self.actions[_name(one)]}"
+    def _cost_of(self, variant: Variant) -> str:
+        return f"cost-{self.actions[_name(variant)]}"
 
-    def _guard(self, one: Variant) -> str:
-        return f"from-{self.actions[_name(one)]}"
+    def _guard(self, variant: Variant) -> str:
+        return f"from-{self.actions[_name(variant)]}"
 
     def _guards(self) -> Iterator[tuple[str, str]]:
         for variant in self.variants:
             if variant.origins and not self._everywhere(variant):
                 yield self._guard(variant), self._kind(variant)
 
-    def _everywhere(self, one: Variant) -> bool:
-        """Return True if the skill may be begun wherever the robot may stand."""
-        predicate = self._predicate(one)
+    def _everywhere(self, variant: Variant) -> bool:
+        """Return True if the skill may start at every place of the robot."""
+        predicate = self._predicate(variant)
         known = [f for f in self.task.facts.names if self.vocabulary.predicate(f) == predicate]
-        left: State = self.task.facts.of(*known) - one.forbids
-        return len(left) <= len(one.origins)
+        left: State = self.task.facts.of(*known) - variant.forbids
+        return len(left) <= len(variant.origins)
 
 
 class ActionNames:
-    """Reads the actions of plans, for which no back end is queried.
+    """Reads the actions of plans without querying back ends.
 
     Parameters
     ----------
@@ -424,7 +428,7 @@ class ActionNames:
         self._skills = _skill_identifiers(task, Vocabulary(task))
 
     def skill_of(self, action: str) -> str | None:
-        """Return the name of the skill of an action; None of an unknown one."""
+        """Return the name of an action's skill; None for an unknown action."""
         return self._skills.name_of(action.partition(_JOINT)[0])
 
 
@@ -432,8 +436,8 @@ def _skill_identifiers(task: Task, vocabulary: Vocabulary) -> Identifiers:
     return Identifiers((skill.name for skill in task.skills), vocabulary.taken)
 
 
-def _name(one: Variant) -> str:
-    return f"{one.skill.name} {one.label}".strip()
+def _name(variant: Variant) -> str:
+    return f"{variant.skill.name} {variant.label}".strip()
 
 
 DOMAIN, PROBLEM, PLAN = "domain.pddl", "problem.pddl", "plan.txt"
@@ -451,19 +455,19 @@ class PddlExporter(Exporter):
 
         accept_rounding: bool = Field(
             default=False,
-            description="whether costs are handed over that are no larger than what rounding to "
-            "whole micrometres or microseconds may come to over a plan [-]",
+            description="accept costs as small as the error of rounding a plan to whole "
+            "micrometres or microseconds [-]",
         )
         count_steps: bool = Field(
             default=False,
-            description="whether the step limit is part of the task; planners take longer [-]",
+            description="include the step limit; planners take longer [-]",
         )
 
     options: Options
     _made: PlanningTask | None = None
 
     def refuses(self, handover: Handover) -> str | None:
-        """Refuse chance, and costs that are not those of actions or that rounding hides."""
+        """Refuse chance, and costs that PDDL cannot represent or rounding hides."""
         refusal = refused_chance(handover)
         if refusal:
             return refusal
@@ -474,18 +478,18 @@ class PddlExporter(Exporter):
         return None
 
     def notes(self, handover: Handover) -> tuple[str, ...]:
-        """Return the skills that are left out where their verdicts are not known."""
+        """Return the skills that are left out because of unknown verdicts."""
         left_out = self.planning_task(handover).left_out
         return (f"never done where no verdict is known: {left_out}",) if left_out else ()
 
     def files(self, handover: Handover) -> Mapping[str, str | bytes]:
-        """Return domain and problem, and the plan as planners write it if there is one."""
+        """Return domain and problem, and the plan if there is one."""
         task = self.planning_task(handover)
         files = {DOMAIN: task.domain(), PROBLEM: task.problem()}
         return {PLAN: task.plan(), **files} if handover.plan is not None else files
 
     def planning_task(self, handover: Handover) -> PlanningTask:
-        """Return the task as PDDL has it, made once."""
+        """Return the planning task, constructed once."""
         if self._made is None or self._made.handover is not handover:
             self._made = PlanningTask(
                 handover,
