@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fresh_process import Outcome
 
 from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.solution import relative_gap
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from fresh_process import ROOT, Outcome, Trial, last_core
 from record_file import RecordFile
 
 from skillplan.pipeline import registry
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.solution import relative_gap
 from skillplan.views.text.table import Column, Table, render
 
 FOLDER = ROOT / "tests" / "instances" / "sop"

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from skillplan.checks.feasibility import CheckCount
 from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.solution import relative_gap
 from skillplan.solvers.stop import Progress, Stop
 from skillplan.views.text.wording import escaped
 from skillplan.workers.processes import resident_bytes

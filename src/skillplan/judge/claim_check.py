@@ -28,7 +28,7 @@ from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status, tolerance
 from skillplan.records.stored.result_file import StoredClaims
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.solution import relative_gap
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
 

@@ -43,8 +43,7 @@ from skillplan.pipeline.restoration import (
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.pipeline.solving import make_model
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
-from skillplan.records.origin import Origin
-from skillplan.records.result import Status, tolerance
+from skillplan.records.result import Origin, Status, tolerance
 from skillplan.records.stored.policy_file import read_policy
 from skillplan.records.stored.result_file import (
     StoredPart,

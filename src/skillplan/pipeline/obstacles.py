@@ -23,7 +23,7 @@ from skillplan.physics.kinematic import surely_reached
 from skillplan.physics.linear_motions import too_wide
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.pipeline.solving import make_feasibility
-from skillplan.records.preview import DerivedOrder, Preview
+from skillplan.records.questions import DerivedOrder, Preview
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 

@@ -22,8 +22,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import SearchRequest
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.origin import Origin
-from skillplan.records.result import Result, Status
+from skillplan.records.result import Origin, Result, Status
 from skillplan.records.stored.policy_file import fingerprint, read_policies
 from skillplan.records.stored.result_file import StoredClaims, StoredPart, StoredResult
 from skillplan.records.stored.result_folder import POLICIES, RESULT, file_beside, result_path

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -20,8 +21,55 @@ from skillplan.errors import Issue, OptionError, PluginError, name_hint
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.plugins import installed
 from skillplan.plugins.blame import ends_program
-from skillplan.records.plugin_info import PluginInfo
+from skillplan.records import schemas
 from skillplan.workers.supervised import doing, import_limit_s
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+@dataclass(frozen=True)
+class PluginInfo:
+    """One line of ``skillplan plugins``.
+
+    Parameters
+    ----------
+    kind, name
+        What it is and what it is called.
+    distribution, version
+        Who provides it.
+    summary
+        First line of its docstring; empty where it is broken.
+    problem
+        Why it cannot be used, or None.
+    """
+
+    kind: str
+    name: str
+    distribution: str
+    version: str
+    summary: str
+    problem: str | None = None
+
+
+def plugin_document(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.plugins/1``."""
+    return {
+        "schema": schemas.PLUGINS,
+        "plugins": [
+            {
+                "kind": info.kind,
+                "name": info.name,
+                "distribution": info.distribution,
+                "version": info.version,
+                "summary": info.summary,
+                "problem": info.problem,
+            }
+            for info in infos
+        ],
+        "options": None if options is None else options.model_json_schema(),
+    }
+
 
 # Kind to the base class that its plugins must have.
 KINDS = {

@@ -28,8 +28,7 @@ from skillplan.pipeline import registry
 from skillplan.pipeline.setup import BACK_END_KINDS, BOXES, CHART, SCREEN, Setup, load_problem
 from skillplan.pipeline.solving import solve
 from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.origin import Origin
-from skillplan.records.result import Result, Status
+from skillplan.records.result import Origin, Result, Status
 from skillplan.records.stored.policy_file import read_policy
 from skillplan.records.stored.result_file import (
     StoredClaims,

@@ -15,7 +15,7 @@ from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
 from skillplan.plugins.installed import AUTO, PREFERRED, installed_simulator
-from skillplan.records.origin import Origin
+from skillplan.records.result import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
 from skillplan.workers.executor import Executor, ExecutorChoice, MakeExecutor

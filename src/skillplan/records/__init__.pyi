@@ -3,8 +3,8 @@ from .certificate import Outcome as Outcome
 from .certificate import Verdict as Verdict
 from .chain_result import ChainPart as ChainPart
 from .chain_result import ChainResult as ChainResult
-from .chart import chart_document as chart_document
 from .evaluation import Evaluation as Evaluation
+from .evaluation import Optimum as Optimum
 from .execution.comparisons import detectors_document as detectors_document
 from .execution.comparisons import find_decisive as find_decisive
 from .execution.comparisons import list_wrong as list_wrong
@@ -15,9 +15,9 @@ from .interval import interquartile_mean as interquartile_mean
 from .interval import mean as mean
 from .interval import share as share
 from .interval import t_quantile as t_quantile
-from .optimum import Optimum as Optimum
-from .origin import Origin as Origin
-from .preview import DerivedOrder as DerivedOrder
+from .questions import DerivedOrder as DerivedOrder
+from .questions import chart_document as chart_document
+from .result import Origin as Origin
 from .result import Result as Result
 from .result import SimulationOutcome as SimulationOutcome
 from .result import Status as Status

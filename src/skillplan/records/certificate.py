@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from skillplan.records import schemas
-from skillplan.records.origin import Origin
+from skillplan.records.result import Origin
 
 _MOST_SHOWN = 3
 

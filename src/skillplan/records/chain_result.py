@@ -9,9 +9,8 @@ from typing import Any
 
 from skillplan.domains.domain import Account
 from skillplan.records import schemas
-from skillplan.records.origin import Origin
-from skillplan.records.result import Result, Status, tolerance
-from skillplan.solvers.gap import relative_gap
+from skillplan.records.result import Origin, Result, Status, tolerance
+from skillplan.solvers.solution import relative_gap
 from skillplan.task.task import Task
 
 _WEAKEST_FIRST = (

@@ -1,6 +1,4 @@
 from .auto import AutoSolver as AutoSolver
-from .gap import deviation as deviation
-from .gap import relative_gap as relative_gap
 from .kernels import compiled as compiled
 from .learned_model.action_model import Conditions as Conditions
 from .learned_model.outcome_table import GOAL as GOAL
@@ -48,6 +46,8 @@ from .search.landmark_bound import to_units as to_units
 from .solution import Plan as Plan
 from .solution import Policy as Policy
 from .solution import Solution as Solution
+from .solution import deviation as deviation
+from .solution import relative_gap as relative_gap
 from .solver import Solver as Solver
 from .stop import Progress as Progress
 from .stop import Stop as Stop

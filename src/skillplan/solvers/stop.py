@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.checks.feasibility import CheckCount
-from skillplan.solvers.gap import relative_gap
-from skillplan.solvers.solution import Plan
+from skillplan.solvers.solution import Plan, relative_gap
 from skillplan.workers.processes import resident_bytes
 
 # A solver that polls returns long before; one that does not is stopped by the model [s].

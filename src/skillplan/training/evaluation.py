@@ -14,7 +14,7 @@ from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_model
-from skillplan.records.optimum import Optimum
+from skillplan.records.evaluation import Optimum
 from skillplan.records.task_difference import resolved_config, what_changed
 from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.records.training.result import (

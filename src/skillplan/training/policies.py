@@ -20,7 +20,7 @@ from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import DEFAULT_SOLVER, solve
-from skillplan.records.optimum import Optimum
+from skillplan.records.evaluation import Optimum
 from skillplan.records.result import Status
 from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.training.network_policy_file import write_network

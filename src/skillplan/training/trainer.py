@@ -9,7 +9,7 @@ from pathlib import Path
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
 from skillplan.pipeline.solving import warm_cache
-from skillplan.records.optimum import Optimum
+from skillplan.records.evaluation import Optimum
 from skillplan.records.training.result import RunOutcome, RunStatus, TrainingResult, training_record
 from skillplan.records.training.run_folder import GroupProgress, RunFolder
 from skillplan.records.training.shortfall import shortfall_of

@@ -37,7 +37,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.pipeline.screening import execute_sample
     from skillplan.pipeline.solving import make_feasibility
-    from skillplan.records.chart import chart_document
+    from skillplan.records.questions import chart_document
     from skillplan.views.tables.questions import chart_table
 
     # A chart derived from the chart would say nothing.

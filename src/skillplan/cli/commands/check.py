@@ -28,7 +28,7 @@ def command(
     from skillplan.checks.single_check import introduce_back_ends, list_not_checked
     from skillplan.cli.output import emit
     from skillplan.pipeline.obstacles import preview
-    from skillplan.records.checked import Checked
+    from skillplan.records.questions import Checked
     from skillplan.views.tables.questions import checked_tables
 
     limits.begin(graceful=False)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from pathlib import Path
 
     from skillplan.pipeline.restoration import LoadedResult
-    from skillplan.records.freedom import Freedom
+    from skillplan.records.questions import Freedom
     from skillplan.task.skill import Skill
     from skillplan.task.state import State
     from skillplan.task.task import Task
@@ -124,7 +124,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.pipeline.exchange import given_plan
     from skillplan.pipeline.solving import make_model
-    from skillplan.records.explanation import explain, state_after
+    from skillplan.records.questions import explain, state_after
     from skillplan.views.tables.questions import explanation_tables
 
     if last and (after is not None or result is not None):
@@ -203,7 +203,7 @@ def _explain_freedom(
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.records.freedom import freedom
+    from skillplan.records.questions import freedom
     from skillplan.records.stored.product_relation import relation_beside
     from skillplan.views.tables.questions import freedom_tables
 

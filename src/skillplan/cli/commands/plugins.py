@@ -41,7 +41,7 @@ def command(
     """List installed plugins, of one KIND if given; with NAME, the plugin's options."""
     from skillplan.cli.output import emit
     from skillplan.pipeline import registry
-    from skillplan.records.plugin_info import plugin_document
+    from skillplan.pipeline.registry import plugin_document
     from skillplan.views.tables.installation import plugin_tables
 
     kinds = [kind] if kind else list(registry.KINDS)

@@ -15,9 +15,9 @@ from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
 from skillplan.errors import exit_code
 from skillplan.records import schemas
-from skillplan.records.optimum import Optimum
+from skillplan.records.evaluation import Optimum
 from skillplan.records.training.result import TrainingResult
-from skillplan.solvers.gap import deviation
+from skillplan.solvers.solution import deviation
 from skillplan.solvers.stop import Stop
 from skillplan.training.family_training import FamilyFolder, FamilyPlan, train_family
 from skillplan.training.groups import GroupReport

@@ -12,8 +12,7 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import fitted, read_document
 from skillplan.files.regular_file import is_folder
 from skillplan.records import schemas
-from skillplan.records.origin import Origin
-from skillplan.records.result import Status
+from skillplan.records.result import Origin, Status
 from skillplan.records.stored.result_folder import check_finished, result_path
 from skillplan.solvers.solution import Plan
 

@@ -13,13 +13,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from skillplan.records import schemas
+from skillplan.records.evaluation import Optimum
 from skillplan.records.interval import Estimate, interquartile_mean, share
-from skillplan.records.optimum import Optimum
 from skillplan.records.training.published_runs import PublishedRun, published_runs
 from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
-from skillplan.solvers.gap import deviation
 from skillplan.solvers.learning.learner import MODEL_BASED
+from skillplan.solvers.solution import deviation
 from skillplan.task.task import Task
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from skillplan.records.freedom import Freedom, Way
+from skillplan.records.questions import Freedom, Way
 from skillplan.task.pose import Point as Point3
 from skillplan.task.pose import Pose
 from skillplan.views.figures.picture import COLOURS, Note, Picture

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.solution import relative_gap
 from skillplan.views.tables.installation import listing_table
 from skillplan.views.tables.results import PROOF, not_checked_notes, one_line, proved_by_notes
 from skillplan.views.text.table import Column, Table

@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from skillplan.domains.domain import Listing
+from skillplan.pipeline.registry import PluginInfo
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
-from skillplan.records.plugin_info import PluginInfo
 from skillplan.views.text.table import Column, Table
 
 

@@ -7,11 +7,8 @@ from collections.abc import Sequence
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
-from skillplan.records.checked import Checked
 from skillplan.records.evaluation import Evaluation
-from skillplan.records.explanation import Explanation
-from skillplan.records.freedom import Freedom, Way
-from skillplan.records.preview import Preview
+from skillplan.records.questions import Checked, Explanation, Freedom, Preview, Way
 from skillplan.records.result import tolerance
 from skillplan.records.stored.product_relation import Obstacle
 from skillplan.task.skill import Outcome

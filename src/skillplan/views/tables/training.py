@@ -15,7 +15,7 @@ from skillplan.records.training.result import (
     TrainingResult,
 )
 from skillplan.records.training.shortfall import Shortfall
-from skillplan.solvers.gap import deviation
+from skillplan.solvers.solution import deviation
 from skillplan.task.task import Task
 from skillplan.views.tables.results import not_checked_notes
 from skillplan.views.text.table import Column, Table

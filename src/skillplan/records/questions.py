@@ -1,0 +1,419 @@
+"""Answers about a task file: is it valid, why does a skill fail, which order does geometry give.
+
+The documents of ``check``, ``explain`` and ``chart``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from skillplan.chart.precedence_chart import DerivedChart
+from skillplan.domains.domain import Overview
+from skillplan.domains.load import Problem
+from skillplan.errors import OptionError
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.records import schemas
+from skillplan.records.stored.product_relation import Obstacle, ProductRelation
+from skillplan.task.pose import Point
+from skillplan.task.skill import Outcome, Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The verdicts on one skill in one state.
+
+    Parameters
+    ----------
+    task, skill, state
+        What is explained.
+    stages
+        One verdict a stage, cheapest first, also beyond the first that fails.
+    files
+        What was drawn of it, such as ``picture``, and where.
+    """
+
+    task: Task
+    skill: Skill
+    state: State
+    stages: tuple[Verdict, ...]
+    files: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    def drawn(self, files: Mapping[str, str]) -> Explanation:
+        """Return the explanation with what was drawn of it."""
+        return replace(self, files=files)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every stage passed."""
+        return all(verdict.is_feasible for verdict in self.stages)
+
+    @property
+    def prediction(self) -> Outcome:
+        """What the skill is predicted to change here."""
+        skill = self.skill
+        return (
+            skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
+        )
+
+    @property
+    def otherwise(self) -> tuple[Outcome, ...]:
+        """What may come of it here but is not predicted; empty where nothing is left to chance."""
+        skill = self.skill
+        fits = not skill.cases or skill.case(self.state) is not None
+        return skill.outcomes_in(self.state)[1:] if fits else ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.explanation/1``."""
+        first = next((v for v in self.stages if not v.is_feasible), None)
+        prediction = self.prediction
+        return {
+            "schema": schemas.EXPLANATION,
+            "task": {"name": self.task.name, "sha256": self.task.sha256},
+            "skill": self.skill.name,
+            "action": self.task.action(self.skill),
+            "state": list(self.state),
+            "status": first.status.value if first else "feasible",
+            "stage": first.stage if first else None,
+            "reason": first.reason if first else None,
+            "precondition": str(self.skill.condition(self.state)),
+            "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
+            "otherwise": [
+                {
+                    "probability": outcome.probability,
+                    "add": list(outcome.add),
+                    "delete": list(outcome.delete),
+                }
+                for outcome in self.otherwise
+            ],
+            "stages": [
+                {
+                    "stage": verdict.stage,
+                    "status": verdict.status.value,
+                    "reason": verdict.reason or None,
+                    "present": list(verdict.present or ()),
+                    "absent": list(verdict.absent or ()),
+                    "evidence": dict(verdict.evidence),
+                }
+                for verdict in self.stages
+            ],
+            "files": dict(self.files),
+        }
+
+
+def explain(model: SkillModel, skill: Skill, state: State) -> Explanation:
+    """Return the verdicts on `skill` in a state."""
+    return Explanation(model.task, skill, state, tuple(model.feasibility.stages(skill, state)))
+
+
+def state_after(model: SkillModel, before: Sequence[Skill]) -> State:
+    """Return the state that a sequence leads to.
+
+    Raises
+    ------
+    OptionError
+        If the sequence cannot be executed; the message says where it fails.
+    """
+    walked = replay(model, before)
+    if not walked.feasible:
+        fault = walked.violations[0]
+        raise OptionError(
+            f"--after fails at step {fault.step + 1} ({fault.skill}): "
+            f"{fault.stage}: {fault.reason}."
+        )
+    return walked.state
+
+
+def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.chart/1``."""
+    hand_made = chart.hand_made or ()
+    return {
+        "schema": schemas.CHART,
+        "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
+        "back_ends": list(back_ends),
+        "relations": [
+            {"before": r.before, "after": r.after, "reason": r.reason, "evidence": dict(r.evidence)}
+            for r in chart.relations
+        ],
+        "hand_made": [{"before": before, "after": after} for before, after in hand_made],
+        "missing": [{"before": before, "after": after} for before, after in chart.missing],
+        "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
+        "impossible": dict(chart.impossible),
+        "undecided": list(chart.undecided),
+        "circle": list(chart.cycle),
+        "contradiction": list(chart.contradiction),
+        "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
+        "alternatives": [
+            {
+                "component": one.component,
+                "skill": one.skill,
+                "any_of": [
+                    [{"before": before, "after": after} for before, after in pairs]
+                    for pairs in one.any_of
+                ],
+            }
+            for one in chart.alternatives
+        ],
+    }
+
+
+@dataclass(frozen=True)
+class DerivedOrder:
+    """The precedence relation that back ends leave to a task.
+
+    Parameters
+    ----------
+    task
+        The task's name.
+    back_ends
+        Names of those that were queried; empty where none was.
+    pairs
+        How many pairs of components have an order.
+    cycle
+        Components that would have to come before each other, ending with the first; empty where
+        there is an order.
+    never
+        Skills that are feasible in no state, with the reason.
+    lines
+        Why there is no order, in words; empty where there is one, or a skill is never feasible.
+    not_derived
+        Of what no order is derived by itself, where no back end was queried.
+    contradictions
+        Pairs of the hand-made chart that contradict the derived order, in words.
+    """
+
+    task: str
+    back_ends: tuple[str, ...]
+    pairs: int = 0
+    cycle: tuple[str, ...] = ()
+    never: Mapping[str, str] = field(default_factory=dict)
+    lines: tuple[str, ...] = ()
+    not_derived: str = ""
+    contradictions: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        return {
+            "task": self.task,
+            "back_ends": list(self.back_ends),
+            "pairs": self.pairs,
+            "cycle": list(self.cycle),
+            "never_feasible": dict(self.never),
+            "contradictions": list(self.contradictions),
+        }
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What ``check`` reports of a valid file besides its tasks.
+
+    Parameters
+    ----------
+    warnings
+        What is valid, but hardly meant or found out late, with its place in the file.
+    orders
+        For each task of which a relation can be derived.
+    overview
+        What its kind has to show.
+    """
+
+    warnings: tuple[str, ...] = ()
+    orders: tuple[DerivedOrder, ...] = ()
+    overview: Overview = field(default_factory=Overview)
+
+    def document(self) -> dict[str, Any]:
+        """Return the keys that it adds to ``skillplan.check/1``."""
+        return {
+            **self.overview.document,
+            "precedence": [order.document() for order in self.orders if order.back_ends],
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A valid task file.
+
+    Parameters
+    ----------
+    problem
+        What was loaded.
+    back_ends
+        Names of the back ends that each of its tasks will query.
+    preview
+        What is known of it before anything is solved.
+    not_checked
+        Sentences of these back ends about what they leave unchecked.
+    """
+
+    problem: Problem
+    back_ends: Sequence[Sequence[str]]
+    preview: Preview = field(default_factory=Preview)
+    not_checked: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.check/1``."""
+        problem = self.problem
+        return {
+            "schema": schemas.CHECK,
+            "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
+            "valid": True,
+            "tasks": [
+                {
+                    "name": task.name,
+                    "skills": len(task.skills),
+                    "facts": len(task.facts),
+                    "observation": len(task.observation) or len(task.facts),
+                    "step_limit": task.step_limit,
+                    "back_ends": list(names),
+                }
+                for task, names in zip(problem.tasks, self.back_ends, strict=True)
+            ],
+            "not_checked": list(self.not_checked),
+            **self.preview.document(),
+        }
+
+
+_MM_PER_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A straight move without end.
+
+    Parameters
+    ----------
+    direction
+        Unit vector in the world of the task.
+    in_file
+        The same in the file of the product.
+    obstacles
+        What is in its way, the nearest first; empty where it is free.
+    """
+
+    direction: Point
+    in_file: Point
+    obstacles: tuple[Obstacle, ...]
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """The ways of one part among the parts that are in place.
+
+    Parameters
+    ----------
+    task
+        Of the product.
+    part
+        Its name in the task.
+    present
+        The other parts in place, in the order of the file.
+    tolerance_m
+        Radius of the disc that has to be blocked before a pair is.
+    ways
+        In the order of the file.
+    files
+        What was drawn of it, such as ``picture``, and where.
+    """
+
+    task: Task
+    part: str
+    present: tuple[str, ...]
+    tolerance_m: float
+    ways: tuple[Way, ...]
+    files: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    def drawn(self, files: Mapping[str, str]) -> Freedom:
+        """Return it with what was drawn of it."""
+        return replace(self, files=files)
+
+    @property
+    def free(self) -> bool:
+        """Whether at least one way is."""
+        return any(not way.obstacles for way in self.ways)
+
+    @property
+    def blockers(self) -> tuple[str, ...]:
+        """The parts that are in its way in some direction, each once."""
+        found = (one.part for way in self.ways for one in way.obstacles)
+        return tuple(dict.fromkeys(found))
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON; lengths are millimetres, directions and points the task's."""
+        return {
+            "schema": schemas.FREEDOM,
+            "task": {"name": self.task.name, "sha256": self.task.sha256},
+            "part": self.part,
+            "free": self.free,
+            "present": list(self.present),
+            "tolerance_mm": _mm(self.tolerance_m),
+            "directions": [
+                {
+                    "direction": list(way.direction),
+                    "in_file": list(way.in_file),
+                    "free": not way.obstacles,
+                    "blocked_by": [
+                        {
+                            "part": one.part,
+                            "distance_mm": _mm(one.distance_m),
+                            "width_mm": _mm(one.width_m),
+                            "point_mm": [_mm(value) for value in one.point_m],
+                            "sensitive": one.sensitive,
+                        }
+                        for one in way.obstacles
+                    ],
+                }
+                for way in self.ways
+            ],
+            "files": dict(self.files),
+        }
+
+
+def freedom(
+    task: Task, relation: ProductRelation, part: str, state: State | None = None
+) -> Freedom:
+    """Return in which directions a part is free.
+
+    Parameters
+    ----------
+    task
+        That `relation` was read beside.
+    relation
+        Of the product.
+    part
+        Its name in the task.
+    state
+        Whose parts are in place; None for the whole product.
+
+    Raises
+    ------
+    OptionError
+        If there is no such part.
+    """
+    name = relation.part(part)
+    others = (one for one in relation.parts if one != name)
+    present = tuple(one for one in others if state is None or in_place(task, one, state))
+    ways = tuple(
+        Way(
+            direction,
+            in_file,
+            tuple(one for one in relation.obstacles.get((name, number), ()) if one.part in present),
+        )
+        for number, (direction, in_file) in enumerate(relation.directions)
+    )
+    return Freedom(task, name, present, relation.tolerance_m, ways)
+
+
+def in_place(task: Task, part: str, state: State) -> bool:
+    """Whether all that the goal says of a part holds in a state."""
+    wanted = [fact for fact in task.goal.requires if fact.endswith(f"({part})")]
+    return bool(wanted) and all(fact in state for fact in wanted)
+
+
+def _mm(length_m: float) -> float:
+    return round(length_m * _MM_PER_M, 6) + 0.0
