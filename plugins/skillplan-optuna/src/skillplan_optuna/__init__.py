@@ -1,4 +1,4 @@
-"""The sampler `optuna`: settings chosen by Optuna, kept in a journal that processes share.
+"""The sampler `optuna`: settings from Optuna, in a journal that processes share.
 
-It holds nothing that runs a solver or knows what an option means.
+It runs no solver, and options have no meaning to it.
 """

@@ -1,4 +1,4 @@
-"""The journal of a study, looked at before Optuna reads it."""
+"""The journal of a study, checked before Optuna reads it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from skillplan.files.atomic_file import GrowingFile
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
 
-# A journal of more is none: a trial takes some 2 kB.
+# Greatest size of a journal; a trial takes about 2 kB.
 _MOST_BYTES = 1024**3
-# Of a process that was ended while it held the lock, others take it after so long [s].
+# Age of a lock [s] after which others break it, because its process was killed.
 _GRACE_S = 30
 
 
 def opened(path: Path) -> JournalFileBackend:
-    """Return the journal, made if need be; a piece of a line that ends it is cut off.
+    """Return the journal, created if needed; an incomplete last line is cut off.
 
     Raises
     ------
@@ -39,9 +39,9 @@ def opened(path: Path) -> JournalFileBackend:
 
 
 def _cut(path: Path, lock: JournalFileSymlinkLock) -> None:
-    """Cut off the piece of a line that a process left which was ended while it wrote.
+    """Cut off the incomplete line of a killed process.
 
-    Under the lock: what another process is writing is whole once the lock is had.
+    Under the lock, because then no other process is writing.
     """
     lock.acquire()
     try:
@@ -53,7 +53,7 @@ def _cut(path: Path, lock: JournalFileSymlinkLock) -> None:
 
 
 def _check(path: Path, content: bytes) -> None:
-    """See that every line is a JSON object."""
+    """Check that every line is a JSON object."""
     whole = content[: content.rfind(b"\n") + 1]
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
@@ -65,5 +65,5 @@ def _check(path: Path, content: bytes) -> None:
 
 
 def damaged(path: Path, why: str) -> str:
-    """Return what is said of a damaged journal."""
+    """Return the error about a damaged journal."""
     return f"{path}: is damaged: {why}. Begin in a new folder, or put back a copy of the file."

@@ -1,4 +1,4 @@
-"""The sampler that has Optuna choose settings.
+"""The sampler that chooses settings by Optuna.
 
 Akiba et al., "Optuna: A next-generation hyperparameter optimization framework", KDD 2019.
 """
@@ -24,28 +24,28 @@ from skillplan.task import back_end
 from skillplan_optuna.journal_file import damaged, opened
 
 _STUDY = "sweep"
-# What is kept beside Optuna's own: the study's identity, and of a trial its values and runs.
+# Attributes in addition to Optuna's: the identity of the study, and the values and runs of a trial.
 _ABOUT, _VALUES, _LINES = "about", "values", "lines"
 
 
 class OptunaSampler(Sampler):
-    """Try settings near those that were good, and now and then others."""
+    """Try settings near good ones, and sometimes others."""
 
     name = "optuna"
     keeps = "trials.jsonl"
 
     class Options(back_end.Options):
-        """How settings are chosen."""
+        """Options of the sampler."""
 
         method: Literal["tpe", "random"] = Field(
             default="tpe",
-            description="tpe: by densities of good and of other settings; random: each by itself",
+            description="tpe: by densities of good and other settings; random: independent draws",
         )
         startup: int = Field(
             default=10,
             ge=1,
             le=100_000,
-            description="trials drawn at random before tpe begins [-]",
+            description="random trials before tpe starts [-]",
         )
 
     options: Options
@@ -55,7 +55,7 @@ class OptunaSampler(Sampler):
         return OptunaTrials(folder / self.keeps, question, self._chooser)
 
     def _chooser(self, seed: int) -> BaseSampler:
-        """Return what chooses the values of a trial."""
+        """Return the Optuna sampler for a seed."""
         if self.options.method == "random":
             return RandomSampler(seed=seed)
         return TPESampler(seed=seed, n_startup_trials=self.options.startup, constant_liar=True)
@@ -66,12 +66,10 @@ class OptunaTrials(SharedTrials):
 
     Parameters
     ----------
-    path
-        The journal.
     question
-        What is to be chosen.
+        Question of the study.
     chooser
-        Makes what chooses the values of a trial, of a seed.
+        Returns the Optuna sampler for a seed.
 
     Raises
     ------
@@ -98,7 +96,7 @@ class OptunaTrials(SharedTrials):
 
     @property
     def about(self) -> Mapping[str, Any]:
-        """What the question was about when the study was begun."""
+        """Description of the question at the start of the study."""
         with self._told():
             user_attr = self._study.user_attrs[_ABOUT]
             if not isinstance(user_attr, dict):
@@ -106,10 +104,10 @@ class OptunaTrials(SharedTrials):
             return user_attr
 
     def ask(self) -> Trial:
-        """Return a setting to try; no other process is given the same number."""
+        """Return a setting to try, with a unique number."""
         with self._told():
             trial = self._study.ask()
-            # Processes that share a study draw differently, as numbers of trials differ.
+            # Processes that share a study draw differently, because their trial numbers differ.
             self._study.sampler = self._chooser((self._question.seed << 20) + trial.number)
             values = {
                 dimension.option: _suggested(trial, dimension)
@@ -119,7 +117,7 @@ class OptunaTrials(SharedTrials):
             return Trial(trial.number, values)
 
     def tell(self, trial: Trial, value: float | None, lines: Sequence[str]) -> None:
-        """Keep what came of a trial; parameters are those of `SharedTrials.tell`."""
+        """Keep the result of a trial; parameters as for `SharedTrials.tell`."""
         with self._told():
             storage, study_id = self._study._storage, self._study._study_id
             number = storage.get_trial_id_from_study_id_trial_number(study_id, trial.number)
@@ -128,45 +126,45 @@ class OptunaTrials(SharedTrials):
             self._study.tell(trial.number, value, state=state)
 
     def give_up(self, trial: Trial) -> None:
-        """Forget a trial that was not finished."""
+        """Discard an unfinished trial."""
         with self._told():
             self._study.tell(trial.number, state=TrialState.FAIL)
 
     def done(self) -> int:
-        """Return how many trials are finished."""
+        """Return the number of finished trials."""
         with self._told():
             return len(self._over())
 
     def finished(self) -> list[FinishedTrial]:
-        """Return the finished trials by their numbers."""
+        """Return the finished trials in the order of their numbers."""
         with self._told():
-            found = []
-            for one in self._over():
-                values, lines = one.user_attrs[_VALUES], one.user_attrs[_LINES]
+            trials = []
+            for trial in self._over():
+                values, lines = trial.user_attrs[_VALUES], trial.user_attrs[_LINES]
                 if not isinstance(values, dict) or not all(isinstance(x, str) for x in lines):
-                    raise ValueError(f"trial {one.number} is none of a sweep")
-                value = one.value if one.state is TrialState.COMPLETE else None
-                found.append(FinishedTrial(Trial(one.number, values), value, tuple(lines)))
-            return found
+                    raise ValueError(f"trial {trial.number} is none of a sweep")
+                value = trial.value if trial.state is TrialState.COMPLETE else None
+                trials.append(FinishedTrial(Trial(trial.number, values), value, tuple(lines)))
+            return trials
 
     def _over(self) -> list[Any]:
-        """Return the trials whose runs have been done; others were given up or are under way."""
+        """Return the trials whose runs are complete; others were discarded or are running."""
         states = (TrialState.COMPLETE, TrialState.FAIL)
         trials = self._study.get_trials(deepcopy=False, states=states)
         return [trial for trial in trials if _LINES in trial.user_attrs]
 
     def _coded(self, values: Mapping[str, Value]) -> dict[str, Any]:
-        """Return values as Optuna knows them: those of a choice by their place in the list."""
+        """Return values in Optuna's form: the index for a choice."""
         known = {dimension.option: dimension for dimension in self._question.dimensions}
-        found: dict[str, Any] = {}
+        coded: dict[str, Any] = {}
         for name, value in values.items():
-            one = known[name]
-            found[name] = one.values.index(value) if isinstance(one, Choice) else value
-        return found
+            option = known[name]
+            coded[name] = option.values.index(value) if isinstance(option, Choice) else value
+        return coded
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """Say in words what a journal cannot do."""
+        """Convert errors of a journal to messages."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -183,13 +181,17 @@ class OptunaTrials(SharedTrials):
             raise OptionError(damaged(self._path, why)) from None
 
 
-def _suggested(trial: optuna.Trial, one: Dimension) -> Value:
+def _suggested(trial: optuna.Trial, dimension: Dimension) -> Value:
     """Return the value of an option in a trial."""
-    if isinstance(one, Span):
-        if one.whole:
-            return trial.suggest_int(one.option, int(one.low), int(one.high), log=one.logarithmic)
-        return trial.suggest_float(one.option, one.low, one.high, log=one.logarithmic)
-    places = list(range(len(one.values)))
-    if one.ordered:
-        return one.values[trial.suggest_int(one.option, 0, places[-1])]
-    return one.values[trial.suggest_categorical(one.option, places)]
+    if isinstance(dimension, Span):
+        if dimension.whole:
+            return trial.suggest_int(
+                dimension.option, int(dimension.low), int(dimension.high), log=dimension.logarithmic
+            )
+        return trial.suggest_float(
+            dimension.option, dimension.low, dimension.high, log=dimension.logarithmic
+        )
+    places = list(range(len(dimension.values)))
+    if dimension.ordered:
+        return dimension.values[trial.suggest_int(dimension.option, 0, places[-1])]
+    return dimension.values[trial.suggest_categorical(dimension.option, places)]

@@ -1,6 +1,6 @@
 """The solver `cp-sat`, by OR-Tools: the order of jobs as a circuit of a constraint model.
 
-It knows sequencing problems only, never tasks or back ends.
+Its input is a sequencing problem, never a task or a back end.
 """
 
 import lazy_loader as _lazy

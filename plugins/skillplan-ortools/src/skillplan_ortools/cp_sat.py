@@ -1,8 +1,8 @@
 """The order of jobs by constraint programming: OR-Tools' CP-SAT.
 
 Perron, Didier and Gay, "The CP-SAT-LP solver", CP 2023: lazy clause generation, with linear
-relaxations and large neighbourhood search. A peer of the solvers that skillplan brings along,
-which shares nothing with them but the sequencing problem.
+relaxations and large neighbourhood search. It shares only the sequencing problem with skillplan's
+own solvers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skillplan_ortools.watched_search import SearchOutcome, WatchedSearch
 from skillplan_ortools.whole_costs import WholeCosts
 
 _METHOD = "constraint programming (CP-SAT)"
-# Cost and bound of a proof may differ by so much, as a fraction of the cost or of 1.
+# Tolerance between cost and bound of a proof, as a fraction of the cost or of 1.
 _PROOF_TOLERANCE = 1e-9
 
 
@@ -30,34 +30,33 @@ class CpSatSolver(JobOrderSolver):
     name = "cp-sat"
 
     class Options(back_end.Options):
-        """How it searches."""
+        """Options of the solver."""
 
         workers: int | None = Field(
             default=None,
             ge=1,
             le=256,
-            description="threads; with one, the same seed gives the same plan; by default as many "
-            "as jobs are allowed [-]",
+            description="threads; deterministic with 1; default: the number of jobs [-]",
         )
         interleave: bool = Field(
             default=True,
-            description="have one worker take the strategies of many in turn: tighter bounds, "
-            "often more expensive plans [-]",
+            description="interleave many strategies in one worker: tighter bounds, often more "
+            "expensive plans [-]",
         )
         start: bool = Field(
             default=True,
-            description="begin with an order that always goes on to the cheapest next job [-]",
+            description="start with an order that always takes the cheapest next job [-]",
         )
 
     options: Options
 
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
-        """Search for the cheapest order; whatever is found and proved is reported at once."""
+        """Search for the cheapest order, and report every improvement at once."""
         return _OrderSearch(self, problem, seed).solution()
 
 
 class _OrderSearch:
-    """One search: the problem, and the best of it so far."""
+    """A search: the problem, and its best order so far."""
 
     def __init__(self, solver: CpSatSolver, problem: SequencingProblem, seed: int) -> None:
         self._problem = problem
@@ -74,10 +73,10 @@ class _OrderSearch:
         self._conflicts = 0
 
     def solution(self) -> Solution:
-        """Search without regard to the step limit first; that is a relaxation.
+        """Search without the step limit first, which is a relaxation.
 
-        Only where the cheapest order takes too many skills, the limit becomes a constraint. What
-        it proves then holds for the cheapest paths between jobs only, so that the bound stays.
+        If the cheapest order exceeds the step limit, the limit becomes a constraint. Proofs then
+        hold only for the cheapest paths between jobs, so the bound is kept.
         """
         self._begin()
         outcome = self._search(None)
@@ -99,7 +98,7 @@ class _OrderSearch:
         return Solution(plan, bound, proved=proved, trace=trace)
 
     def _begin(self) -> None:
-        """Take the cheaper of the plan that is there already and the nearest next job."""
+        """Use the cheaper one of the present plan and the nearest-job order."""
         if self._stop.best is not None:
             self._take(self._problem.order(self._stop.best.skills))
         if self._start:
@@ -119,7 +118,7 @@ class _OrderSearch:
         return outcome
 
     def _take(self, order: tuple[int, ...] | None) -> None:
-        """Keep an order if its plan is the cheapest so far and not too long."""
+        """Keep an order if its plan is the cheapest so far and within the step limit."""
         if order is None or not self._network.allows(order) or not self._problem.fits(order):
             return
         cost = self._problem.cost(order)
@@ -129,7 +128,7 @@ class _OrderSearch:
             self._stop.incumbent(self._plan)
 
     def _prove(self, bound: float) -> None:
-        """Take note of a bound on the whole cost."""
+        """Keep a bound on the whole cost."""
         self._bound = max(0.0, self._network.in_problem_units(bound))
         self._stop.bound(self._bound)
 
@@ -146,4 +145,4 @@ class _OrderSearch:
 
 
 def _ignore(bound: float) -> None:
-    """Drop a bound that holds under a constraint that the task does not have."""
+    """Drop a bound that holds only under an additional constraint."""

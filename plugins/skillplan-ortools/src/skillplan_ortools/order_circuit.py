@@ -1,4 +1,4 @@
-"""The constraint model of an order: a circuit through all jobs, with the place of every job."""
+"""The constraint model of an order: a circuit through all jobs, with a position for each."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from skillplan_ortools.whole_costs import START, WholeCosts
 
 
 class OrderCircuit:
-    """Orders of jobs as solutions of a constraint model.
+    """A constraint model whose solutions are orders of jobs.
 
-    A circuit goes from a depot through all jobs and back. Every job has a place in the order,
-    one after that of the job it is reached from, and after those of all jobs that must come
-    before. Measured against this were places that are only later than the one before, costs
-    accumulated along the circuit, pairwise orders and all places different: all of them prove
-    less in the same time on most of the benchmark instances.
+    A circuit goes from a depot through all jobs and back. The position of a job is one after that
+    of its predecessor in the circuit, and after those of all jobs that must come before.
+    Alternatives prove less in the same time on most benchmark instances: positions that are only
+    later, accumulated costs, pairwise orders, and all positions different.
 
     Parameters
     ----------
     network
-        The arcs and the precedence; at least one job.
+        Arcs and precedence, with at least one job.
     most_skills
-        The most skills that the plan of an order may have; None for any number.
+        Greatest number of skills in the plan; None for no limit.
     """
 
     def __init__(self, network: WholeCosts, most_skills: int | None = None) -> None:
         self.network = network
         self.model = cp_model.CpModel()
-        # Arcs first: in this order of variables the search proves in half the time.
+        # Arcs first: with this order of variables, proofs take half the time.
         self._taken = {arc: self.model.new_bool_var("") for arc in network.arcs}
         self._last = {
             job: self.model.new_bool_var("")
@@ -47,9 +46,9 @@ class OrderCircuit:
         )
 
     def suggest(self, order: Sequence[int]) -> None:
-        """Have the search begin with an order; once only.
+        """Set the order to start with; once only.
 
-        Arcs alone are suggested: the places follow, and suggested, too, they slow it down.
+        Hints for arcs only: positions follow, and hints for them slow the search down.
         """
         steps = set(zip((START, *order), order, strict=False))
         for arc, taken in self._taken.items():
@@ -58,7 +57,7 @@ class OrderCircuit:
             self.model.add_hint(last, job == order[-1])
 
     def order(self, value: Callable[[cp_model.IntVar], int]) -> tuple[int, ...]:
-        """Return the order that the values of a solution describe."""
+        """Return the order of a solution."""
         places = [value(place) for place in self._places]
         return tuple(sorted(range(self.network.n), key=places.__getitem__))
 

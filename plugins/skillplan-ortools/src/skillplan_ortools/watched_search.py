@@ -1,4 +1,4 @@
-"""A run of CP-SAT that can be stopped at any time and says no more than it knows."""
+"""A run of CP-SAT that can be stopped at any time, with sound results."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from ortools.sat.python import cp_model
 from skillplan.solvers.stop import MEMORY_LIMIT, Stop
 from skillplan_ortools.order_circuit import OrderCircuit
 
-# How often the run is looked after [s].
+# Interval of checks of the run [s].
 _WATCH_S = 0.02
-# Of the memory limit this part stays free: the next allocation may be a large one.
+# Free part of the memory limit: the next allocation may be large.
 _FREE_MEMORY = 10
 
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """How a run ended.
+    """Result of a run.
 
     Parameters
     ----------
     order
-        The best order; None where none was found.
+        Best order, or None.
     bound
-        No order costs less [whole units]; None where nothing is proved.
+        Lower bound on the costs of all orders [integer units], or None.
     complete
-        Whether the run came to its own end, with a proof that the order is the best.
+        True if the run ended with a proof that the order is optimal.
     impossible
-        Whether it came to its own end with a proof that there is no order.
+        True if the run ended with a proof that no order exists.
     branches, conflicts
-        What the run took.
+        Effort of the run.
     """
 
     order: tuple[int, ...] | None
@@ -45,23 +45,22 @@ class SearchOutcome:
 
 
 class WatchedSearch:
-    """Runs CP-SAT in a thread of its own, while the calling thread watches over it.
+    """Runs CP-SAT in a thread, watched by the calling thread.
 
-    So a signal reaches the caller at once, everything about the search is reported from the
-    caller's thread, and the run is stopped as often as necessary: one that has not begun to
-    search yet ignores it. A run that was stopped may call itself optimal; of such a
-    run counts only what it had proved before.
+    So signals reach the caller at once, all reports come from its thread, and it can repeat the
+    request to stop: a run that has not begun to search ignores it. A stopped run may call itself
+    optimal; only its earlier proofs count.
 
     Parameters
     ----------
     circuit
-        The constraint model.
+        Constraint model.
     workers
-        How many threads search, >= 1; with one the search is the same every time.
+        Number of threads, >= 1; deterministic with one.
     seed
-        Governs all randomness, in [0, 2 ** 31).
+        Seed, in [0, 2 ** 31).
     interleave
-        Whether one worker takes the strategies of many in turn.
+        True if one worker interleaves several strategies.
     """
 
     def __init__(
@@ -73,7 +72,7 @@ class WatchedSearch:
         parameters.num_workers = workers
         parameters.random_seed = seed
         parameters.interleave_search = interleave and workers == 1
-        # Probing takes seconds where there are many arcs, and fixes next to none of them.
+        # Probing takes seconds with many arcs, and fixes almost none.
         parameters.cp_model_probing_level = 0
         parameters.catch_sigint_signal = False
         self._orders: deque[tuple[int, ...]] = deque()
@@ -88,21 +87,21 @@ class WatchedSearch:
         on_order: Callable[[tuple[int, ...]], None],
         on_bound: Callable[[float], None],
     ) -> SearchOutcome:
-        """Search until the end or until it is stopped.
+        """Search until the end or a stop.
 
         Parameters
         ----------
         stop
-            Polled all the time.
+            Returns True to stop; called repeatedly.
         on_order
-            Called with every order that is better than the ones before.
+            Called with every better order.
         on_bound
-            Called with every better bound [whole units].
+            Called with every better bound [integer units].
 
         Raises
         ------
         RuntimeError
-            If CP-SAT does not accept the model.
+            If CP-SAT rejects the model.
         """
         thread = threading.Thread(target=self._solve, name="cp-sat", daemon=True)
         thread.start()
@@ -143,7 +142,7 @@ class WatchedSearch:
             self._proved_bound = bound
 
     def _heed(self, stop: Stop) -> None:
-        """Stop the run if it should stop, or takes too much memory."""
+        """Stop the run on request, or if it uses too much memory."""
         left, limit = stop.memory_left_bytes(), stop.memory_limit_bytes
         if left is not None and limit is not None and left < limit // _FREE_MEMORY:
             stop.end(MEMORY_LIMIT)
@@ -175,7 +174,7 @@ class WatchedSearch:
 
 
 class _Collector(cp_model.CpSolverSolutionCallback):
-    """Puts every better order where the caller's thread finds it."""
+    """Passes every better order to the caller's thread."""
 
     def __init__(self, circuit: OrderCircuit, orders: deque[tuple[int, ...]]) -> None:
         super().__init__()

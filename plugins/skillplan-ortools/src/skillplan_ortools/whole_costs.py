@@ -1,4 +1,4 @@
-"""A sequencing problem in whole numbers: what constraint programming can work on."""
+"""A sequencing problem in integers, for constraint programming."""
 
 from __future__ import annotations
 
@@ -12,34 +12,33 @@ from numpy.typing import NDArray
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.solvers.ordering.instance import closed_relation
 
-# Bounds come as floats, which hold whole numbers up to here without rounding.
+# Largest integer that floats represent exactly; bounds are floats.
 _MOST_BITS = 52
-# A proof holds to this, as a fraction of the cost or of 1; rounding may take a tenth of it.
+# Tolerance of a proof, as a fraction of the cost or of 1; rounding may use a tenth of it.
 _TOLERANCE = 1e-9
-# The path from the initial state is an arc from here.
+# Index of the initial state.
 START = -1
 
 
 @dataclass(frozen=True)
 class WholeCosts:
-    """The arcs that orders of n jobs may take, and what they cost in whole units.
+    """Arcs of the orders of n jobs, and their costs in integer units.
 
-    Every cost is rounded down, so that what bounds the whole cost of an order from below also
-    bounds its cost.
+    Costs are rounded down, so a lower bound on the integer cost of an order also bounds its cost.
 
     Parameters
     ----------
     problem
-        Jobs, costs and precedence.
+        Sequencing problem.
 
     Attributes
     ----------
     before
-        Whether job i must come before job j, shape (n, n), closed by transitivity.
+        True if job i must come before job j, shape (n, n), transitive.
     arcs
-        The whole cost of every arc, by its ends; `START` stands before all jobs.
+        Integer cost of every arc, by its ends; `START` is the initial state.
     exponent
-        The unit is ``2 ** -exponent`` of the problem's: 0 where costs are whole already.
+        The unit is ``2 ** -exponent`` of the problem's: 0 if costs are integers already.
     """
 
     problem: SequencingProblem
@@ -65,22 +64,22 @@ class WholeCosts:
         return len(self.problem.jobs)
 
     def in_problem_units(self, bound: float) -> float:
-        """Return a bound on the whole cost of orders as one on their cost."""
+        """Convert a bound on the integer cost to one on the cost."""
         return math.ldexp(bound, -self.exponent)
 
     def ranks(self, job: int) -> tuple[int, int]:
-        """Return the first and the last place of an order that a job can have, from 0."""
+        """Return the first and the last possible position of a job, from 0."""
         return int(self.before[:, job].sum()), self.n - 1 - int(self.before[job].sum())
 
     def neighbours(self) -> list[tuple[int, int]]:
-        """Return the pairs of the precedence relation that do not follow from others."""
+        """Return the pairs of the precedence relation that others do not imply."""
         direct = self.before & ~_between(self.before)
         return [(int(i), int(j)) for i, j in np.argwhere(direct)]
 
     def nearest_order(self) -> tuple[int, ...] | None:
-        """Return an order that always goes on to the cheapest job that may come next.
+        """Return the order that always continues with the cheapest possible job.
 
-        None where that ends at a job from which nothing leads on.
+        None if it ends in a job without a successor.
         """
         order: list[int] = []
         waits_for = self.before.sum(axis=0)
@@ -99,7 +98,7 @@ class WholeCosts:
         return tuple(order)
 
     def allows(self, order: Sequence[int]) -> bool:
-        """Whether an order holds every job once, breaks no precedence and takes known arcs."""
+        """Return whether an order has all jobs once, in a valid sequence, along known arcs."""
         if sorted(order) != list(range(self.n)):
             return False
         place = {job: position for position, job in enumerate(order)}
@@ -107,7 +106,7 @@ class WholeCosts:
         return ahead and all(arc in self.arcs for arc in zip((START, *order), order, strict=False))
 
     def _possible(self) -> dict[tuple[int, int], float]:
-        """Return the cost of every arc that some order may take."""
+        """Return the cost of every arc that an order may use."""
         between = _between(self.before)
         first = {
             (START, j): float(self.problem.first[j])
@@ -124,14 +123,14 @@ class WholeCosts:
 
 
 def _between(before: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return for which pairs a third job has to come after the one and before the other."""
+    """Return the pairs of jobs that need a third one between them."""
     count = before.astype(np.float32)
     between: NDArray[np.bool_] = count @ count > 0.5
     return between
 
 
 def _exponent(costs: Collection[float], n: int) -> int:
-    """Return which unit serves a proof without making sums too large to be exact."""
+    """Return the unit that is fine enough for a proof, with exact sums."""
     most = math.ceil(max(costs, default=0.0)) * max(1, n)
     finest = _MOST_BITS - most.bit_length()
     if all(cost.is_integer() for cost in costs):

@@ -1,6 +1,6 @@
-"""The executor `ray`: jobs are done by actors of a Ray cluster.
+"""The executor `ray`: actors of a Ray cluster do the jobs.
 
-It knows jobs as bytes only, never tasks, back ends or what is learned.
+Jobs are bytes to it, never tasks, back ends or learned models.
 """
 
 import lazy_loader as _lazy

@@ -1,8 +1,8 @@
-"""A cluster that is started here is for this user of this machine only.
+"""Access to a local cluster: for this user of this machine only.
 
-A user who reaches the ports of a Ray cluster and has its token runs code as its owner. So the token
-is readable by its owner alone, as are the folders of the session, and all ports are on 127.0.0.1.
-Ray itself writes the token as the umask has it, and listens on all interfaces.
+A user who reaches the ports of a Ray cluster and has its token runs code as its owner. So only the
+owner can read the token and the folders of the session, and all ports are on 127.0.0.1. By default,
+Ray writes the token with the umask, and listens on all interfaces.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from typing import Any
 
 from skillplan.errors import SkillplanError
 
-# 0 for a cluster of one machine, on 127.0.0.1, whatever the system.
+# 0 for a single machine on 127.0.0.1, on every system.
 _SEVERAL_MACHINES = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 _MODE, _TOKEN, _TOKEN_PATH = "RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"
-# The path of a socket has 107 bytes at most, of which 67 are those of Ray's session in the folder.
+# Socket paths have at most 107 bytes, of which Ray's session takes 67.
 _MOST_FOLDER_BYTES = 107 - 67
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def require_token() -> None:
-    """Have the cluster that is started next demand a token that only this user can read.
+    """Make the next cluster demand a token that only this user can read.
 
-    Called before Ray is imported, which reads the mode then.
+    Called before the import of Ray, which reads this setting.
 
     Raises
     ------
     SkillplanError
-        If the token cannot be written, or others can read it or could replace it.
+        If the token cannot be written, or others could read or replace it.
     """
-    # Even if the user has turned tokens off for clusters elsewhere.
+    # Even if the user has disabled tokens for other clusters.
     os.environ[_MODE] = "token"
     if os.environ.get(_TOKEN):
         return
@@ -60,9 +60,9 @@ def require_token() -> None:
 
 @contextmanager
 def on_loopback() -> Iterator[None]:
-    """Have the cluster that is started meanwhile listen on 127.0.0.1 only.
+    """Make a cluster that starts in this block listen on 127.0.0.1 only.
 
-    Ray has a switch for that on systems whose firewall would ask; it is read when Ray is imported.
+    Ray has a switch for this on systems with a firewall; it is read at import.
     """
     constants: Any = importlib.import_module("ray._private.ray_constants")
     before, constants.ENABLE_RAY_CLUSTER = constants.ENABLE_RAY_CLUSTER, False
@@ -79,12 +79,12 @@ def on_loopback() -> Iterator[None]:
 
 
 def refuse_open_cluster(ray: Any) -> None:
-    """Shut down the cluster of this machine that was started, if others could use it.
+    """Shut down the started cluster if other users could access it.
 
     Raises
     ------
     SkillplanError
-        If it listens elsewhere than on 127.0.0.1, or demands no token.
+        If it listens on other addresses, or demands no token.
     """
     places = {node["NodeManagerAddress"] for node in ray.nodes()}
     inner = importlib.import_module("ray._raylet")
@@ -100,9 +100,9 @@ def refuse_open_cluster(ray: Any) -> None:
 
 
 def session_folder() -> str:
-    """Return a folder for logs and sockets of the cluster that others cannot reach.
+    """Return a private folder for logs and sockets of a cluster.
 
-    Ray lets everyone write to it, so it lies in a folder that others cannot enter.
+    Ray makes its folder writable for all users, so it is inside a folder that others cannot enter.
     """
     folder = tempfile.gettempdir()
     private = os.name != "posix" or not stat.S_IMODE(os.stat(folder).st_mode) & _OTHERS
@@ -118,13 +118,13 @@ def _make_private_folder(folder: Path) -> None:
     if os.name != "posix":
         return
     mode = stat.S_IMODE(folder.stat().st_mode)
-    # In a folder that others may write to they could put another token in place of this one.
+    # In a writable folder, others could replace the token.
     if mode & _OTHERS_WRITE:
         folder.chmod(mode & ~_OTHERS_WRITE)
 
 
 def _write_token(path: Path) -> None:
-    """Write a new token unless there is one."""
+    """Write a new token if there is none."""
     try:
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:

@@ -1,6 +1,6 @@
-"""What runs on a node: an actor that makes itself ready and then does one job at a time.
+"""The actor on a node: it makes itself ready, and then does one job at a time.
 
-Whatever it says it yields, in order: that it is ready or why not, news, and what became of a job.
+It yields its messages in order: that it is ready or why not, news, and answers.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from skillplan.workers.executor import asked_to_stop, connect
 from skillplan_ray.fingerprint import fingerprint
 
 READY, NEWS, DONE, FAILED, BROKEN = "ready", "news", "done", "failed", "broken"
-# The group of methods that are heard while a job is done.
+# Group of methods that run during a job.
 LISTENING = "listening"
-# Ray would set the first to the CPUs of the actor, and sums would come out otherwise.
+# Ray would set the first one to the CPUs of the actor, which changes floating-point sums.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Said = tuple[str, Any]
 
 
 class Actor:
-    """Does jobs on a node.
+    """An actor that does jobs on a node.
 
     Parameters
     ----------
     prepare
-        A pickled function; of what `content` holds it returns what does jobs.
+        Pickled function; returns the function that does jobs, from the content.
     content
-        What it starts from, pickled.
+        Pickled content to start with.
     threads
-        The variables of `THREADS` that are set on the head.
+        Values of the variables `THREADS` on the head.
     """
 
     def __init__(self, prepare: bytes, content: bytes, threads: Mapping[str, str]) -> None:
@@ -50,7 +50,7 @@ class Actor:
         connect(lambda news: self._said.put((NEWS, pickle.dumps(news))), shares_files=False)
 
     def make_ready(self) -> Iterator[Said]:
-        """Say what this node is like, or why no job can be done."""
+        """Yield the fingerprint of this node, or the reason why it cannot do jobs."""
         try:
             prepare = pickle.loads(self._prepare)
             self._work = prepare(pickle.loads(self._content))
@@ -63,16 +63,16 @@ class Actor:
             yield READY, fingerprint()
 
     def do(self, job: bytes) -> Iterator[Said]:
-        """Do a job; yield news of it, and last what became of it."""
+        """Do a job; yield news, and at last the answer."""
         threading.Thread(target=self._do, args=(job,), daemon=True).start()
         while True:
-            said = self._said.get()
-            yield said
-            if said[0] != NEWS:
+            message = self._said.get()
+            yield message
+            if message[0] != NEWS:
                 return
 
     def stop(self) -> None:
-        """Pass on that whoever gave the job wants it to end."""
+        """Request the end of the present job."""
         asked_to_stop()
 
     def _do(self, job: bytes) -> None:
@@ -80,6 +80,6 @@ class Actor:
         try:
             self._said.put((DONE, pickle.dumps(self._work(pickle.loads(job)))))
         except BaseException:
-            # As a process of this machine would: it ends, with the traceback in its log.
+            # Like a local process, it ends with the traceback in its log.
             traceback.print_exc(file=sys.stderr)
             self._said.put((BROKEN, 1))

@@ -1,4 +1,4 @@
-"""The connection to a cluster: one for this process, however many executors there are."""
+"""The connection of this process to a cluster, shared by all executors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from skillplan_ray.access import on_loopback, refuse_open_cluster, require_token
 from skillplan_ray.actor import LISTENING, THREADS, Actor
 from skillplan_ray.fingerprint import differences, fingerprint
 
-# So long a node may take to say what it is like [s].
+# Time limit for the fingerprint of a node [s].
 _ANSWER_S = 60.0
 
 
@@ -30,25 +30,25 @@ class Cluster:
     Parameters
     ----------
     address
-        As `ray.init` takes it; empty for a cluster of this machine alone, which is started.
+        Address for `ray.init`; empty to start a cluster on this machine.
     object_store_mib
-        Memory for what is sent, of a cluster that is started here [MiB].
+        Memory for sent objects of a started cluster [MiB].
 
     Attributes
     ----------
     address
-        As given.
+        Address of the cluster.
     ray
-        The module; imported here and nowhere before.
+        The module, imported only here.
 
     Raises
     ------
     SkillplanError
-        If no cluster answers or can be started, or its nodes differ from this machine.
+        If no cluster answers or starts, or its nodes differ from this machine.
     """
 
     def __init__(self, address: str, object_store_mib: int) -> None:
-        # Nothing is reported to anybody, and nobody is asked anything on the way.
+        # No usage statistics, and no prompts.
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         if not address:
@@ -77,23 +77,23 @@ class Cluster:
 
     @property
     def alive(self) -> bool:
-        """Whether this process is still connected."""
+        """True if this process is still connected."""
         return bool(self.ray.is_initialized())
 
     def actor(self, prepare: Any, content: Any, cpus: float) -> tuple[Any, float]:
-        """Return the handle of a new actor and the CPUs that are kept free for it.
+        """Return the handle of a new actor and its reserved CPUs.
 
-        Where all CPUs of the cluster are taken by this process already, further actors get none of
-        their own: as with processes of one machine, the user says how many there are.
+        If this process already uses all CPUs of the cluster, further actors reserve none: as for
+        local processes, the user sets the number of workers.
 
         Parameters
         ----------
         prepare
-            The function that makes it ready.
+            Function that makes the actor ready.
         content
-            A reference to what it starts from.
+            Reference to its content.
         cpus
-            That it is to have, >= 0.
+            Reserved CPUs, >= 0.
         """
         total = float(self.ray.cluster_resources().get("CPU", 0.0))
         kept = cpus if self._taken_cpus + cpus <= total else 0.0
@@ -103,7 +103,7 @@ class Cluster:
         return options.remote(pickle.dumps(prepare), content, threads), kept
 
     def give_back(self, cpus: float) -> None:
-        """Note that an actor with so many CPUs of its own has been ended."""
+        """Release the CPUs of an actor that has ended."""
         self._taken_cpus -= cpus
 
     def check(self, place: str, there: Mapping[str, str]) -> None:
@@ -112,25 +112,25 @@ class Cluster:
         Parameters
         ----------
         place
-            What it is called in a message.
+            Name in messages.
         there
-            Its fingerprint.
+            Fingerprint of the machine.
 
         Raises
         ------
         SkillplanError
-            If anything differs on which a verdict may depend, naming it.
+            If a difference could change a verdict; the message names it.
         """
-        found = differences(self._here, there)
-        if found:
-            raise SkillplanError(_mixed([f"{place}: {', '.join(found)}"]))
+        different = differences(self._here, there)
+        if different:
+            raise SkillplanError(_mixed([f"{place}: {', '.join(different)}"]))
 
     def _refuse_mixed(self) -> None:
-        """Ask every node what it is like, before anything is done."""
+        """Compare the fingerprints of all nodes with this machine."""
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         probe = self.ray.remote(num_cpus=0, max_retries=0)(fingerprint)
-        asked = {
+        answers = {
             node["NodeManagerAddress"] + f" ({node['NodeID'][:8]})": probe.options(
                 scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
             ).remote()
@@ -138,13 +138,13 @@ class Cluster:
             if node["Alive"]
         }
         odd = []
-        for place, answer in asked.items():
+        for place, answer in answers.items():
             try:
-                found = differences(self._here, self.ray.get(answer, timeout=_ANSWER_S))
+                different = differences(self._here, self.ray.get(answer, timeout=_ANSWER_S))
             except self.ray.exceptions.RayError as error:
-                found = [f"does not answer: {first_line(error)}"]
-            if found:
-                odd.append(f"{place}: {', '.join(found)}")
+                different = [f"does not answer: {first_line(error)}"]
+            if different:
+                odd.append(f"{place}: {', '.join(different)}")
         if odd:
             self.ray.shutdown()
             raise SkillplanError(_mixed(odd))
@@ -154,7 +154,7 @@ _connected: list[Cluster] = []
 
 
 def connected(address: str, object_store_mib: int) -> Cluster:
-    """Return the connection of this process; made when first needed.
+    """Return the connection of this process, created when first needed.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def connected(address: str, object_store_mib: int) -> Cluster:
     Raises
     ------
     SkillplanError
-        If there is none to be had, or one to another cluster.
+        If it cannot be created, or is to another cluster.
     """
     if not is_connected():
         _connected.clear()
@@ -179,18 +179,18 @@ def connected(address: str, object_store_mib: int) -> Cluster:
 
 
 def is_connected() -> bool:
-    """Whether this process is connected to a cluster."""
+    """Return whether this process is connected to a cluster."""
     return bool(_connected) and _connected[0].alive
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of what an error says, or its class."""
+    """Return the first line of an error message, or its class."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__
 
 
 def _listening(ray: Any) -> type[Actor]:
-    """Return the class of actors, one method of which is heard while a job is done."""
+    """Return the class of actors; one of its methods runs during a job."""
 
     class ListeningActor(Actor):
         @ray.method(concurrency_group=LISTENING)  # type: ignore[untyped-decorator]
@@ -217,29 +217,31 @@ def _mixed(places: list[str]) -> str:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold requests to stop back, and pass them on afterwards to their handlers.
+    """Delay signals that request a stop, and pass them to their handlers afterwards.
 
-    A start that is broken off leaves processes of Ray that nobody ends, and Ray puts a handler of
-    its own in the place of ours.
+    An interrupted start would leave processes of Ray running, and Ray replaces our signal handler.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     held: list[int] = []
     numbers = requests()
-    before = {one: signal.signal(one, lambda number, _: held.append(number)) for one in numbers}
+    before = {
+        signal_number: signal.signal(signal_number, lambda number, _: held.append(number))
+        for signal_number in numbers
+    }
     try:
         yield
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
+        for signal_number, handler in before.items():
+            signal.signal(signal_number, handler)
         for number in held:
             signal.raise_signal(number)
 
 
 @contextmanager
 def _stdout_kept() -> Iterator[None]:
-    """Send to stderr what is printed meanwhile: stdout is for one document."""
+    """Redirect prints to stderr: stdout is reserved for a document."""
     before, sys.stdout = sys.stdout, sys.stderr
     try:
         yield
@@ -248,7 +250,7 @@ def _stdout_kept() -> Iterator[None]:
 
 
 def _keep_stdout_clean() -> None:
-    """Send to stderr what Ray says of nodes and actors that are lost, from a thread of its own."""
+    """Redirect Ray's messages about lost nodes and actors, from a thread of its own, to stderr."""
     inner: Any = importlib.import_module("ray._private.worker")
     known = inner.print_to_stdstream
 

@@ -1,8 +1,7 @@
-"""The executor that has a Ray cluster do the jobs.
+"""The executor for Ray clusters.
 
 Moritz et al., "Ray: A distributed framework for emerging AI applications", OSDI 2018: a worker is
-an actor. Ray finds nodes, places actors, moves what they start from to each node once, and notices
-what is lost; nothing of that is done here.
+an actor. Ray finds nodes, places actors, sends their content to each node once, and detects losses.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from skillplan.workers.executor import POLL_S, Executor, Prepare, Worker, is_wor
 from skillplan_ray.cluster import Cluster, connected, is_connected
 from skillplan_ray.worker import RayWorker
 
-# So long a cluster takes to start here, and one that has been started to join [s].
+# Expected time to start a local cluster, and to join another one [s].
 _START_S, _JOIN_S = 10.0, 2.0
 
 
 class RayExecutor(Executor):
-    """Do jobs in actors of a Ray cluster: of this machine, or at ray:ADDRESS.
+    """Runs jobs in actors of a Ray cluster: on this machine, or at ray:ADDRESS.
 
     Parameters
     ----------
@@ -41,7 +40,7 @@ class RayExecutor(Executor):
     shares_files = False
 
     class Options(back_end.Options):
-        """How actors are started."""
+        """Options of the executor."""
 
         cpus: float = Field(
             default=1.0, ge=0, le=1024, description="CPUs that Ray keeps free for each worker [-]"
@@ -50,13 +49,13 @@ class RayExecutor(Executor):
             default=120.0,
             gt=0,
             le=86_400,
-            description="so long a worker may take to be ready, and to find room [s]",
+            description="time limit until a worker is ready, waiting for CPUs included [s]",
         )
         object_store_mib: int = Field(
             default=256,
             ge=80,
             le=1024 * 1024,
-            description="memory for what is sent, of a cluster that is started here [MiB]",
+            description="memory for sent objects of a local cluster [MiB]",
         )
 
     options: Options
@@ -64,23 +63,23 @@ class RayExecutor(Executor):
     def __init__(self, slots: int, options: BaseModel | None = None, address: str = "") -> None:
         super().__init__(slots, options, address)
         self._workers: list[RayWorker] = []
-        # What workers start from, sent to each node once however many start from it there.
+        # Content of workers, sent to each node once.
         self._contents: dict[str, Any] = {}
 
     @property
     def refusal(self) -> str:
-        """Why none can be started from here, in words; empty where they can."""
+        """Reason why workers cannot be started here; else empty."""
         return "a process for jobs may not start others" if is_worker() else ""
 
     @property
     def start_up_s(self) -> float:
-        """About so long the next worker has its starter wait: for Ray, once [s]."""
+        """Expected delay of the next worker [s]: the start of Ray, once."""
         if is_connected():
             return 0.0
         return _JOIN_S if self.address else _START_S
 
     def start(self, prepare: Prepare, content: bytes, what: str) -> RayWorker:
-        """Start an actor; parameters and errors are those of `Executor.start`."""
+        """Start an actor; parameters and errors as for `Executor.start`."""
         cluster = self._cluster()
         key = hashlib.sha256(content).hexdigest()
         if key not in self._contents:
@@ -98,22 +97,24 @@ class RayExecutor(Executor):
         return worker
 
     def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
-        """Return the actors whose next answer is there, within `patience_s` [s]."""
+        """Return the actors with a message, within `patience_s` [s]."""
         mine = [worker for worker in workers if isinstance(worker, RayWorker)]
-        # Who is lost or ended says so at once.
-        silent: list[Worker] = [one for one in mine if not one.alive or one.overdue]
-        streams = {one.stream: one for one in mine if one.stream is not None}
+        # Lost and ended actors count at once.
+        silent: list[Worker] = [worker for worker in mine if not worker.alive or worker.overdue]
+        streams = {worker.stream: worker for worker in mine if worker.stream is not None}
         if not streams:
             return silent
         ray = self._cluster().ray
-        found, _ = ray.wait(list(streams), num_returns=1, timeout=0 if silent else patience_s)
-        if found:
-            found, _ = ray.wait(list(streams), num_returns=len(streams), timeout=0)
-        ready = [streams[stream] for stream in found]
-        return [*ready, *(one for one in silent if one not in ready)]
+        ready_streams, _ = ray.wait(
+            list(streams), num_returns=1, timeout=0 if silent else patience_s
+        )
+        if ready_streams:
+            ready_streams, _ = ray.wait(list(streams), num_returns=len(streams), timeout=0)
+        ready = [streams[stream] for stream in ready_streams]
+        return [*ready, *(worker for worker in silent if worker not in ready)]
 
     def close(self) -> None:
-        """End all actors at once; more can be started afterwards."""
+        """End all actors at once; new ones can be started."""
         for worker in self._workers:
             worker.end(gently=False)
         self._workers.clear()

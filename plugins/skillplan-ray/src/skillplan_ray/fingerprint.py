@@ -1,7 +1,7 @@
-"""What a verdict depends on besides the task: versions, sources and the kind of processor.
+"""Fingerprint of a machine: versions, sources and processor, on which verdicts depend.
 
-Sent to every node by value and run there, so it uses nothing but Python's own library: a node that
-lacks skillplan can say so.
+It is sent to every node by value and run there, so it uses only the standard library: a node
+without skillplan can report that.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import distributions
 from pathlib import Path
 
-# Besides skillplan's distributions, those whose version may change a figure.
+# Further distributions whose version may change a figure.
 LIBRARIES = frozenset(
     {"coacd", "coal", "gymnasium", "highspy", "manifold3d", "mujoco-core", "numba", "numpy"}
     | {"ompl", "ortools", "pin", "pybullet", "ray", "scipy", "toppra", "torch", "trimesh"}
@@ -21,42 +21,42 @@ ABSENT = "is not installed"
 
 
 def fingerprint() -> dict[str, str]:
-    """Return what is compared between machines, by name."""
-    found = {"processor": _processor(), "Python": platform.python_version()}
-    # The first of a name is the one that is imported.
+    """Return the compared values, by name."""
+    values = {"processor": _processor(), "Python": platform.python_version()}
+    # The first distribution of a name is the imported one.
     for distribution in distributions():
         name = (distribution.metadata["Name"] or "").lower()
-        if name in found or not (name in LIBRARIES or name.startswith("skillplan")):
+        if name in values or not (name in LIBRARIES or name.startswith("skillplan")):
             continue
-        found[name] = distribution.version
+        values[name] = distribution.version
         if name.startswith("skillplan"):
-            found[f"source of {name}"] = _source(name.replace("-", "_"))
-    return found
+            values[f"source of {name}"] = _source(name.replace("-", "_"))
+    return values
 
 
 def differences(here: Mapping[str, str], there: Mapping[str, str]) -> list[str]:
-    """Return what differs there, in words.
+    """Return the differences of another machine, as text.
 
     Parameters
     ----------
     here, there
-        Fingerprints of this machine and of another.
+        Fingerprints of this machine and the other.
     """
-    found = []
+    texts = []
     for name in sorted({*here, *there}):
         mine, theirs = here.get(name, ABSENT), there.get(name, ABSENT)
         if mine == theirs:
             continue
         package = name.removeprefix("source of ")
         if package == name:
-            found.append(f"{name} {theirs} (here {mine})")
+            texts.append(f"{name} {theirs} (here {mine})")
         elif here.get(package) == there.get(package):
-            found.append(f"another source of {package} {here[package]}")
-    return found
+            texts.append(f"another source of {package} {here[package]}")
+    return texts
 
 
 def _processor() -> str:
-    """Return the kind of processor, as exactly as the system says it."""
+    """Return the model of the processor, as exactly as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -66,7 +66,7 @@ def _processor() -> str:
 
 
 def _source(package: str) -> str:
-    """Return the hash of a package's modules, as they would be imported."""
+    """Return the hash of the modules of a package, as imported."""
     from importlib.util import find_spec
 
     spec = find_spec(package)

@@ -1,4 +1,4 @@
-"""A worker as the head sees it: the handle of an actor, and what it has said so far."""
+"""A worker on the head: the handle of an actor, and its messages."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker
 from skillplan_ray.actor import BROKEN, DONE, FAILED, NEWS, READY
 from skillplan_ray.cluster import Cluster
 
-# What Ray says where not the process was lost, but its machine.
+# Ray's message for a lost machine, in contrast to a lost process.
 _NODE_LOST = ("node has died", "node died", "node was terminated", "node failure")
 
 
 class RayWorker(Worker):
-    """Does one job at a time, in an actor.
+    """A worker in an actor.
 
     Parameters
     ----------
     cluster
-        Where the actor is.
+        Cluster of the actor.
     prepare, what
         As for `Executor.start`.
     content
         A reference to what it starts from.
     cpus
-        That it is to have, >= 0.
+        Reserved CPUs, >= 0.
     patience_s
-        So long it may take to be ready [s].
+        Time limit until it is ready [s].
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class RayWorker(Worker):
         self._cluster = cluster
         self._make_actor = partial(cluster.actor, prepare, content, cpus)
         self._job: bytes | None = None
-        # What it will say, one stream for each call, in order.
+        # Expected messages, one stream per call, in order.
         self._streams: deque[Any] = deque()
         self._begin()
         self._due_s = time.monotonic() + patience_s
@@ -58,37 +58,37 @@ class RayWorker(Worker):
 
     @property
     def number(self) -> int | None:
-        """None: it runs elsewhere."""
+        """None, because it runs elsewhere."""
         return None
 
     @property
     def alive(self) -> bool:
-        """Whether it can be given a job, as far as is known here."""
+        """True if it can take a job, as known here."""
         return not (self._ended or self._lost)
 
     @property
     def stream(self) -> Any:
-        """What to wait for; None if it has nothing to say."""
+        """Reference to wait for, or None."""
         return self._streams[0] if self._streams and self.alive else None
 
     @property
     def overdue(self) -> bool:
-        """Whether it should have been ready long ago."""
+        """True if it has exceeded the time limit for its start."""
         return not self._started and self.alive and time.monotonic() > self._due_s
 
     def take(self, job: Any) -> None:
-        """Give it a job; it must not have one."""
+        """Start a job; the worker must be idle."""
         if self.alive:
             self._job = pickle.dumps(job)
             self._do()
 
     def answer(self) -> Answer | News | Ended | None:
-        """Return what became of the job, news of it, or that it broke down; None if neither yet.
+        """Return the answer, news, or the end of the worker; None if there is nothing yet.
 
         Raises
         ------
         SkillplanError
-            If it could not make itself ready, in its own words, or its node differs from this
+            If it could not become ready, with its message; or if its node differs from this
             machine.
         """
         if self._lost or self._ended:
@@ -112,7 +112,7 @@ class RayWorker(Worker):
         return self._meaning(kind, content)
 
     def _begin(self) -> None:
-        """Start an actor, and give it the job that there may be already."""
+        """Start an actor, and start its pending job."""
         self._actor, self._cpus = self._make_actor()
         self._streams.clear()
         self._streams.append(self._actor.make_ready.options(num_returns="streaming").remote())
@@ -144,7 +144,8 @@ class RayWorker(Worker):
         words = str(error)
         node = any(sign in words for sign in _NODE_LOST)
         if node and not self._started and time.monotonic() < self._due_s:
-            # For a moment Ray places actors on a machine that is being lost. Nothing began there.
+            # For a moment, Ray places actors on a machine that is being lost; no job has begun
+            # there.
             self._cluster.give_back(self._cpus)
             self._begin()
             return None
@@ -156,12 +157,12 @@ class RayWorker(Worker):
         return Ended(None, self._started, f"{cause} on {address}" if address else cause)
 
     def ask_to_stop(self) -> None:
-        """Have it told, beside its job."""
+        """Request a stop, while its job runs."""
         if self.alive:
             self._actor.stop.remote()
 
     def end(self, *, gently: bool = True) -> None:
-        """End it: once it is idle, or at once. To end it again does nothing."""
+        """End the worker, once it is idle or at once; no effect if it has ended."""
         if self._ended:
             return
         self._ended = True
@@ -174,10 +175,11 @@ class RayWorker(Worker):
         self._streams.clear()
 
     def not_started(self) -> SkillplanError:
-        """Return the error to raise where it was not ready in time, or was lost before."""
+        """Return the error for a worker that was not ready in time, or was lost before."""
         ray = self._cluster.ray
         free, total = (
-            float(one().get("CPU", 0.0)) for one in (ray.available_resources, ray.cluster_resources)
+            float(resources().get("CPU", 0.0))
+            for resources in (ray.available_resources, ray.cluster_resources)
         )
         return SkillplanError(
             f"A process for {self.what} could not be started on the cluster, of whose {total:g} "

@@ -1,1 +1,1 @@
-"""A solver plugin to copy: one solver, which uses nothing but the public names of skillplan."""
+"""A solver plugin to copy, which uses only public names of skillplan."""

@@ -1,4 +1,4 @@
-"""Greedy: the cheapest feasible skill, now and then a random one, again and again."""
+"""Greedy search: the cheapest feasible skill, sometimes a random one, in many attempts."""
 
 import random
 
@@ -14,7 +14,7 @@ class GreedySolver(Solver):
     polls = True  # `self.stop()`, at every step
 
     class Options(BaseModel):
-        """How often to try, and how boldly."""
+        """Options of the solver."""
 
         attempts: int = Field(default=300, ge=1, description="walks from the start [-]")
         epsilon: float = Field(default=0.3, ge=0, le=1, description="chance of a random skill [-]")
@@ -22,7 +22,7 @@ class GreedySolver(Solver):
     options: Options
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Return the best plan of all attempts, without any claim of proof."""
+        """Return the best plan of all attempts, without a proof."""
         rng = random.Random(seed)
         for _ in range(self.options.attempts):
             state, seen, skills, cost = model.initial, {model.initial}, list[str](), 0.0
