@@ -164,23 +164,23 @@ def optimum(path: Path) -> Result:
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     return load_problem(BOARD).task
 
 
 @pytest.fixture(scope="module")
-def brute_force(board: Task) -> Result:
+def brute_force(board):
     """All sequences of the board, counted."""
     return solve(board, "exhaustive")
 
 
 @pytest.fixture(scope="module")
-def stack() -> Task:
+def stack():
     return load_problem(FOLDER / "sensor_stack.yaml").task
 
 
 @pytest.fixture(scope="module")
-def board_sequences(board: Task) -> dict[int, list[tuple[float, tuple[int, ...]]]]:
+def board_sequences(board):
     return complete_sequences(make_model(board))
 
 
@@ -198,19 +198,19 @@ def overlaps(one: Box, other: Box) -> list[float]:
 
 
 class TestEveryConfig:
-    def test_there_are_the_board_larger_ones_and_those_of_another_kind(self) -> None:
+    def test_there_are_the_board_larger_ones_and_those_of_another_kind(self):
         """Of another order, many tools, many parts, of chance, in space, and of time as cost."""
         expected = {"inverter_board", "motor_drive", "sensor_stack"}
         expected |= {"battery_module", "relay_rail", "inverter_grasps", "inverter_time"}
         expected |= {"mini_pc", "gear_unit", "drawer_module"}
         assert expected <= {path.stem for path in ASSEMBLIES}
 
-    def test_every_kind_has_a_file(self) -> None:
+    def test_every_kind_has_a_file(self):
         """None of another kind, either."""
         assert set(VERIFIED) == {content_of(path)["kind"] for path in CONFIGS}
 
     @every_config
-    def test_it_names_its_schema_in_the_first_line(self, path: Path) -> None:
+    def test_it_names_its_schema_in_the_first_line(self, path):
         """Editors complete and explain its keys."""
         first = path.read_text("utf-8").partition("\n")[0]
         schema = f"{content_of(path)['kind']}.schema.json"
@@ -218,20 +218,20 @@ class TestEveryConfig:
         assert (FOLDER / schema).is_file()
 
     @every_config
-    def test_it_declares_the_figures_that_are_held_against_it(self, path: Path) -> None:
+    def test_it_declares_the_figures_that_are_held_against_it(self, path):
         """A task file without an expect block, or without an optimum in it, is not shipped."""
         expect = content_of(path).get("expect")
         assert expect, f"{path.name} has no expect block"
         assert any(needed <= set(expect) for needed in NEEDED[content_of(path)["kind"]])
 
     @every_config
-    def test_its_figures_are_all_verified(self, path: Path) -> None:
+    def test_its_figures_are_all_verified(self, path):
         """No key of an expect block goes unread."""
         content = content_of(path)
         assert set(content["expect"]) <= VERIFIED[content["kind"]]
 
     @every_kind
-    def test_an_expect_block_may_say_nothing_else(self, kind: str) -> None:
+    def test_an_expect_block_may_say_nothing_else(self, kind):
         """The schema allows no key that is not verified."""
         (block,) = (
             definition
@@ -241,14 +241,12 @@ class TestEveryConfig:
         assert set(block["properties"]) == VERIFIED[kind]
 
     @every_config
-    def test_it_validates_against_the_shipped_schema(self, path: Path) -> None:
+    def test_it_validates_against_the_shipped_schema(self, path):
         """What an editor says of it agrees with what loading says."""
         validator_of(content_of(path)["kind"]).validate(content_of(path))
 
     @every_kind
-    def test_the_shipped_schema_is_the_printed_one(
-        self, kind: str, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_the_shipped_schema_is_the_printed_one(self, kind, capsys):
         """`skillplan schema KIND` gives the very file."""
         with pytest.raises(SystemExit) as ended:
             main(["schema", kind])
@@ -262,9 +260,7 @@ class TestEveryConfig:
             ("swarmitfix_triangular", "heads", "max_gap_m", "max_gap"),
         ],
     )
-    def test_the_schema_catches_what_loading_catches(
-        self, stem: str, section: str, key: str, slip: str
-    ) -> None:
+    def test_the_schema_catches_what_loading_catches(self, stem, section, key, slip):
         """A misspelt key is a fault for editors, too."""
         content = deepcopy(content_of(FOLDER / f"{stem}.yaml"))
         content[section][slip] = content[section].pop(key)
@@ -274,14 +270,14 @@ class TestEveryConfig:
 
 class TestExpectedFigures:
     @configs_expecting("optimal_cost")
-    def test_the_optimum_is_proved_at_the_expected_cost(self, path: Path) -> None:
+    def test_the_optimum_is_proved_at_the_expected_cost(self, path):
         """`exact` proves it, to half a unit of the fifth decimal."""
         result = optimum(path)
         assert result.status is Status.OPTIMAL
         assert content_of(path)["expect"]["optimal_cost"] == pytest.approx(result.cost, abs=5e-6)
 
     @configs_expecting("optimal_expected_cost")
-    def test_the_expected_optimum_is_proved_at_the_expected_cost(self, path: Path) -> None:
+    def test_the_expected_optimum_is_proved_at_the_expected_cost(self, path):
         """By both dynamic programs and the referee, to half a unit of the fifth decimal."""
         problem = load_problem(path)
         assert problem.domain.default_solver(problem.config) == "auto"
@@ -292,19 +288,19 @@ class TestExpectedFigures:
             assert expected == pytest.approx(result.cost, abs=5e-6)
 
     @configs_expecting("optimal_actions")
-    def test_the_optimum_has_the_expected_actions(self, path: Path) -> None:
+    def test_the_optimum_has_the_expected_actions(self, path):
         """The very sequence, not another of the same cost."""
         result = optimum(path)
         assert content_of(path)["expect"]["optimal_actions"] == [s.action for s in result.steps]
 
     @configs_expecting("states")
-    def test_the_model_has_the_expected_states(self, path: Path) -> None:
+    def test_the_model_has_the_expected_states(self, path):
         """As many states can be reached."""
         states = reachable_states(make_model(load_problem(path).task), 100_000)
         assert content_of(path)["expect"]["states"] == len(states)
 
     @configs_expecting("observations")
-    def test_the_model_has_the_expected_observations(self, path: Path) -> None:
+    def test_the_model_has_the_expected_observations(self, path):
         """So many different ones are seen in the states that can be reached."""
         task = load_problem(path).task
         states = reachable_states(make_model(task), 100_000)
@@ -313,7 +309,7 @@ class TestExpectedFigures:
 
     @pytest.mark.slow(reason="walks the board twice; its counts in a comparison of every run")
     @configs_expecting("sequences")
-    def test_brute_force_counts_the_expected_sequences(self, path: Path) -> None:
+    def test_brute_force_counts_the_expected_sequences(self, path):
         """As many of each length, and a count of another kind agrees."""
         task = load_problem(path).task
         expected = {int(k): n for k, n in content_of(path)["expect"]["sequences"].items()}
@@ -323,7 +319,7 @@ class TestExpectedFigures:
         assert expected == count_sequences(make_model(task))
 
     @configs_expecting("costs")
-    def test_given_sequences_cost_what_is_expected(self, path: Path) -> None:
+    def test_given_sequences_cost_what_is_expected(self, path):
         """Each is complete, and its cost rounds to the figure as it is printed."""
         task = load_problem(path).task
         for actions, cost, precision in printed_costs(path):
@@ -333,7 +329,7 @@ class TestExpectedFigures:
             assert cost == pytest.approx(walked.cost, abs=precision)
 
     @configs_expecting("tool_changes")
-    def test_the_optimum_has_the_expected_tool_changes(self, path: Path) -> None:
+    def test_the_optimum_has_the_expected_tool_changes(self, path):
         """So many skills of the plan load a tool."""
         task = load_problem(path).task
         kinds = [task.skill(step.skill).kind for step in optimum(path).steps]
@@ -341,7 +337,7 @@ class TestExpectedFigures:
 
 
 class TestTheBoard:
-    def test_it_has_the_action_space_of_figure_6(self, board: Task) -> None:
+    def test_it_has_the_action_space_of_figure_6(self, board):
         """Sixteen actions, in order."""
         assert [
             "pick(pcb)",
@@ -362,7 +358,7 @@ class TestTheBoard:
             "fasten(screw_2)",
         ] == [skill.name for skill in board.skills]
 
-    def test_it_has_the_observation_of_figure_5(self, board: Task) -> None:
+    def test_it_has_the_observation_of_figure_5(self, board):
         """Seventeen bits, in order."""
         parts = ("pcb", "switch_1", "switch_2", "clock", "transformer", "brace")
         expected = [f"{what}({part})" for part in parts for what in ("at_start", "placed")]
@@ -370,12 +366,12 @@ class TestTheBoard:
         expected += ["not hand_free", "changed_tool"]
         assert expected == [str(literal) for literal in board.observation]
 
-    def test_its_first_observation_is_that_of_figure_5(self, board: Task) -> None:
+    def test_its_first_observation_is_that_of_figure_5(self, board):
         """All parts at their starts, nothing placed, gripper attached and ready."""
         expected = (1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0)
         assert expected == board.observe(board.initial)
 
-    def test_its_reward_is_that_of_table_2(self, board: Task) -> None:
+    def test_its_reward_is_that_of_table_2(self, board):
         """-10 collision, +10 complete, -0.1 d, -10 out of time, -2.5 repeated tool change."""
         reward = board.reward
         assert reward is not None
@@ -386,7 +382,7 @@ class TestTheBoard:
         assert [("repeated_tool_change", -2.5)] == [(p.name, p.reward) for p in reward.penalties]
         assert 20 == board.step_limit
 
-    def test_every_term_of_table_2_is_paid(self, board: Task) -> None:
+    def test_every_term_of_table_2_is_paid(self, board):
         """A replay pays each exactly where the table says."""
         walked = walk(board, content_of(BOARD)["expect"]["optimal_actions"])
         assert [-0.1 * s.cost for s in walked.steps[:-1]] == [s.reward for s in walked.steps[:-1]]
@@ -405,9 +401,7 @@ class TestTheBoard:
             ([0, 1, 6, 7, 2, 3, 8, 9, 4, 5, 10, 11, 13, 14, 15], "1.939", "3.86 %"),
         ],
     )
-    def test_it_reproduces_table_3(
-        self, board: Task, actions: list[int], cost: str, deviation: str
-    ) -> None:
+    def test_it_reproduces_table_3(self, board, actions, cost, deviation):
         """Costs and deviations from the optimum, in the digits that the paper prints."""
         least = optimum(BOARD).cost
         assert least is not None
@@ -415,7 +409,7 @@ class TestTheBoard:
         assert cost == f"{walked.cost:.3f}"
         assert deviation == f"{100 * (walked.cost / least - 1):.2f} %"
 
-    def test_the_order_of_the_paper_s_prose_is_hardly_worse(self, board: Task) -> None:
+    def test_the_order_of_the_paper_s_prose_is_hardly_worse(self, board):
         """Two hundredths of a millimetre: both print 1.867."""
         walked = walk(board, [0, 1, 2, 3, 4, 5, 8, 9, 6, 7, 10, 11, 13, 14, 15])
         assert walked.complete
@@ -423,17 +417,13 @@ class TestTheBoard:
         assert "1.867" == f"{walked.cost:.3f}"
 
     @pytest.mark.slow(reason="walks all sequences; brute force in every run")
-    def test_the_worst_shortest_sequence_is_known(self, brute_force: Result) -> None:
+    def test_the_worst_shortest_sequence_is_known(self, brute_force):
         """Brute force reports the worst of the 15-skill sequences."""
         worst = brute_force.trace["worst_cost_by_length"]
         assert "2.0586" == f"{worst[15]:.4f}"
 
     @pytest.mark.slow(reason="by brute force; the same figures in test_exhaustive.py")
-    def test_screws_early_need_a_sixteenth_skill(
-        self,
-        brute_force: Result,
-        board_sequences: dict[int, list[tuple[float, tuple[int, ...]]]],
-    ) -> None:
+    def test_screws_early_need_a_sixteenth_skill(self, brute_force, board_sequences):
         """All 16-skill sequences screw before the last part is placed and change tools twice."""
         assert 120 == len(board_sequences[16])
         for _, actions in board_sequences[16]:
@@ -446,11 +436,7 @@ class TestTheBoard:
         assert cost > min(board_sequences[15])[0]
 
     @pytest.mark.slow(reason="walks all sequences; brute force in every run")
-    def test_an_independent_walk_agrees_with_brute_force(
-        self,
-        brute_force: Result,
-        board_sequences: dict[int, list[tuple[float, tuple[int, ...]]]],
-    ) -> None:
+    def test_an_independent_walk_agrees_with_brute_force(self, brute_force, board_sequences):
         """The same number, the same best and the same worst of each length."""
         result = brute_force
         assert 12_420 == sum(len(found) for found in board_sequences.values())
@@ -462,7 +448,7 @@ class TestTheBoard:
                 result.trace["worst_cost_by_length"][length], abs=1e-12
             )
 
-    def test_holding_back_picks_leaves_307_states(self, board: Task) -> None:
+    def test_holding_back_picks_leaves_307_states(self, board):
         """Without picks before their support is there: 307 states, 255 observations."""
         setup = Setup(options={"precedence": {"hold_back_picks": True}})
         states = reachable_states(make_model(board, setup), 100_000)
@@ -496,19 +482,19 @@ class TestTheSensorStack:
             pieces.append(Box((low[3], 2 * low[1], high[0] - low[0]), centre))
         return tall, pieces
 
-    def test_a_finger_at_the_connector_reaches_into_the_coil(self, stack: Task) -> None:
+    def test_a_finger_at_the_connector_reaches_into_the_coil(self, stack):
         """Even one that touches the connector, so that no way of opening helps."""
         tall, pieces = self.finger(stack)
         deepest = max(min(overlaps(tall, piece)) for piece in pieces)
         assert 0.004 < deepest
 
-    def test_the_chart_but_for_the_finger_follows_from_boxes(self, stack: Task) -> None:
+    def test_the_chart_but_for_the_finger_follows_from_boxes(self, stack):
         """Derived by `aabb`, which knows no fingers; it finds nothing beyond the chart."""
         boxes = Setup(collision=("aabb",), with_chart=False)
         derived = derive_chart(make_feasibility(stack, boxes))
         assert ((("connector", "coil"),), ()) == (derived.missing, derived.extra)
 
-    def test_the_finger_costs_four_centimetres(self, stack: Task) -> None:
+    def test_the_finger_costs_four_centimetres(self, stack):
         """By boxes alone, the coil would come first; with the chart as well, it may not."""
         by_boxes = solve(stack, setup=Setup(collision=("aabb",), with_chart=False))
         by_both = solve(stack, setup=Setup(collision=("aabb", "precedence")))
@@ -518,7 +504,7 @@ class TestTheSensorStack:
         order = [step.skill for step in by_boxes.steps]
         assert order.index("place(coil)") < order.index("place(connector)")
 
-    def test_its_coil_is_a_mesh_and_its_spacer_a_cylinder(self, stack: Task) -> None:
+    def test_its_coil_is_a_mesh_and_its_spacer_a_cylinder(self, stack):
         """A hexagonal prism, held across its flats."""
         coil = stack.scene.body("coil")
         (prism,) = coil.shapes
@@ -529,7 +515,7 @@ class TestTheSensorStack:
         assert 0.0207846 == pytest.approx(coil.grasp.width_m, abs=1e-7)
         assert isinstance(stack.scene.body("spacer").shapes[0], Cylinder)
 
-    def test_a_task_is_another_one_with_another_mesh(self, tmp_path: Path) -> None:
+    def test_a_task_is_another_one_with_another_mesh(self, tmp_path):
         """Its hash follows the mesh's file, not only its name."""
         (tmp_path / "meshes").mkdir()
         mesh = tmp_path / "meshes" / "hexagonal_coil.obj"
@@ -553,14 +539,14 @@ class TestNothingOfTheBoardIsInPython:
         path.write_text(text.replace(old, new), "utf-8")
         return load_problem(path).task
 
-    def test_the_order_of_actions_is_the_file_s(self, tmp_path: Path, board: Task) -> None:
+    def test_the_order_of_actions_is_the_file_s(self, tmp_path, board):
         """Two lines of the action list exchanged are two actions exchanged."""
         old, new = "- pick(pcb)\n  - place(pcb)\n", "- place(pcb)\n  - pick(pcb)\n"
         task = self.variant(tmp_path, old, new)
         names = [skill.name for skill in board.skills]
         assert [names[1], names[0], *names[2:]] == [skill.name for skill in task.skills]
 
-    def test_the_observation_is_the_file_s(self, tmp_path: Path, board: Task) -> None:
+    def test_the_observation_is_the_file_s(self, tmp_path, board):
         """A line less is a bit less."""
         task = self.variant(tmp_path, "  - fastened(screw_2)\n  - tool", "  - tool")
         assert board.observation[:13] + board.observation[14:] == task.observation
@@ -575,14 +561,12 @@ class TestNothingOfTheBoardIsInPython:
             ("out_of_time: -10.0", -6.0, "out_of_time"),
         ],
     )
-    def test_the_reward_is_the_file_s(
-        self, tmp_path: Path, line: str, new: float, attribute: str
-    ) -> None:
+    def test_the_reward_is_the_file_s(self, tmp_path, line, new, attribute):
         """Each figure of Table II is read, not known."""
         task = self.variant(tmp_path, f"  {line}\n", f"  {line.split(':')[0]}: {new}\n")
         assert new == getattr(task.reward, attribute)
 
-    def test_the_penalty_for_tool_changes_is_the_file_s(self, tmp_path: Path) -> None:
+    def test_the_penalty_for_tool_changes_is_the_file_s(self, tmp_path):
         """Another figure is another penalty; none is none."""
         other = self.variant(tmp_path, "tool_change: -2.5", "tool_change: -1.25")
         assert other.reward is not None
@@ -591,25 +575,25 @@ class TestNothingOfTheBoardIsInPython:
         assert without.reward is not None
         assert () == without.reward.penalties
 
-    def test_the_layout_is_the_file_s(self, tmp_path: Path) -> None:
+    def test_the_layout_is_the_file_s(self, tmp_path):
         """A part laid elsewhere costs another way."""
         task = self.variant(tmp_path, "start_m: [0.556, -0.134]", "start_m: [0.556, -0.334]")
         result = solve(task)
         assert result.cost is not None
         assert 2.0 < result.cost
 
-    def test_the_chart_is_the_file_s(self, tmp_path: Path) -> None:
+    def test_the_chart_is_the_file_s(self, tmp_path):
         """A line less leaves more orders."""
         old = "  - {before: transformer, after: [brace]}\n"
         counts = count_sequences(make_model(self.variant(tmp_path, old, "")))
         assert counts[15] > 120
 
-    def test_the_step_limit_is_the_file_s(self, tmp_path: Path) -> None:
+    def test_the_step_limit_is_the_file_s(self, tmp_path):
         """With 15 skills at most there are the 120 shortest sequences only."""
         task = self.variant(tmp_path, "step_limit: 20", "step_limit: 15")
         assert {15: 120} == count_sequences(make_model(task))
 
-    def test_reloading_is_the_file_s(self, tmp_path: Path) -> None:
+    def test_reloading_is_the_file_s(self, tmp_path):
         """Where an attached tool may be loaded again, there are 925,020 sequences."""
         task = self.variant(tmp_path, "reload: false", "reload: true ")
         assert 925_020 == sum(count_sequences(make_model(task)).values())

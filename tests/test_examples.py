@@ -20,7 +20,7 @@ def run(name: str, *words: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_solve_board_prints_the_proved_sequence() -> None:
+def test_solve_board_prints_the_proved_sequence():
     """Fifteen steps and what they cost."""
     title, *steps = run("solve_board.py")
     assert "inverter-board: optimal, 1.86709 m" == title
@@ -45,7 +45,7 @@ def test_solve_board_prints_the_proved_sequence() -> None:
 
 
 @pytest.mark.slow(reason="a process; the same script with the board in every run")
-def test_solve_board_takes_another_task() -> None:
+def test_solve_board_takes_another_task():
     """The larger board, by its path."""
     title, *steps = run("solve_board.py", str(ROOT / "configs" / "motor_drive.yaml"))
     assert "motor-drive: optimal, 11.58291 m" == title
@@ -53,7 +53,7 @@ def test_solve_board_takes_another_task() -> None:
 
 
 @pytest.mark.slow(reason="a process; the detector beside the built-in ones in every run")
-def test_own_solver_is_judged_like_any_other() -> None:
+def test_own_solver_is_judged_like_any_other():
     """Its plan is valid, costs more than the optimum, and no proof is granted."""
     own, exact = run("own_solver.py")
     assert own.startswith("nearest-first: solved, ")
@@ -61,14 +61,14 @@ def test_own_solver_is_judged_like_any_other() -> None:
     assert float(own.split()[2]) > 1.86709
 
 
-def test_own_solver_is_short() -> None:
+def test_own_solver_is_short():
     """A stranger's solver needs less than 40 lines."""
     text = (ROOT / "examples" / "own_solver.py").read_text("utf-8")
     body = text[text.index("class NearestFirst") : text.index("def main")]
     assert 40 > len(body.strip().splitlines())
 
 
-def test_own_detector_works_beside_built_in_ones() -> None:
+def test_own_detector_works_beside_built_in_ones():
     """All are asked; the clock now goes before the transformer, which costs more."""
     built_in, first, combined, second = run("own_detector.py")
     assert "kinematic, precedence, aabb" == built_in
@@ -80,7 +80,7 @@ def test_own_detector_works_beside_built_in_ones() -> None:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_every_example_says_how_to_run_it(path: Path) -> None:
+def test_every_example_says_how_to_run_it(path):
     """In its docstring; and each is tested above."""
     text = path.read_text("utf-8")
     assert f"``python examples/{path.name}" in text

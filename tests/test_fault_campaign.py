@@ -24,21 +24,21 @@ SEED = 20261122
 
 
 @pytest.fixture
-def tally(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tallies.Tally:
+def tally(monkeypatch, tmp_path):
     """An empty tally, and a cache of its own."""
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
     return tallies.Tally(SEED)
 
 
 @pytest.fixture
-def starter(tmp_path: Path) -> Path:
+def starter(tmp_path):
     """A small task file."""
     path = tmp_path / "task.yaml"
     assert 0 == tallies.survives("init", "assembly", "--out", path)
     return path
 
 
-def test_liars_are_caught(tally: tallies.Tally) -> None:
+def test_liars_are_caught(tally):
     """Solvers, also under chance, detectors that give no verdict or contradict themselves."""
     liars.lie(tally)
     expected = {"lying-solver": 16, "lying-under-chance": 4, "lying-detector": 6}
@@ -46,7 +46,7 @@ def test_liars_are_caught(tally: tallies.Tally) -> None:
     assert [] == tally.failures
 
 
-def test_every_mutant_fits_the_source() -> None:
+def test_every_mutant_fits_the_source():
     """Each changes one place; `python tests/campaign/mutants.py` shows that each is noticed."""
     package = ROOT / "src" / "skillplan"
     for mutant in mutants.MUTANTS:
@@ -54,7 +54,7 @@ def test_every_mutant_fits_the_source() -> None:
     assert 20 <= len({mutant.name for mutant in mutants.MUTANTS}) == len(mutants.MUTANTS)
 
 
-def test_every_writer_survives_a_failure_and_a_kill_at_every_call(tally: tallies.Tally) -> None:
+def test_every_writer_survives_a_failure_and_a_kill_at_every_call(tally):
     """What was there stays, or all is new."""
     failing_writers.fail_every_call_of_writers(tally)
     assert tally.cases["fail-writer"] > 100
@@ -62,16 +62,14 @@ def test_every_writer_survives_a_failure_and_a_kill_at_every_call(tally: tallies
 
 
 @pytest.mark.slow(reason="a dozen searches and verifications; tests/cli/test_verify_forgeries.py")
-def test_forged_results_are_refuted(tally: tallies.Tally) -> None:
+def test_forged_results_are_refuted(tally):
     """Of a board, a board with chance and a chain; with two changed leaves."""
     forgeries.forge_results(tally, 2)
     assert sum(tally.cases.values()) > 30
     assert [] == tally.failures
 
 
-def test_a_few_dozens_of_spoilt_inputs_do_no_harm(
-    tally: tallies.Tally, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_few_dozens_of_spoilt_inputs_do_no_harm(tally, tmp_path, monkeypatch):
     """Two of each kind that needs no preparation of seconds."""
     inputs = mutated_inputs.Inputs(tmp_path, whole=False)
     for kind, way in inputs.ways().items():
@@ -82,14 +80,14 @@ def test_a_few_dozens_of_spoilt_inputs_do_no_harm(
 
 
 @pytest.mark.slow(reason="many searches; spoilt inputs in every run")
-def test_a_search_survives_a_failure_of_its_calls(tally: tallies.Tally, starter: Path) -> None:
+def test_a_search_survives_a_failure_of_its_calls(tally, starter):
     """Every twelfth that opens, writes, renames or forces to disk, by a full disk."""
     fail_every_call_of_a_search(tally, starter, ["ENOSPC"], step=12)
     assert tally.cases["fail-search"] > 1
     assert [] == tally.failures
 
 
-def test_the_shim_fails_the_call_of_that_number_and_no_other(tmp_path: Path) -> None:
+def test_the_shim_fails_the_call_of_that_number_and_no_other(tmp_path):
     """Opening, writing, forcing to disk, renaming; beneath its folder only."""
 
     def write(folder: Path) -> None:
@@ -112,7 +110,7 @@ def test_the_shim_fails_the_call_of_that_number_and_no_other(tmp_path: Path) -> 
     assert 4 == (tmp_path / "calls").stat().st_size
 
 
-def test_a_failure_is_kept_with_the_seed_that_makes_it_again(tally: tallies.Tally) -> None:
+def test_a_failure_is_kept_with_the_seed_that_makes_it_again(tally):
     """A traceback, an exit code, a hang, and what was touched outside."""
 
     def fails(chance: object) -> None:

@@ -118,21 +118,21 @@ def starting(path: Path) -> set[str]:
     }
 
 
-def test_only_the_floor_of_files_opens_files() -> None:
+def test_only_the_floor_of_files_opens_files():
     """Whoever else opens anything is listed, with what it is."""
     found = {place(path): opening(path) for path in MODULES}
     openers = {name for name, by in found.items() if by and not name.startswith("files/")}
     assert set(OPENS) == openers, {name: found.get(name) for name in openers ^ set(OPENS)}
 
 
-def test_only_the_floor_of_workers_starts_processes() -> None:
+def test_only_the_floor_of_workers_starts_processes():
     """No exception: programs of others are started there, too."""
     found = {place(path): starting(path) for path in MODULES}
     starters = {"processes", "local_processes", "supervisor"}
     assert {f"workers/{name}.py" for name in starters} == {name for name, by in found.items() if by}
 
 
-def test_tasks_are_pure_data() -> None:
+def test_tasks_are_pure_data():
     """The floor `task` neither reads nor writes, nor knows where anything lies."""
     modules = sorted((SOURCE / "task").glob("*.py"))
     assert modules
@@ -155,7 +155,7 @@ def test_tasks_are_pure_data() -> None:
         ("text.replace('a', 'b')\njson.loads(text)\nread_text(path)", set()),
     ],
 )
-def test_the_search_finds_what_opens(tmp_path: Path, source: str, expected: set[str]) -> None:
+def test_the_search_finds_what_opens(tmp_path, source, expected):
     """So that the lists above mean something."""
     path = tmp_path / "module.py"
     path.write_text(source)

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -73,17 +72,17 @@ class TestStarting:
         ],
         ids=["import", "import of the command line", "--help", "--version"],
     )
-    def test_help_loads_nothing_heavy(self, statement: str) -> None:
+    def test_help_loads_nothing_heavy(self, statement):
         """Neither what computes nor what validates."""
         assert set() == {*HEAVY, "pydantic", "yaml"} & imported_by(statement)
 
     @pytest.mark.parametrize("statement", ["import skillplan", "import skillplan.cli.app"])
-    def test_what_draws_panels_and_tables_is_loaded_when_it_draws(self, statement: str) -> None:
+    def test_what_draws_panels_and_tables_is_loaded_when_it_draws(self, statement):
         """Help is drawn, an import is not."""
         assert "rich" not in imported_by(statement)
 
     @pytest.mark.parametrize("words", [("--help",), ("train", "--help")], ids=["all", "train"])
-    def test_help_loads_nothing_that_it_never_prints(self, words: tuple[str, ...]) -> None:
+    def test_help_loads_nothing_that_it_never_prints(self, words):
         """It holds neither Markdown nor code with its syntax in colour."""
         loaded = imported_by(a_command(*words))
         assert set() == {"markdown_it", "pygments"} & loaded
@@ -97,12 +96,12 @@ class TestStarting:
             pytest.param("evaluate", marks=pytest.mark.slow(reason="one command in every run")),
         ],
     )
-    def test_help_of_a_command_loads_nothing_heavy(self, command: str) -> None:
+    def test_help_of_a_command_loads_nothing_heavy(self, command):
         """What a command needs is loaded when it runs."""
         loaded = imported_by(a_command(command, "--help"))
         assert set() == {*HEAVY, "pydantic", "yaml"} & loaded
 
-    def test_the_board_needs_no_arrays(self) -> None:
+    def test_the_board_needs_no_arrays(self):
         """A search by the chart loads no numerics, and in JSON no tables either.
 
         `check` and `chart` derive the order by the geometric detector that is installed.
@@ -112,13 +111,13 @@ class TestStarting:
         assert "yaml" in loaded
 
     @pytest.mark.slow(reason="a process; the board needs no arrays in every run")
-    def test_the_optimum_beside_a_sequence_of_the_board_needs_none(self) -> None:
+    def test_the_optimum_beside_a_sequence_of_the_board_needs_none(self):
         """It is small, so that exact search proves it."""
         sequence = ("--sequence", "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
         loaded = imported_by(a_command("evaluate", str(BOARD), *sequence, "--format", "json"))
         assert set() == {*HEAVY, "rich"} & loaded
 
-    def test_the_core_depends_on_nothing_heavy(self) -> None:
+    def test_the_core_depends_on_nothing_heavy(self):
         """What pip installs with skillplan is light; the heavy lives in plugins."""
         project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
         names = {re.split(r"[<>=!~ \[]", entry)[0].lower() for entry in project["dependencies"]}
@@ -136,13 +135,13 @@ class TestStarting:
 
 
 class TestFiles:
-    def test_file_names_say_what_is_inside(self) -> None:
+    def test_file_names_say_what_is_inside(self):
         """No file is a drawer for odds and ends."""
         drawers = {"utils", "util", "helpers", "helper", "misc", "common", "tools", "base"}
         assert set() == drawers & {path.stem for path in MODULES}
         assert all(re.fullmatch(r"[a-z][a-z0-9_]*|__[a-z]+__", path.stem) for path in MODULES)
 
-    def test_no_tracked_file_names_a_path_of_a_machine(self) -> None:
+    def test_no_tracked_file_names_a_path_of_a_machine(self):
         """Nor does any file that would be tracked."""
         listing = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
         try:
@@ -169,7 +168,7 @@ def lines_of_functions(path: Path) -> Iterator[tuple[str, int]]:
                 yield node.name, (body[-1].end_lineno or 0) - body[0].lineno + 1
 
 
-def test_a_function_has_a_hundred_lines_at_most() -> None:
+def test_a_function_has_a_hundred_lines_at_most():
     """Plugins included."""
     long = {
         f"{path.relative_to(ROOT)}:{name}": lines
@@ -201,7 +200,7 @@ def is_a_sentence(text: str | None) -> bool:
     return bool(text) and str(text).strip().splitlines()[0].rstrip().endswith((".", "?", ":"))
 
 
-def test_everything_public_has_a_docstring() -> None:
+def test_everything_public_has_a_docstring():
     """One line at least, ending with a full stop, a question mark or an example."""
     without = [
         f"{path.relative_to(SOURCE)}: {name}"
@@ -321,14 +320,14 @@ def patched(path: Path, name: str) -> bool:
 
 
 class TestFaces:
-    def test_there_are_about_forty(self) -> None:
+    def test_there_are_about_forty(self):
         """The top packages of the core, a few folders in them, and one for each plugin."""
         assert 35 <= len(FACES) <= 45
         top = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").is_file()}
         assert {f"skillplan.{name}" for name in top} <= set(FACES)
 
     @pytest.mark.parametrize("face", sorted(FACES))
-    def test_every_name_is_where_the_face_says(self, face: str) -> None:
+    def test_every_name_is_where_the_face_says(self, face):
         """Read from the sources, so that no plugin needs to be installed."""
         names = names_of_stub(face)
         assert names
@@ -339,7 +338,7 @@ class TestFaces:
             assert not module or name in bindings(path), f"{face}: {module} has no {name}"
 
     @pytest.mark.parametrize("face", sorted(FACES))
-    def test_it_lists_its_names_once_more_for_type_checkers(self, face: str) -> None:
+    def test_it_lists_its_names_once_more_for_type_checkers(self, face):
         """`__all__` is what is imported, and all of `__init__.py` comes from that list."""
         stub = parsed(FACES[face] / "__init__.pyi")
         (listed,) = [
@@ -350,7 +349,7 @@ class TestFaces:
         assert set(names_of_stub(face)) == set(listed)
         assert "attach_stub(__name__, __file__)" in (FACES[face] / "__init__.py").read_text("utf-8")
 
-    def test_no_name_hides_a_module_that_is_imported_as_one(self) -> None:
+    def test_no_name_hides_a_module_that_is_imported_as_one(self):
         """lazy_loader keeps a function that is named like its own module, and no other."""
         imports = {
             pair for path in (*MODULES, *PLUGIN_MODULES) for pair in imports_of_product(path)
@@ -361,7 +360,7 @@ class TestFaces:
                     assert module.partition(".")[0] == name, f"{face}: {name} is a module, too"
                     assert (face, name) not in imports, f"{face}: {name} is imported as a module"
 
-    def test_tests_import_from_faces(self) -> None:
+    def test_tests_import_from_faces(self):
         """So that files move without touching tests; modules to patch and a short list excepted."""
         deep = {
             f"{module}.{name}": path
@@ -372,24 +371,24 @@ class TestFaces:
         }
         assert {} == {name: path for name, path in deep.items() if name not in DEEP_IMPORTS}
 
-    def test_they_are_sorted_and_all_there(self) -> None:
+    def test_they_are_sorted_and_all_there(self):
         """`from skillplan import *` gives exactly what is promised, in order."""
         assert sorted(names_of_stub("skillplan")) == skillplan.__all__
         assert "solve_problem" in skillplan.__all__
 
     @pytest.mark.parametrize("name", skillplan.__all__)
-    def test_each_comes_from_where_the_list_says(self, name: str) -> None:
+    def test_each_comes_from_where_the_list_says(self, name):
         """Found by attribute, by home, and in `dir`."""
         home = importlib.import_module(f"skillplan.{names_of_stub('skillplan')[name]}")
         assert getattr(home, name) is getattr(skillplan, name)
         assert name in dir(skillplan)
 
-    def test_an_unknown_name_is_an_attribute_error(self) -> None:
+    def test_an_unknown_name_is_an_attribute_error(self):
         """As of any module."""
         with pytest.raises(AttributeError, match="No skillplan attribute sovle"):
             getattr(skillplan, "sovle")  # noqa: B009
 
-    def test_it_is_typed(self) -> None:
+    def test_it_is_typed(self):
         """The marker for type checkers is there."""
         assert (SOURCE / "py.typed").is_file()
 
@@ -447,7 +446,7 @@ def code_lines(path: Path) -> int:
     )
 
 
-def test_few_modules_are_small_and_have_one_importer() -> None:
+def test_few_modules_are_small_and_have_one_importer():
     """Entry points, commands, packages and `__main__` are left out."""
     users = importers()
     small = {
@@ -462,14 +461,14 @@ def test_few_modules_are_small_and_have_one_importer() -> None:
 
 
 class TestVersion:
-    def test_the_installed_version_is_that_of_the_source(self) -> None:
+    def test_the_installed_version_is_that_of_the_source(self):
         """pyproject.toml reads it from the package."""
         assert skillplan.__version__ == version("skillplan")
         project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
         assert ["version"] == project["project"]["dynamic"]
         assert "src/skillplan/__init__.py" == project["tool"]["hatch"]["version"]["path"]
 
-    def test_the_changelog_knows_it(self) -> None:
+    def test_the_changelog_knows_it(self):
         """The newest released heading is this version; before the first there is none."""
         text = (ROOT / "CHANGELOG.md").read_text("utf-8")
         headings = re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)
@@ -494,7 +493,7 @@ class TestErrors:
             ("BackEndError", 3),
         ],
     )
-    def test_each_carries_its_exit_code(self, name: str, code: int) -> None:
+    def test_each_carries_its_exit_code(self, name, code):
         """The command line looks nowhere else."""
         error = getattr(errors, name)
         assert issubclass(error, errors.SkillplanError)
@@ -517,13 +516,11 @@ class TestErrors:
         ],
         ids=str,
     )
-    def test_one_function_turns_an_outcome_into_an_exit_code(
-        self, outcome: dict[str, Any], code: int
-    ) -> None:
+    def test_one_function_turns_an_outcome_into_an_exit_code(self, outcome, code):
         """What an error says counts most, then an interruption, then what is wrong."""
         assert code == errors.exit_code(**outcome)
 
-    def test_no_other_module_chooses_an_exit_code_by_its_name(self) -> None:
+    def test_no_other_module_chooses_an_exit_code_by_its_name(self):
         """Commands say what happened; which code that is stands in `errors` alone."""
         named = {
             path.relative_to(ROOT).as_posix()
@@ -532,7 +529,7 @@ class TestErrors:
         }
         assert {"src/skillplan/errors.py"} == named
 
-    def test_the_tree_in_the_docstring_is_complete(self) -> None:
+    def test_the_tree_in_the_docstring_is_complete(self):
         """Each error class is drawn there."""
         classes = {
             name

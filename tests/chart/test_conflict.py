@@ -56,7 +56,7 @@ def reason(task: Task, setup: Setup = BY_BOXES) -> list[str]:
 
 
 class TestReasons:
-    def test_a_part_on_what_it_belongs_on_is_named(self) -> None:
+    def test_a_part_on_what_it_belongs_on_is_named(self):
         """It has to leave the mainboard before that moves, and to come after it."""
         assert reason(board({"mainboard": MAINBOARD, "cpu": CPU_ON_IT})) == [
             "mainboard before cpu before mainboard: "
@@ -64,7 +64,7 @@ class TestReasons:
             "with another start for cpu, both components would have an order",
         ]
 
-    def test_what_only_follows_is_not_blamed(self) -> None:
+    def test_what_only_follows_is_not_blamed(self):
         """Neither the cover that waits for the cpu, nor the screws that wait for the cover."""
         parts = {
             "mainboard": MAINBOARD,
@@ -80,7 +80,7 @@ class TestReasons:
         assert first.startswith("mainboard before cpu before mainboard: cpu lies on mainboard")
         assert "with another start for cpu, all 7 components would have an order" == second
 
-    def test_a_start_in_the_way_of_its_own_support_is_named(self) -> None:
+    def test_a_start_in_the_way_of_its_own_support_is_named(self):
         """It lies where the mainboard belongs, on which it belongs."""
         cpu = part(SMALL, [0.5, 0.0], start_m=[0.5, 0.0], goal_on="mainboard")
         first, second = reason(board({"mainboard": MAINBOARD, "cpu": cpu}))
@@ -90,7 +90,7 @@ class TestReasons:
         )
         assert "with another start for cpu, both components would have an order" == second
 
-    def test_two_that_change_places_are_named(self) -> None:
+    def test_two_that_change_places_are_named(self):
         """Others are not."""
         parts = {
             "a": part(SMALL, [0.5, 0.0], start_m=[0.4, 0.0]),
@@ -103,7 +103,7 @@ class TestReasons:
             "with another start for b, all 3 components would have an order",
         ]
 
-    def test_of_two_cycles_the_second_is_left(self) -> None:
+    def test_of_two_cycles_the_second_is_left(self):
         """Three lines are the most."""
         parts = {
             name: part(SMALL, [0.4 + goal, y_m], start_m=[0.4 + start, y_m])
@@ -120,7 +120,7 @@ class TestReasons:
         assert lines[2].startswith("then there is still c before d before c: d is in the way")
         assert 3 == len(lines)
 
-    def test_a_line_of_the_chart_may_be_the_culprit(self) -> None:
+    def test_a_line_of_the_chart_may_be_the_culprit(self):
         """It is offered for removal as a start or goal is."""
         first, second = reason(shut_box_task(), Setup())
         assert first.startswith("fuse before lid before screw before fuse: ")
@@ -129,7 +129,7 @@ class TestReasons:
             "without the chart's line lid before screw, all 4 components would have an order"
         )
 
-    def test_a_goal_that_can_never_be_reached_is_one_line(self) -> None:
+    def test_a_goal_that_can_never_be_reached_is_one_line(self):
         """There is no cycle to break."""
         cpu = part(SMALL, [0.56, 0.0], start_m=[0.4, 0.2], goal_on="mainboard")
         assert reason(board({"mainboard": MAINBOARD, "cpu": cpu})) == [
@@ -141,7 +141,7 @@ class TestExpensiveBackEnds:
     """They are not queried again just to say why there is no plan."""
 
     @pytest.fixture
-    def boxes(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    def boxes(self, monkeypatch):
         """Make the boxes expensive; return the skills that they check."""
         queried: list[str] = []
         check = AabbDetector.check
@@ -154,7 +154,7 @@ class TestExpensiveBackEnds:
         monkeypatch.setattr(AabbDetector, "check", note)
         return queried
 
-    def test_the_cycle_is_read_off_the_verdicts_of_the_search(self, boxes: list[str]) -> None:
+    def test_the_cycle_is_read_off_the_verdicts_of_the_search(self, boxes):
         """What can be tried nowhere counts by its precondition."""
         task = board({"mainboard": MAINBOARD, "cpu": CPU_ON_IT})
         assert reason(task) == [
@@ -170,11 +170,11 @@ def relation(before: str, after: str) -> Relation:
 
 
 class TestLines:
-    def test_a_relation_with_an_order_says_nothing(self) -> None:
+    def test_a_relation_with_an_order_says_nothing(self):
         """There is nothing to explain."""
         assert () == conflict_lines(lid_task(), [relation("box", "fuse"), relation("fuse", "lid")])
 
-    def test_without_evidence_the_reason_is_what_was_said(self) -> None:
+    def test_without_evidence_the_reason_is_what_was_said(self):
         """And nothing is known to change but a goal."""
         found = [relation("fuse", "lid"), relation("lid", "fuse")]
         first, second = conflict_lines(lid_task(), found)
@@ -183,25 +183,25 @@ class TestLines:
 
 
 class TestCycles:
-    def test_the_shortest_is_found(self) -> None:
+    def test_the_shortest_is_found(self):
         """Whichever is met first."""
         pairs = [("a", "b"), ("b", "c"), ("c", "a"), ("c", "d"), ("d", "c")]
         assert ("c", "d", "c") == cycle(pairs)
 
-    def test_of_one_length_the_one_of_the_first_element_counts(self) -> None:
+    def test_of_one_length_the_one_of_the_first_element_counts(self):
         """The same relation always says the same."""
         assert ("a", "b", "a") == cycle([("a", "b"), ("b", "a"), ("c", "d"), ("d", "c")])
 
     @pytest.mark.parametrize("pairs", [[], [("a", "b"), ("a", "c"), ("b", "c")]])
-    def test_an_order_has_none(self, pairs: list[tuple[str, str]]) -> None:
+    def test_an_order_has_none(self, pairs):
         """Nor has what is empty."""
         assert () == cycle(pairs)
 
-    def test_an_element_before_itself_is_one(self) -> None:
+    def test_an_element_before_itself_is_one(self):
         """Of length one."""
         assert ("a", "a") == cycle([("a", "a")])
 
-    def test_what_comes_after_a_cycle_has_no_order(self) -> None:
+    def test_what_comes_after_a_cycle_has_no_order(self):
         """What comes before it has one."""
         pairs = [("z", "a"), ("a", "b"), ("b", "a"), ("b", "c")]
         assert {"z", "free"} == orderable(["z", "a", "b", "c", "free"], pairs)

@@ -20,7 +20,7 @@ BOARD = str(Path(__file__).parents[2] / "configs/inverter_board.yaml")
 
 
 @pytest.fixture(scope="module")
-def task() -> Task:
+def task():
     """The inverter board."""
     return load_problem(BOARD).task
 
@@ -127,7 +127,7 @@ def audit_often(feasibility: Feasibility, size: int) -> None:
 
 
 class TestRestingOnTooFewFacts:
-    def test_the_fact_is_named_with_the_skill_and_both_states(self, task: Task) -> None:
+    def test_the_fact_is_named_with_the_skill_and_both_states(self, task):
         """The smallest difference that turns the answer."""
         said = found_out(task, RestsOnTooFew)
         assert said.startswith("Back end 'too-few' contradicts itself about place(clock): ")
@@ -135,13 +135,13 @@ class TestRestingOnTooFewFacts:
         assert "infeasible (the brace is in the way) in {" in said
         assert "placed(brace)" in said.rpartition("should have named")[2]
 
-    def test_resting_on_nothing_is_too_few(self, task: Task) -> None:
+    def test_resting_on_nothing_is_too_few(self, task):
         """A verdict that claims to hold everywhere."""
         said = found_out(task, RestsOnNothing)
         assert "resting on no fact" in said
         assert "placed(brace)" in said.rpartition("should have named")[2]
 
-    def test_an_honest_detector_passes(self, task: Task) -> None:
+    def test_an_honest_detector_passes(self, task):
         """Whatever is drawn."""
         feasibility = walked(task, Honest)
         assert [64] * 5 == [audit(feasibility, 64, seed, expensive=False) for seed in range(5)]
@@ -149,9 +149,7 @@ class TestRestingOnTooFewFacts:
 
 class TestAnsweringDifferently:
     @pytest.mark.parametrize("detector", [ChangesItsMind, Random])
-    def test_the_second_answer_in_one_state_is_held_against_the_first(
-        self, task: Task, detector: type[Detector]
-    ) -> None:
+    def test_the_second_answer_in_one_state_is_held_against_the_first(self, task, detector):
         """Though no verdict of theirs is ever reused."""
         feasibility = Feasibility(task, [detector(task)])
         for skill in task.skills:
@@ -164,20 +162,18 @@ class TestAnsweringDifferently:
 
 
 class TestSampling:
-    def test_no_size_asks_nothing(self, task: Task) -> None:
+    def test_no_size_asks_nothing(self, task):
         """Even of one who lies."""
         assert 0 == audit(walked(task, RestsOnNothing), 0, 0, expensive=False)
 
-    def test_expensive_back_ends_are_asked_only_when_wanted(
-        self, task: Task, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_expensive_back_ends_are_asked_only_when_wanted(self, task, monkeypatch):
         """A handful costs seconds there."""
         monkeypatch.setattr(Honest, "expensive", True)
         feasibility = walked(task, Honest)
         assert 0 == audit(feasibility, 4, 0, expensive=False)
         assert 4 == audit(feasibility, 4, 0, expensive=True)
 
-    def test_the_sample_stays_small_and_covers_the_whole_search(self, task: Task) -> None:
+    def test_the_sample_stays_small_and_covers_the_whole_search(self, task):
         """Early reuses as well as late ones."""
         feasibility = walked(task, Honest)
         rows = feasibility.reused.by_skill()
@@ -187,7 +183,7 @@ class TestSampling:
         assert len({entry.state for row in rows for entry in row}) > 30
 
 
-def test_a_search_asks_again_by_itself(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_asks_again_by_itself(task, monkeypatch):
     """With the default sample."""
 
     class Coin(Random):

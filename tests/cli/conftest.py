@@ -7,7 +7,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import dedent
@@ -52,25 +52,25 @@ Solved = Callable[..., Path]
 
 
 @pytest.fixture
-def board() -> str:
+def board():
     """The paper's inverter board."""
     return BOARD
 
 
 @pytest.fixture
-def root() -> Path:
+def root():
     """The root of the repository."""
     return ROOT
 
 
 @pytest.fixture
-def motor() -> str:
+def motor():
     """The larger board, whose sequences cannot be enumerated."""
     return MOTOR
 
 
 @pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+def cli(capsys):
     """The real entry point, in this process."""
 
     def call(*words: str) -> Outcome:
@@ -85,7 +85,7 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
 
 
 @pytest.fixture(scope="session")
-def solved() -> Solved:
+def solved():
     """Saves a result in a folder, for fixtures that several tests share."""
 
     def solve(folder: Path, *words: str) -> Path:
@@ -98,13 +98,13 @@ def solved() -> Solved:
 
 
 @pytest.fixture(scope="session")
-def solved_board(solved: Solved, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved_board(solved, tmp_path_factory):
     """The proved optimum of the inverter board; to be copied by whoever changes it."""
     return solved(tmp_path_factory.mktemp("board") / "run", BOARD, "--solver", "exact")
 
 
 @pytest.fixture(scope="session")
-def corner(tmp_path_factory: pytest.TempPathFactory) -> str:
+def corner(tmp_path_factory):
     """A task file: a short trajectory, its heads, the goals of the base and its ways."""
     path = tmp_path_factory.mktemp("corner") / "corner.yaml"
     path.write_text(CORNER, "utf-8")
@@ -112,13 +112,13 @@ def corner(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="session")
-def solved_corner(solved: Solved, corner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved_corner(solved, corner, tmp_path_factory):
     """The corner, solved by exact search; to be copied by whoever changes it."""
     return solved(tmp_path_factory.mktemp("corner") / "chain", corner, "--solver", "exact")
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+def install(tmp_path, monkeypatch):
     """Puts a distribution with one plugin on the path, here and in child processes."""
     folder = tmp_path / "site"
     folder.mkdir()
@@ -146,7 +146,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
 
 
 @pytest.fixture
-def bursting_detector(install: Install) -> str:
+def bursting_detector(install):
     """A collision detector that raises instead of ruling."""
     source = '''
         from skillplan import Detector
@@ -164,7 +164,7 @@ def bursting_detector(install: Install) -> str:
 
 
 @pytest.fixture
-def deaf_solver(install: Install) -> str:
+def deaf_solver(install):
     """A solver that heeds no stop."""
     source = '''
         import time
@@ -186,7 +186,7 @@ def deaf_solver(install: Install) -> str:
 
 
 @pytest.fixture
-def lying_solver(install: Install) -> str:
+def lying_solver(install):
     """A solver that claims an impossible cost."""
     source = '''
         from skillplan import Plan, Solution, Solver
@@ -204,7 +204,7 @@ def lying_solver(install: Install) -> str:
 
 
 @pytest.fixture
-def choosy_solver(install: Install) -> str:
+def choosy_solver(install):
     """A solver that serves no task."""
     source = '''
         from skillplan import Solution, Solver
@@ -225,7 +225,7 @@ def choosy_solver(install: Install) -> str:
 
 
 @pytest.fixture
-def no_way(tmp_path: Path) -> str:
+def no_way(tmp_path):
     """The board with a chart that wants the screws before the brace: no plan."""
     text = Path(BOARD).read_text("utf-8")
     old = "  - {before: brace, after: [screw_1, screw_2]}\n"
@@ -238,7 +238,7 @@ def no_way(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def environment() -> dict[str, str]:
+def environment():
     """The environment of a child process without what would colour its output."""
     left_out = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
     return {key: value for key, value in os.environ.items() if key not in left_out}

@@ -69,7 +69,7 @@ SOURCE = '''
 
 
 @pytest.fixture
-def slow(install: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def slow(install, tmp_path, monkeypatch):
     """An expensive engine on the path, a cache of its own, and the folder of its checks' log."""
     install("physics", "slow", "slow_engine:Slow", SOURCE)
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
@@ -80,7 +80,7 @@ def slow(install: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def bare(tmp_path: Path, board: str) -> str:
+def bare(tmp_path, board):
     """The board without a chart: physics alone decides."""
     text = Path(board).read_text("utf-8")
     head, chart, rest = text.partition("\nchart:\n")
@@ -103,9 +103,7 @@ def made(log: Path) -> int:
 
 
 class TestFill:
-    def test_it_asks_everything_so_that_later_runs_start_warm(
-        self, cli: Any, slow: Path, board: str
-    ) -> None:
+    def test_it_asks_everything_so_that_later_runs_start_warm(self, cli, slow, board):
         """Counts of states, questions and executions; another fill executes nothing."""
         first = cli(*on_slow("cache", "fill", board, "--format", "csv"))
         heading, row = first.out.splitlines()
@@ -121,9 +119,7 @@ class TestFill:
         assert ("optimal", 0) == (result["status"], made(slow) - int(executions))
 
     @pytest.mark.slow(reason="five processes; every run has the other commands in several")
-    def test_it_is_the_same_in_several_processes_and_stdout_stays_clean(
-        self, cli: Any, slow: Path, board: str
-    ) -> None:
+    def test_it_is_the_same_in_several_processes_and_stdout_stays_clean(self, cli, slow, board):
         """One document, whatever engines print."""
         documents = []
         for jobs in ("2", "3"):
@@ -140,9 +136,7 @@ class TestFill:
     @pytest.mark.slow(
         reason="executes skills until then; every run has Ctrl-C of train and of search"
     )
-    def test_ctrl_c_keeps_what_was_decided(
-        self, slow: Path, environment: dict[str, str], board: str, tmp_path: Path
-    ) -> None:
+    def test_ctrl_c_keeps_what_was_decided(self, slow, environment, board, tmp_path):
         """Exit code 130, a whole document, no process left, and the next fill goes on."""
         words = on_slow("cache", "fill", board, "--jobs", "2", "--format", "json")
         process = subprocess.Popen(
@@ -171,9 +165,7 @@ class TestFill:
         assert kept > 0
 
     @pytest.mark.slow(reason="a process on a terminal; that of a search in every run")
-    def test_progress_shows_checks_done_reused_and_to_go(
-        self, slow: Path, environment: dict[str, str], board: str
-    ) -> None:
+    def test_progress_shows_checks_done_reused_and_to_go(self, slow, environment, board):
         """On a terminal; the line goes away in the end."""
         far, near = pty.openpty()
         words = on_slow("cache", "fill", board, "--jobs", "2", "-O", "slow.wait_s=0.1")
@@ -199,9 +191,7 @@ class TestFill:
 
 
 class TestShow:
-    def test_it_tells_what_is_kept_by_back_end_and_task(
-        self, cli: Any, slow: Path, board: str, motor: str
-    ) -> None:
+    def test_it_tells_what_is_kept_by_back_end_and_task(self, cli, slow, board, motor):
         """How many, how large, how old, and what they save."""
         cli(*on_slow("cache", "fill", board, "-O", "slow.wait_s=0.01"))
         document = cli("cache", "show", "--format", "json").document
@@ -220,9 +210,7 @@ class TestShow:
         assert document["folder"] in table
 
     @pytest.mark.slow(reason="a search more; what is kept is told in every run")
-    def test_of_a_task_it_tells_only_what_applies_now(
-        self, cli: Any, slow: Path, board: str
-    ) -> None:
+    def test_of_a_task_it_tells_only_what_applies_now(self, cli, slow, board):
         """Not what an engine with another option said, or of another geometry."""
         cli(*on_slow("cache", "fill", board))
 
@@ -235,15 +223,13 @@ class TestShow:
         assert 0 == kept("-O", "slow.wait_s=0.5")
         assert 0 == kept("--set", "parts.pcb.mass_kg=0.2")
 
-    def test_an_empty_cache_is_no_fault(self, cli: Any, slow: Path) -> None:
+    def test_an_empty_cache_is_no_fault(self, cli, slow):
         """It says that nothing is kept, and where."""
         outcome = cli("cache", "show")
         assert (0, "") == (outcome.code, outcome.err)
         assert outcome.out.startswith("verdicts kept: 0\n")
 
-    def test_files_of_which_nothing_is_read_are_counted(
-        self, cli: Any, slow: Path, tmp_path: Path
-    ) -> None:
+    def test_files_of_which_nothing_is_read_are_counted(self, cli, slow, tmp_path):
         """Such as those of the format before; clear removes them."""
         old = tmp_path / "cache" / "verdicts" / "slow" / f"{'0' * 64}.json"
         old.parent.mkdir(parents=True)
@@ -258,7 +244,7 @@ class TestShow:
 
 
 class TestVerify:
-    def test_sound_verdicts_pass(self, cli: Any, slow: Path, board: str) -> None:
+    def test_sound_verdicts_pass(self, cli, slow, board):
         """A sample of them, drawn by the seed."""
         cli(*on_slow("cache", "fill", board))
         before = made(slow)
@@ -272,9 +258,7 @@ class TestVerify:
         assert other["rows"] != document["rows"]
         assert "every one of them is the same, bit for bit" in cli(*words).out
 
-    def test_what_is_different_is_told_and_dropped(
-        self, cli: Any, slow: Path, board: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_is_different_is_told_and_dropped(self, cli, slow, board, monkeypatch):
         """Exit code 3, and in what it differs; the next time nothing does."""
         monkeypatch.setenv("SLOW_LIES", "pick(pcb)")
         cli(*on_slow("cache", "fill", board))
@@ -290,7 +274,7 @@ class TestVerify:
         assert 0 == again.code
         assert again.document["kept"] == outcome.document["kept"] - len(wrong)
 
-    def test_where_nothing_is_kept_it_says_so(self, cli: Any, slow: Path, board: str) -> None:
+    def test_where_nothing_is_kept_it_says_so(self, cli, slow, board):
         """That is no fault."""
         outcome = cli(*on_slow("cache", "verify", board))
         assert 0 == outcome.code
@@ -298,9 +282,7 @@ class TestVerify:
 
 
 class TestClear:
-    def test_it_removes_all_or_what_is_kept_for_one_task(
-        self, cli: Any, slow: Path, board: str, tmp_path: Path
-    ) -> None:
+    def test_it_removes_all_or_what_is_kept_for_one_task(self, cli, slow, board, tmp_path):
         """And says how many files."""
         other = tmp_path / "other.yaml"
         text = Path(board).read_text("utf-8").replace("name: inverter-board", "name: another")
@@ -323,15 +305,7 @@ class TestClear:
             pytest.param(b"y\n", 0, marks=pytest.mark.slow(reason="the answer no in every run")),
         ],
     )
-    def test_on_a_terminal_it_asks_first(
-        self,
-        cli: Any,
-        slow: Path,
-        environment: dict[str, str],
-        board: str,
-        answer: bytes,
-        left: int,
-    ) -> None:
+    def test_on_a_terminal_it_asks_first(self, cli, slow, environment, board, answer, left):
         """Nothing is removed that was not agreed to."""
         cli(*on_slow("explain", board, "0"))
         far, near = pty.openpty()
@@ -374,9 +348,7 @@ class TestOtherCommands:
         ],
         ids=lambda words: words[0],
     )
-    def test_their_answer_does_not_depend_on_how_many_processes_check(
-        self, cli: Any, slow: Path, bare: str, words: tuple[str, ...]
-    ) -> None:
+    def test_their_answer_does_not_depend_on_how_many_processes_check(self, cli, slow, bare, words):
         """Nor do the counts; nothing that engines print in a process reaches stdout."""
         words = tuple(bare if word == "TASK" else word for word in words)
         found = []
@@ -405,9 +377,7 @@ class TestOtherCommands:
         ],
         ids=lambda words: words[0],
     )
-    def test_no_cache_neither_reads_nor_writes(
-        self, cli: Any, slow: Path, board: str, tmp_path: Path, words: tuple[str, ...]
-    ) -> None:
+    def test_no_cache_neither_reads_nor_writes(self, cli, slow, board, tmp_path, words):
         """Nothing is on disk afterwards; without it, something is."""
         words = on_slow(*(board if word == "BOARD" else word for word in words))
         cli(*words, "--no-cache")
@@ -417,9 +387,7 @@ class TestOtherCommands:
 
     @pytest.mark.parametrize("command", ["search-optimal", "chart", "cache fill", "cache verify"])
     @pytest.mark.parametrize("jobs", ["0", "257", "many", "-1", "1.5"])
-    def test_a_wrong_number_of_processes_is_one_clear_message(
-        self, cli: Any, board: str, command: str, jobs: str
-    ) -> None:
+    def test_a_wrong_number_of_processes_is_one_clear_message(self, cli, board, command, jobs):
         """Exit code 2, and what it may be."""
         outcome = cli(*command.split(), board, "--jobs", jobs)
         assert (2, "") == (outcome.code, outcome.out)
@@ -436,9 +404,7 @@ class TestOtherCommands:
             (("cache", "clear", "no_such.yaml"), "no_such.yaml: "),
         ],
     )
-    def test_a_wrong_word_is_one_clear_message(
-        self, cli: Any, board: str, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_wrong_word_is_one_clear_message(self, cli, board, words, message):
         """With what is meant, where something is near."""
         outcome = cli(*(board if word == "BOARD" else word for word in words))
         assert (2, "") == (outcome.code, outcome.out)
@@ -454,9 +420,7 @@ def _timeless(document: Any) -> Any:
 
 class TestElsewhere:
     @pytest.mark.slow(reason="a search; verdicts that differ in every run")
-    def test_a_verdict_that_names_too_few_facts_is_found_out(
-        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_verdict_that_names_too_few_facts_is_found_out(self, cli, slow, bare, monkeypatch):
         """Neither a search nor the same state would tell."""
         monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
         words = (bare, "--physics", "slow")
@@ -468,9 +432,7 @@ class TestElsewhere:
         assert "placed(pcb)" in outcome.err.rpartition("should have named")[2]
 
     @pytest.mark.slow(reason="processes of their own; other contradictions in every run")
-    def test_what_contradicts_itself_is_dropped(
-        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_contradicts_itself_is_dropped(self, cli, slow, bare, monkeypatch):
         """And asked again by the next run; the others hold wherever they claim to."""
         monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
         words = (bare, "--physics", "slow")
@@ -485,8 +447,8 @@ class TestElsewhere:
 
     @pytest.mark.slow(reason="processes of their own; other contradictions in every run")
     def test_a_search_asks_expensive_back_ends_again_only_when_told(
-        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, slow, bare, monkeypatch
+    ):
         """With --audit; the exit code is that of a back end that failed."""
         monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
         words = ("search-optimal", bare, "--physics", "slow", "--no-cache", "--format", "json")
@@ -496,9 +458,7 @@ class TestElsewhere:
         assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
 
     @pytest.mark.slow(reason="two searches; one in every run")
-    def test_so_it_is_in_a_comparison(
-        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_so_it_is_in_a_comparison(self, cli, slow, bare, monkeypatch):
         """The row names the back end, the fact and both states; the exit code is a back end's."""
         monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
         words = ("compare", bare, "--solvers", "exact", "--physics", "slow", "--audit")

@@ -1,13 +1,10 @@
 """The command line on chains of tasks: what is saved, shown, compared, and how it ends."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -29,7 +26,7 @@ RESULT_KEYS = {
 
 
 @pytest.fixture(scope="module")
-def goals(tmp_path_factory: pytest.TempPathFactory) -> str:
+def goals(tmp_path_factory):
     """Two ways: C66 to C42 to C29."""
     path = tmp_path_factory.mktemp("goals") / "goals.yaml"
     path.write_text("kind: swarmitfix\nname: goals\nbase: {home: C66, goals: [C42, C29]}\n")
@@ -37,7 +34,7 @@ def goals(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="module")
-def policies(solved: Any, goals: str, tmp_path_factory: pytest.TempPathFactory) -> str:
+def policies(solved, goals, tmp_path_factory):
     """What policy iteration learned for both goals."""
     folder = tmp_path_factory.mktemp("learned") / "run"
     return str(solved(folder, goals, "--solver", "policy-iteration") / "policies.json")
@@ -45,7 +42,7 @@ def policies(solved: Any, goals: str, tmp_path_factory: pytest.TempPathFactory) 
 
 class TestSearch:
     @pytest.mark.slow(reason="a search; one of a chain as a table in every run")
-    def test_json_is_one_document_with_every_sequence(self, cli: Any) -> None:
+    def test_json_is_one_document_with_every_sequence(self, cli):
         """The keys of any result, and start, goal and path of every way."""
         outcome = cli("search-optimal", POLYGONAL, "--format", "json")
         assert (0, "") == (outcome.code, outcome.err)
@@ -66,16 +63,14 @@ class TestSearch:
             )
         assert ["goals"] == [stage["name"] for stage in document["stages"]]
 
-    def test_the_table_shows_supports_and_then_every_way(self, cli: Any) -> None:
+    def test_the_table_shows_supports_and_then_every_way(self, cli):
         outcome = cli("search-optimal", POLYGONAL)
         supports, ways = outcome.out.split("polygonal: exact")
         assert "C42" in supports
         assert "C66 B2 C54 B2 C42" in ways
         assert "cost       17 steps  (lower bound 17 steps, gap 0.00 %)" in ways
 
-    def test_out_saves_plan_result_and_timeline(
-        self, cli: Any, corner: str, tmp_path: Path
-    ) -> None:
+    def test_out_saves_plan_result_and_timeline(self, cli, corner, tmp_path):
         """Exact search has no policy to save."""
         folder = tmp_path / "out"
         shown = cli("search-optimal", corner, "--out", str(folder), "--format", "json").document
@@ -89,14 +84,14 @@ class TestSearch:
         assert len(saved["timeline"]) == len(timeline)
 
     @pytest.mark.slow(reason="learns; the planner saves its own in every run")
-    def test_a_learner_saves_its_policies(self, policies: str) -> None:
+    def test_a_learner_saves_its_policies(self, policies):
         """One for every goal."""
         document = json.loads(Path(policies).read_text("utf-8"))
         assert "skillplan.policy/1" == document["schema"]
         assert [["at(C42)"], ["at(C29)"]] == [entry["goal"] for entry in document["policies"]]
 
     @pytest.mark.slow(reason="solves a whole sheet; a value of a board is set in every run")
-    def test_a_value_may_be_set_beside_the_file(self, cli: Any) -> None:
+    def test_a_value_may_be_set_beside_the_file(self, cli):
         """Another rule for the goals: not the optimum, and said to be so."""
         words = ("--set", "base.goal_choice=nearest-centroid", "--set", "base.home=C78")
         document = cli("search-optimal", TRIANGLE, *words, "--format", "json").document
@@ -105,13 +100,13 @@ class TestSearch:
         assert document["bound_given_stages_before"] < document["cost"]
         assert not document["proved_by_level"]
 
-    def test_a_stage_may_have_its_own_solver(self, cli: Any, goals: str) -> None:
+    def test_a_stage_may_have_its_own_solver(self, cli, goals):
         words = ("--solver", "base=policy-iteration", "--format", "json")
         document = cli("search-optimal", goals, *words).document
         assert {"policy-iteration"} == {entry["solver"] for entry in document["sequences"]}
 
     @pytest.mark.slow(reason="solves twice; from Python in every run")
-    def test_the_same_seed_gives_the_same_result(self, cli: Any, goals: str) -> None:
+    def test_the_same_seed_gives_the_same_result(self, cli, goals):
         """All but the seconds."""
         words = ("--solver", "sarsa", "-O", "episodes=500", "--seed", "3", "--format", "json")
         one, other = (cli("search-optimal", goals, *words).document for _ in range(2))
@@ -120,7 +115,7 @@ class TestSearch:
 
 
 @pytest.fixture(scope="module")
-def table_3() -> Any:
+def table_3():
     """Table 3 of the paper, by five solvers."""
     out = io.StringIO()
     words = ["compare", POLYGONAL, "--solvers", ",".join(SOLVERS), "--format", "json"]
@@ -134,13 +129,13 @@ class TestCompare:
     @pytest.mark.slow(
         reason="learns with every solver of the table; every run compares fewer on the board"
     )
-    def test_every_solver_has_a_row(self, table_3: Any) -> None:
+    def test_every_solver_has_a_row(self, table_3):
         assert "skillplan.comparison/1" == table_3["schema"]
         assert list(SOLVERS) == [row["solver"] for row in table_3["rows"]]
         assert all(set(row) >= RESULT_KEYS - {"timeline"} for row in table_3["rows"])
 
     @pytest.mark.slow(reason="four solvers of a bench; each alone in every run")
-    def test_the_makespans_of_table_3_come_out(self, table_3: Any) -> None:
+    def test_the_makespans_of_table_3_come_out(self, table_3):
         """By every solver that learns or proves."""
         for row in table_3["rows"]:
             if row["solver"] != "csp":
@@ -148,14 +143,14 @@ class TestCompare:
                 assert 17.0 == row["cost"]
 
     @pytest.mark.slow(reason="a whole comparison; the rule by itself in every run")
-    def test_the_csp_fails_as_in_the_paper(self, cli: Any) -> None:
+    def test_the_csp_fails_as_in_the_paper(self, cli):
         outcome = cli("compare", POLYGONAL, "--solvers", "csp", "--format", "json")
         assert 1 == outcome.code
         (row,) = outcome.document["rows"]
         assert ("unsolved", None, []) == (row["status"], row["cost"], row["sequences"])
         assert row["reason"].startswith("goals: nothing that ")
 
-    def test_the_table_has_all_sequences_side_by_side(self, cli: Any, goals: str) -> None:
+    def test_the_table_has_all_sequences_side_by_side(self, cli, goals):
         outcome = cli("compare", goals, "--solvers", "exact,policy-iteration", "--format", "csv")
         rows = list(csv.DictReader(io.StringIO(outcome.out)))
         assert [("C66", "C42", "2", "2"), ("C42", "C29", "1", "1")] == [
@@ -163,16 +158,14 @@ class TestCompare:
         ]
 
     @pytest.mark.slow(reason="solves a bench; as JSON in every run")
-    def test_nothing_solved_is_exit_code_1(self, cli: Any) -> None:
+    def test_nothing_solved_is_exit_code_1(self, cli):
         outcome = cli("compare", POLYGONAL, "--solvers", "csp")
         assert 1 == outcome.code
         assert "csp: goals: nothing that" in outcome.out
 
 
 class TestPolicies:
-    def test_a_stored_policy_answers_from_elsewhere(
-        self, cli: Any, goals: str, policies: str
-    ) -> None:
+    def test_a_stored_policy_answers_from_elsewhere(self, cli, goals, policies):
         """Without learning again, and as shortly as can be proved."""
         words = ("--policy", policies, "--part", "base-1", "--from", "C20", "--format", "json")
         outcome = cli("evaluate", goals, *words)
@@ -180,7 +173,7 @@ class TestPolicies:
         assert (0, True, 3.0) == (outcome.code, document["complete"], document["cost"])
         assert 0.0 == document["deviation"]
 
-    def test_it_answers_for_the_file_s_own_start(self, cli: Any, goals: str, policies: str) -> None:
+    def test_it_answers_for_the_file_s_own_start(self, cli, goals, policies):
         words = ("--policy", policies, "--part", "base-2", "--format", "json")
         assert 1.0 == cli("evaluate", goals, *words).document["cost"]
 
@@ -207,9 +200,7 @@ class TestPolicies:
             (("--part", "base-1"), "Give either --sequence or --policy."),
         ),
     )
-    def test_a_wrong_question_is_one_clear_message(
-        self, cli: Any, goals: str, policies: str, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_wrong_question_is_one_clear_message(self, cli, goals, policies, words, message):
         given = [{"FILE": policies, "TASK": goals}.get(word, word) for word in words]
         outcome = cli("evaluate", goals, *given)
         assert (2, "", 1) == (outcome.code, outcome.out, len(outcome.err.splitlines()))
@@ -220,7 +211,7 @@ class TestParts:
     @pytest.mark.parametrize(
         "words", [("evaluate", "--sequence", "B2"), ("explain", "B2")], ids=lambda words: words[0]
     )
-    def test_without_a_part_the_names_are_told(self, cli: Any, words: tuple[str, ...]) -> None:
+    def test_without_a_part_the_names_are_told(self, cli, words):
         """All of a short chain, both ends of a long one."""
         command, *rest = words
         outcome = cli(command, POLYGONAL, *rest)
@@ -230,13 +221,13 @@ class TestParts:
             "goals, base-1, base-2, base-3, ..., base-14, base-15, base-16.\n"
         ) == outcome.err
 
-    def test_an_unknown_part_is_told_with_the_nearest(self, cli: Any, goals: str) -> None:
+    def test_an_unknown_part_is_told_with_the_nearest(self, cli, goals):
         outcome = cli("explain", goals, "B2", "--part", "base1")
         assert 2 == outcome.code
         assert "No task 'base1'" in outcome.err
         assert "Did you mean 'base-1'?" in outcome.err
 
-    def test_a_file_of_one_task_needs_no_part(self, cli: Any) -> None:
+    def test_a_file_of_one_task_needs_no_part(self, cli):
         """C20 to C1, the first of the paper's five cases."""
         outcome = cli("evaluate", CASES, "--sequence", "B1,B9,B9,B9", "--format", "json")
         assert (0, 4.0) == (outcome.code, outcome.document["cost"])
@@ -250,9 +241,7 @@ class TestParts:
             ("B4,B4", 1, (False, False, "precondition")),
         ],
     )
-    def test_a_sequence_of_a_part_is_replayed(
-        self, cli: Any, goals: str, sequence: str, code: int, found: tuple[bool, bool, str | None]
-    ) -> None:
+    def test_a_sequence_of_a_part_is_replayed(self, cli, goals, sequence, code, found):
         """Complete, incomplete, and off the bench."""
         words = ("--sequence", sequence, "--part", "base-1", "--format", "json")
         outcome = cli("evaluate", goals, *words)
@@ -261,7 +250,7 @@ class TestParts:
         assert code == outcome.code
         assert found == (said["feasible"], said["complete"], stages[0] if stages else None)
 
-    def test_a_swing_is_explained(self, cli: Any, goals: str) -> None:
+    def test_a_swing_is_explained(self, cli, goals):
         """B4 would leave the bench at C66; B2 does not."""
         assert 0 == cli("explain", goals, "B2", "--part", "base-1").code
         outcome = cli("explain", goals, "B4", "--part", "base-1", "--format", "json")
@@ -270,7 +259,7 @@ class TestParts:
 
 
 class TestCheck:
-    def test_every_task_of_the_chain_is_listed(self, cli: Any) -> None:
+    def test_every_task_of_the_chain_is_listed(self, cli):
         document = cli("check", CURVE, "--format", "json").document
         names = [task["name"] for task in document["tasks"]]
         assert ["heads-1", "heads-2", "heads-3", "goals", "base-1"] == names[:5]
@@ -281,18 +270,18 @@ class TestExitCodes:
     @pytest.mark.slow(
         reason="plans a sheet in vain; the comparison tells the same reason in every run"
     )
-    def test_no_goals_is_1_with_the_reason(self, cli: Any) -> None:
+    def test_no_goals_is_1_with_the_reason(self, cli):
         outcome = cli("search-optimal", POLYGONAL, "--solver", "csp", "--format", "json")
         assert (1, "unsolved") == (outcome.code, outcome.document["status"])
         assert outcome.document["reason"].startswith("goals: nothing that ")
 
-    def test_no_time_is_1(self, cli: Any) -> None:
+    def test_no_time_is_1(self, cli):
         words = ("--time-limit", "0.000001", "--format", "json")
         outcome = cli("search-optimal", POLYGONAL, *words)
         assert (1, "unsolved") == (outcome.code, outcome.document["status"])
         assert "time limit" in outcome.document["reason"]
 
-    def test_a_lie_is_2(self, cli: Any, goals: str, lying_solver: str) -> None:
+    def test_a_lie_is_2(self, cli, goals, lying_solver):
         """What the referee refutes in one part, it refutes for the chain."""
         outcome = cli("search-optimal", goals, "--solver", lying_solver, "--format", "json")
         assert (2, "wrong") == (outcome.code, outcome.document["status"])
@@ -316,9 +305,7 @@ class TestExitCodes:
             (("--solver", "sarsa", "-O", "episodes=0"), "episodes"),
         ],
     )
-    def test_a_wrong_word_is_2_and_one_clear_message(
-        self, cli: Any, goals: str, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_wrong_word_is_2_and_one_clear_message(self, cli, goals, words, message):
         outcome = cli("search-optimal", goals, *words)
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
@@ -338,9 +325,7 @@ class TestFleetMakespan:
             ),
         ],
     )
-    def test_it_is_shown_with_its_proof(
-        self, cli: Any, tmp_path: Path, objective: str, skills: int, makespan: str
-    ) -> None:
+    def test_it_is_shown_with_its_proof(self, cli, tmp_path, objective, skills, makespan):
         """Fewer parallel steps may take more swings."""
         path = tmp_path / "fleet.yaml"
         path.write_text(

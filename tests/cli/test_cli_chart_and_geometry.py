@@ -22,7 +22,7 @@ NOT_CHECKED = "geometry (collisions, support, the arm's motion): only the chart 
 
 
 @pytest.fixture
-def task_file(tmp_path: Path) -> Callable[[str], str]:
+def task_file(tmp_path):
     """Write the board of `skillplan init` with more lines; return its path."""
 
     def write(lines: str) -> str:
@@ -46,9 +46,7 @@ def stored_by_an_older_version(cli: Cli, path: str, folder: Path) -> Path:
 
 
 class TestAChartThatContradictsGeometry:
-    def test_leaves_no_plan_and_the_reason_names_both(
-        self, cli: Cli, task_file: Callable[[str], str]
-    ) -> None:
+    def test_leaves_no_plan_and_the_reason_names_both(self, cli, task_file):
         outcome = cli("search-optimal", task_file(AGAINST_GEOMETRY), "--format", "json")
         document = outcome.document
         assert (1, "infeasible") == (outcome.code, document["status"])
@@ -57,9 +55,7 @@ class TestAChartThatContradictsGeometry:
         assert "screw before chip" in document["reason"]
         assert "runs into" in document["reason"] or "in the way" in document["reason"]
 
-    def test_is_listed_by_check_with_the_place_in_the_file(
-        self, cli: Cli, task_file: Callable[[str], str]
-    ) -> None:
+    def test_is_listed_by_check_with_the_place_in_the_file(self, cli, task_file):
         path = task_file(AGAINST_GEOMETRY)
         outcome = cli("check", path, "--format", "json")
         (contradiction,) = outcome.document["precedence"][0]["contradictions"]
@@ -69,18 +65,14 @@ class TestAChartThatContradictsGeometry:
         warned = [w for w in outcome.document["warnings"] if w.startswith(f"{path}:{line}:")]
         assert [contradiction.removeprefix("chart: ")] == [w.split(": ", 2)[2] for w in warned]
 
-    def test_is_compared_by_check_even_if_the_chart_alone_is_chosen(
-        self, cli: Cli, task_file: Callable[[str], str]
-    ) -> None:
+    def test_is_compared_by_check_even_if_the_chart_alone_is_chosen(self, cli, task_file):
         path = task_file(AGAINST_GEOMETRY + "collision: {precedence: {}}\n")
         document = cli("check", path, "--format", "json").document
         assert [["kinematic", "precedence"]] == [task["back_ends"] for task in document["tasks"]]
         assert [NOT_CHECKED] == document["not_checked"]
         assert 1 == len(document["precedence"][0]["contradictions"])
 
-    def test_makes_an_older_result_by_the_chart_alone_invalid(
-        self, cli: Cli, task_file: Callable[[str], str], tmp_path: Path
-    ) -> None:
+    def test_makes_an_older_result_by_the_chart_alone_invalid(self, cli, task_file, tmp_path):
         folder = stored_by_an_older_version(cli, task_file(AGAINST_GEOMETRY), tmp_path / "old")
         outcome = cli("verify", str(folder), "--format", "json")
         assert 1 == outcome.code
@@ -91,8 +83,8 @@ class TestAChartThatContradictsGeometry:
 
     @pytest.mark.parametrize("lines", ["", "collision: {aabb: {}}\n"])
     def test_is_not_saved_by_a_result_that_hides_its_detectors(
-        self, cli: Cli, task_file: Callable[[str], str], tmp_path: Path, lines: str
-    ) -> None:
+        self, cli, task_file, tmp_path, lines
+    ):
         path = task_file(AGAINST_GEOMETRY + lines)
         folder = stored_by_an_older_version(cli, path, tmp_path / "forged")
         file = folder / "result.json"
@@ -103,23 +95,17 @@ class TestAChartThatContradictsGeometry:
 
 
 class TestAChartThatAgreesWithGeometry:
-    def test_is_checked_beside_the_default_detector(
-        self, cli: Cli, task_file: Callable[[str], str]
-    ) -> None:
+    def test_is_checked_beside_the_default_detector(self, cli, task_file):
         outcome = cli("search-optimal", task_file(WITH_GEOMETRY), "--format", "json")
         assert (0, "optimal") == (outcome.code, outcome.document["status"])
         assert f"{GEOMETRIC},precedence" == outcome.document["collision"]
         assert NOT_CHECKED not in outcome.document["not_checked"]
 
-    def test_is_checked_beside_a_detector_that_the_user_names(
-        self, cli: Cli, task_file: Callable[[str], str]
-    ) -> None:
+    def test_is_checked_beside_a_detector_that_the_user_names(self, cli, task_file):
         words = ("search-optimal", task_file(WITH_GEOMETRY), "--collision", "aabb")
         assert "aabb,precedence" == cli(*words, "--format", "json").document["collision"]
 
-    def test_leaves_an_older_result_by_the_chart_alone_valid(
-        self, cli: Cli, task_file: Callable[[str], str], tmp_path: Path
-    ) -> None:
+    def test_leaves_an_older_result_by_the_chart_alone_valid(self, cli, task_file, tmp_path):
         """Its plan holds under geometry, too, so that it is the best of those that do."""
         path = task_file(
             "chart: [{before: plate, after: [chip]}, {before: chip, after: [cover]},\n"
@@ -134,8 +120,8 @@ class TestAChartThatAgreesWithGeometry:
 
 class TestTheChartAlone:
     def test_is_chosen_by_name_and_every_output_says_that_geometry_is_not_checked(
-        self, cli: Cli, task_file: Callable[[str], str], tmp_path: Path
-    ) -> None:
+        self, cli, task_file, tmp_path
+    ):
         path, folder = task_file(AGAINST_GEOMETRY), tmp_path / "run"
         by_chart = ("--collision", "precedence")
         searched = cli("search-optimal", path, *by_chart, "--out", str(folder))
@@ -148,9 +134,7 @@ class TestTheChartAlone:
         assert f"not checked  {NOT_CHECKED}" in verified.out
 
 
-def test_commands_query_the_same_default_detector(
-    cli: Cli, task_file: Callable[[str], str]
-) -> None:
+def test_commands_query_the_same_default_detector(cli, task_file):
     """A chart is derived without that of the file, of which it would say nothing."""
     path = task_file(WITH_GEOMETRY)
     search, check, chart, explain, compare = (

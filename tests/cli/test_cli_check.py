@@ -13,7 +13,7 @@ Cli = Callable[..., Any]
 
 
 @pytest.fixture
-def metres(tmp_path: Path) -> str:
+def metres(tmp_path):
     """A task with a rectangle drawn in metres in a drawing that does not say so."""
     document = ezdxf.new("R2000", units=0)
     document.modelspace().add_lwpolyline([(0, 0), (3, 0), (3, 2), (0, 2)], close=True)
@@ -33,9 +33,7 @@ DOUBT = (
 )
 
 
-def test_a_rectangle_drawn_in_metres_is_told_of_by_check_in_its_document(
-    cli: Cli, metres: str
-) -> None:
+def test_a_rectangle_drawn_in_metres_is_told_of_by_check_in_its_document(cli, metres):
     """With its extent and its length, and nothing on stderr."""
     called = cli("check", metres, "--format", "json")
     assert (0, "") == (called.code, called.err)
@@ -47,16 +45,14 @@ def test_a_rectangle_drawn_in_metres_is_told_of_by_check_in_its_document(
     ]
 
 
-def test_a_rectangle_drawn_in_metres_is_told_of_by_other_commands_once_on_stderr(
-    cli: Cli, metres: str
-) -> None:
+def test_a_rectangle_drawn_in_metres_is_told_of_by_other_commands_once_on_stderr(cli, metres):
     """Stdout holds the one document."""
     called = cli("search-optimal", metres, "--format", "json")
     assert "skillplan.result/1" == called.document["schema"]
     assert f"skillplan: warning: {Path(metres).parent / DOUBT}\n" == called.err
 
 
-def test_check_derives_the_order_by_the_back_ends_that_it_is_given(cli: Cli, board: str) -> None:
+def test_check_derives_the_order_by_the_back_ends_that_it_is_given(cli, board):
     """And lists them as those that will be queried."""
     document = cli("check", board, "--collision", "aabb", "--format", "json").document
     assert [["kinematic", "precedence", "aabb"]] == [
@@ -66,9 +62,7 @@ def test_check_derives_the_order_by_the_back_ends_that_it_is_given(cli: Cli, boa
     assert [] == document["precedence"][0]["cycle"]
 
 
-def test_check_derives_the_order_by_geometry_whatever_the_file_chooses(
-    cli: Cli, board: str
-) -> None:
+def test_check_derives_the_order_by_geometry_whatever_the_file_chooses(cli, board):
     """The board's own choice, its chart, would only repeat itself."""
     document = cli("check", board, "--format", "json").document
     assert [["kinematic", "precedence"]] == [task["back_ends"] for task in document["tasks"]]
@@ -76,7 +70,7 @@ def test_check_derives_the_order_by_geometry_whatever_the_file_chooses(
     assert ["kinematic", geometric] == document["precedence"][0]["back_ends"]
 
 
-def test_check_refuses_a_detector_that_is_not_there(cli: Cli, board: str) -> None:
+def test_check_refuses_a_detector_that_is_not_there(cli, board):
     """As every command does."""
     called = cli("check", board, "--collision", "aab")
     assert 2 == called.code

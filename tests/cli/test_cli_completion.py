@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def complete(cli: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+def complete(cli, monkeypatch, tmp_path):
     """Completes the last word of a line, in a folder with the configs and one file beside."""
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     (tmp_path / "mine.yaml").write_text("kind: assembly\n")
@@ -35,13 +34,13 @@ def complete(cli: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     return ask
 
 
-def test_commands(complete: Any) -> None:
+def test_commands(complete):
     """All of them, or those that begin so."""
     assert list(COMMANDS) == complete("skillplan ")
     assert ["check", "chart"] == sorted(complete("skillplan ch"), reverse=True)
 
 
-def test_task_files(complete: Any) -> None:
+def test_task_files(complete):
     """Those here and those in configs."""
     folder = Path(__file__).parents[2] / "configs"
     files = [path for ending in ("yaml", "sop") for path in sorted(folder.glob(f"*.{ending}"))]
@@ -75,37 +74,37 @@ def test_task_files(complete: Any) -> None:
         ("skillplan evaluate mine.yaml --seq", ["--sequence"]),
     ],
 )
-def test_names_of_plugins_and_options(complete: Any, line: str, expected: list[str]) -> None:
+def test_names_of_plugins_and_options(complete, line, expected):
     """What is installed, for each option that takes it; none twice after a comma."""
     assert expected == complete(line)
 
 
-def test_a_plugin_just_installed_is_completed(complete: Any, choosy_solver: str) -> None:
+def test_a_plugin_just_installed_is_completed(complete, choosy_solver):
     """Names come from the entry points, without importing anything."""
     assert [choosy_solver] == complete("skillplan search-optimal mine.yaml --solver cho")
 
 
-def test_skills_of_the_task_named_before(complete: Any) -> None:
+def test_skills_of_the_task_named_before(complete):
     """Read from the file on the line."""
     board = "configs/inverter_board.yaml"
     assert ["pick(switch_1)", "pick(switch_2)"] == complete(f"skillplan explain {board} pick(sw")
     assert 16 == len(complete(f"skillplan explain {board} "))
 
 
-def test_a_wrong_file_completes_to_nothing(complete: Any) -> None:
+def test_a_wrong_file_completes_to_nothing(complete):
     """Completion never prints a fault into the line that is typed."""
     assert [] == complete("skillplan explain mine.yaml pick")
     assert [] == complete("skillplan explain nowhere.yaml pick")
 
 
-def test_it_installs_itself(cli: Any) -> None:
+def test_it_installs_itself(cli):
     """Two options of the group, which the help shows."""
     out = cli("--help").out
     assert "--install-completion" in out
     assert "--show-completion" in out
 
 
-def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bash_gets_its_script(cli, monkeypatch):
     """Which shell it is, Typer finds out; named in the environment it need not."""
     monkeypatch.setenv("_SKILLPLAN_COMPLETE", "source_zsh")
     assert "#compdef skillplan" in cli().out
@@ -113,7 +112,7 @@ def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 @pytest.mark.parametrize("option", ["--show-completion", "--install-completion"])
-def test_a_shell_is_set_up_with_exit_code_0(option: str, shell: str, tmp_path: Path) -> None:
+def test_a_shell_is_set_up_with_exit_code_0(option, shell, tmp_path):
     """In a process of its own: Typer looks for the shell above it while it is imported."""
     told_by_name = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     done = subprocess.run(

@@ -1,9 +1,6 @@
 """compare --detectors: false alarms, misses and the figures that decide."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -37,13 +34,13 @@ WATCHMAN = '''
 
 
 @pytest.fixture
-def watchman(install: Any) -> str:
+def watchman(install):
     """A detector that reads masses."""
     install("collision", "watchman", "watchman_detector:Watchman", WATCHMAN)
     return "watchman"
 
 
-def test_detectors_stand_side_by_side(cli: Any, board: str, watchman: str) -> None:
+def test_detectors_stand_side_by_side(cli, board, watchman):
     """A row each; below it what is right and how many trials there were."""
     words = ("compare", board, "--detectors", f"aabb,{watchman}", "--staged", "12")
     document = cli(*words, "--format", "json").document
@@ -64,14 +61,14 @@ def test_detectors_stand_side_by_side(cli: Any, board: str, watchman: str) -> No
     assert "+x of " in out[: out.index("detectors on trial")]
 
 
-def test_options_reach_the_detectors(cli: Any, board: str, watchman: str) -> None:
+def test_options_reach_the_detectors(cli, board, watchman):
     """As everywhere, by the plugin's name."""
     words = ("compare", board, "--detectors", watchman, "--staged", "12", "--format", "json")
     (deaf,) = cli(*words, "-O", "watchman.limit_g=1000").document["detectors"]
     assert (0, 13) == (deaf["false_alarms"], deaf["misses"])
 
 
-def test_the_same_trials_come_every_time(cli: Any, board: str) -> None:
+def test_the_same_trials_come_every_time(cli, board):
     """To the last figure, but for the time."""
     words = ("compare", board, "--detectors", "aabb", "--format", "json")
     first, second = cli(*words).document, cli(*words).document
@@ -80,7 +77,7 @@ def test_the_same_trials_come_every_time(cli: Any, board: str) -> None:
     assert first == second
 
 
-def test_csv_has_a_row_a_detector(cli: Any, board: str) -> None:
+def test_csv_has_a_row_a_detector(cli, board):
     """What is ruled wrong is for the table and for JSON."""
     out = cli("compare", board, "--detectors", "aabb", "--staged", "0", "--format", "csv").out
     heading, row = out.splitlines()
@@ -106,16 +103,14 @@ def test_csv_has_a_row_a_detector(cli: Any, board: str) -> None:
         (("--detectors", "aabb", "-O", "swept.x=1"), "No plugin 'swept' takes part in this run."),
     ],
 )
-def test_what_does_not_go_together_is_refused(
-    cli: Any, board: str, words: tuple[str, ...], message: str
-) -> None:
+def test_what_does_not_go_together_is_refused(cli, board, words, message):
     """One message, exit code 2."""
     outcome = cli("compare", board, *words)
     assert (2, "") == (outcome.code, outcome.out)
     assert message in outcome.err
 
 
-def test_a_task_without_bodies_has_nothing_to_collide(cli: Any) -> None:
+def test_a_task_without_bodies_has_nothing_to_collide(cli):
     """Said at once."""
     bench = Path(__file__).parents[2] / "configs" / "swarmitfix_triangular.yaml"
     outcome = cli("compare", str(bench), "--detectors", "aabb")

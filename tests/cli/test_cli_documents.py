@@ -259,9 +259,7 @@ CALLS: dict[str, tuple[int, dict[str, Any], tuple[str, ...]]] = {
         why="searches again; others in every run",
     ),
 )
-def test_stdout_is_one_document_of_the_schema(
-    cli: Any, board: str, motor: str, no_way: str, call: str
-) -> None:
+def test_stdout_is_one_document_of_the_schema(cli, board, motor, no_way, call):
     """Every key is there with its type, and stdout holds nothing else."""
     code, schema, words = CALLS[call]
     places = {"BOARD": board, "MOTOR": motor, "NO_WAY": no_way}
@@ -272,9 +270,7 @@ def test_stdout_is_one_document_of_the_schema(
 
 
 @pytest.mark.parametrize(("shift", "code"), [(0.0, 0), (1.0, 1)])
-def test_a_verification_is_one_document_of_the_schema(
-    cli: Any, board: str, tmp_path: Path, shift: float, code: int
-) -> None:
+def test_a_verification_is_one_document_of_the_schema(cli, board, tmp_path, shift, code):
     """Whether the claims hold or not."""
     folder = tmp_path / "run"
     document = cli("search-optimal", board, "--out", str(folder), "--format", "json").document
@@ -286,9 +282,7 @@ def test_a_verification_is_one_document_of_the_schema(
 
 
 @pytest.mark.parametrize("spelling", [("--format", "json"), ("--format=json",)])
-def test_a_wrong_file_gives_a_document_with_positions(
-    cli: Any, tmp_path: Path, board: str, spelling: tuple[str, ...]
-) -> None:
+def test_a_wrong_file_gives_a_document_with_positions(cli, tmp_path, board, spelling):
     """The faults on stderr stand in the document, too, each with line and column."""
     text = Path(board).read_text("utf-8").replace("reach_m: 0.855", "reach_m: -1")
     path = tmp_path / "short_arm.yaml"
@@ -301,7 +295,7 @@ def test_a_wrong_file_gives_a_document_with_positions(
     assert f"{path}:13:{issue['column']}: robot.reach_m" in outcome.err
 
 
-def test_a_result_is_consistent_in_itself(cli: Any, board: str) -> None:
+def test_a_result_is_consistent_in_itself(cli, board):
     """Steps, skills and actions agree, and their costs and durations add up."""
     document = cli("search-optimal", board, "--format", "json").document
     steps = document["steps"]
@@ -322,7 +316,7 @@ def test_a_result_is_consistent_in_itself(cli: Any, board: str) -> None:
     )
 
 
-def test_a_document_names_the_task_by_its_content(cli: Any, board: str) -> None:
+def test_a_document_names_the_task_by_its_content(cli, board):
     """All commands give the same hash of the same file."""
     hashes = {
         cli(*words, "--format", "json").document["task"]["sha256"]
@@ -337,7 +331,7 @@ def test_a_document_names_the_task_by_its_content(cli: Any, board: str) -> None:
     assert 1 == len(hashes)
 
 
-def test_the_deviation_is_a_fraction_of_the_optimum(cli: Any, board: str) -> None:
+def test_the_deviation_is_a_fraction_of_the_optimum(cli, board):
     """0.0070 is 0.70 %."""
     sequence = "0,1,4,5,2,3,8,9,10,11,6,7,13,14,15"
     document = cli("evaluate", board, "--sequence", sequence, "--format", "json").document
@@ -345,7 +339,7 @@ def test_the_deviation_is_a_fraction_of_the_optimum(cli: Any, board: str) -> Non
     assert document["cost"] / document["optimum"] - 1 == pytest.approx(document["deviation"])
 
 
-def test_seed_and_options_show_in_the_document(cli: Any, board: str) -> None:
+def test_seed_and_options_show_in_the_document(cli, board):
     """What was asked for can be read off the result."""
     words = ("--seed", "7", "--collision", "aabb,precedence", "-O", "aabb.tolerance_m=0.0001")
     document = cli("search-optimal", board, *words, "--format", "json").document

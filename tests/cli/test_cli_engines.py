@@ -57,7 +57,7 @@ SKETCHER = (
 
 
 @pytest.fixture
-def doubter(install: Any) -> str:
+def doubter(install):
     """An engine that differs from the kinematic one on a skill."""
     install("physics", "doubter", "doubting_engine:Doubter", DOUBTER)
     return "doubter"
@@ -67,9 +67,7 @@ def compared(cli: Any, board: str, *words: str) -> Any:
     return cli("compare", board, "--engines", "kinematic,doubter", *words)
 
 
-def test_a_contradiction_is_listed_once_with_what_both_say(
-    cli: Any, board: str, doubter: str
-) -> None:
+def test_a_contradiction_is_listed_once_with_what_both_say(cli, board, doubter):
     """In the first state in which it was met, and how many there are; the document is described."""
     document = compared(cli, board, "--format", "json").document
     described = yaml.safe_load((DOCUMENTS / "agreement.yaml").read_text())
@@ -87,9 +85,7 @@ def test_a_contradiction_is_listed_once_with_what_both_say(
     assert set(document["seconds"]) == {"kinematic", "doubter"}
 
 
-def test_contradictions_are_drawn_by_each_engine_that_can(
-    cli: Any, board: str, install: Any, tmp_path: Path
-) -> None:
+def test_contradictions_are_drawn_by_each_engine_that_can(cli, board, install, tmp_path):
     """A file a contradiction and engine, which the document and the table name."""
     install("physics", "sketcher", "sketching_engine:Sketcher", SKETCHER)
     words = ("compare", board, "--engines", "kinematic,sketcher", "--pictures")
@@ -100,7 +96,7 @@ def test_contradictions_are_drawn_by_each_engine_that_can(
     assert "001-sketcher.png" in cli(*words, str(tmp_path / "again")).out.replace("\n", "")
 
 
-def test_what_one_engine_grants_is_followed(cli: Any, board: str, doubter: str) -> None:
+def test_what_one_engine_grants_is_followed(cli, board, doubter):
     """So that as much is asked as without the doubt."""
     trusting = compared(cli, board, "-O", "doubter.skill=none", "--format", "json").document
     doubting = compared(cli, board, "--format", "json").document
@@ -108,7 +104,7 @@ def test_what_one_engine_grants_is_followed(cli: Any, board: str, doubter: str) 
     assert trusting["questions"] == trusting["agree"] == doubting["questions"]
 
 
-def test_the_table_names_engines_reasons_and_seconds(cli: Any, board: str, doubter: str) -> None:
+def test_the_table_names_engines_reasons_and_seconds(cli, board, doubter):
     """Contradictions first, the summary last."""
     outcome = compared(cli, board)
     contradictions, _, summary = outcome.out.partition("engines on the same questions")
@@ -133,9 +129,7 @@ def test_the_table_names_engines_reasons_and_seconds(cli: Any, board: str, doubt
         (("--solvers", "exact", "--pictures", "d"), "--pictures is for --engines."),
     ],
 )
-def test_what_does_not_go_together_is_refused(
-    cli: Any, board: str, words: tuple[str, ...], message: str
-) -> None:
+def test_what_does_not_go_together_is_refused(cli, board, words, message):
     """One message, exit code 2."""
     outcome = cli("compare", board, *words)
     assert (2, "") == (outcome.code, outcome.out)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 
@@ -24,9 +23,7 @@ from tabular_learner import learner_installed
     ],
 )
 @pytest.mark.parametrize("command", ["search-optimal", "cache fill", "compare", "sweep"])
-def test_a_wrong_one_is_refused_before_anything_is_done(
-    cli: Any, board: str, command: str, words: list[str], message: str
-) -> None:
+def test_a_wrong_one_is_refused_before_anything_is_done(cli, board, command, words, message):
     """In one line, by every command that has jobs."""
     more = ["--solvers", "exact"] if command == "compare" else []
     outcome = cli(*command.split(), board, *more, *words)
@@ -47,7 +44,7 @@ class Noted(SameProcess):
 
 
 @pytest.fixture
-def noted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def noted(monkeypatch):
     """What it was asked for; checks by boxes are worth a process meanwhile."""
     known = registry.load
     monkeypatch.setattr(
@@ -75,14 +72,8 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ],
 )
 def test_every_command_that_has_jobs_gives_them_to_the_executor(
-    cli: Any,
-    board: str,
-    noted: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: str,
-    what: str,
-) -> None:
+    cli, board, noted, tmp_path, monkeypatch, words, what
+):
     """On generated boards, too; and of as many slots as there are jobs."""
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
     generated = str(tmp_path / "generated.yaml")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
@@ -17,22 +16,22 @@ EXACT = ("--solver", "exact")
 
 
 class TestZero:
-    def test_a_proved_plan(self, cli: Any, board: str) -> None:
+    def test_a_proved_plan(self, cli, board):
         """Optimal is solved."""
         assert 0 == cli("search-optimal", board).code
 
-    def test_an_unproved_plan(self, cli: Any, board: str) -> None:
+    def test_an_unproved_plan(self, cli, board):
         """Solved with a gap is solved, too."""
         outcome = cli("search-optimal", board, *EXACT, "-O", "max_labels=1", "--format", "json")
         assert 0 == outcome.code
         assert "solved" == outcome.document["status"]
 
-    def test_a_complete_sequence(self, cli: Any, board: str) -> None:
+    def test_a_complete_sequence(self, cli, board):
         """Whatever it costs."""
         assert 0 == cli("evaluate", board, "--sequence", OPTIMUM).code
 
     @pytest.mark.parametrize("words", [("--help",), ("-h",), ("--version",), ("evaluate", "-h")])
-    def test_asking_for_help(self, cli: Any, words: tuple[str, ...]) -> None:
+    def test_asking_for_help(self, cli, words):
         """Help and version go to stdout."""
         outcome = cli(*words)
         assert (0, "") == (outcome.code, outcome.err)
@@ -40,12 +39,12 @@ class TestZero:
 
 
 class TestOne:
-    def test_a_task_without_a_plan(self, cli: Any, no_way: str) -> None:
+    def test_a_task_without_a_plan(self, cli, no_way):
         """Proved infeasible."""
         outcome = cli("search-optimal", no_way, "--format", "json")
         assert (1, "infeasible") == (outcome.code, outcome.document["status"])
 
-    def test_no_plan_in_time(self, cli: Any, motor: str) -> None:
+    def test_no_plan_in_time(self, cli, motor):
         """Unsolved."""
         words = ("--solver", "exhaustive", "--time-limit", "0.05", "--format", "json")
         outcome = cli("search-optimal", motor, *words)
@@ -53,11 +52,11 @@ class TestOne:
         assert "time limit: no plan was found" == outcome.document["reason"]
 
     @pytest.mark.parametrize("sequence", ["0,3", "0,1", "13,12," * 10 + "13"])
-    def test_a_sequence_that_does_not_do(self, cli: Any, board: str, sequence: str) -> None:
+    def test_a_sequence_that_does_not_do(self, cli, board, sequence):
         """Infeasible, incomplete or too long."""
         assert 1 == cli("evaluate", board, "--sequence", sequence).code
 
-    def test_a_skill_that_is_not_feasible(self, cli: Any, board: str) -> None:
+    def test_a_skill_that_is_not_feasible(self, cli, board):
         """Explained, and the code says so."""
         assert 1 == cli("explain", board, "place(pcb)").code
 
@@ -104,14 +103,14 @@ class TestTwo:
             (("check", "no_such.yaml"), "no_such.yaml: "),
         ],
     )
-    def test_a_wrong_word(self, cli: Any, board: str, words: tuple[str, ...], message: str) -> None:
+    def test_a_wrong_word(self, cli, board, words, message):
         """The message names the fault and, where one is near, the right word; stdout is empty."""
         outcome = cli(*(board if word == "BOARD" else word for word in words))
         assert (2, "") == (outcome.code, outcome.out)
         assert message in " ".join(outcome.err.split())
         assert "Traceback" not in outcome.err
 
-    def test_an_option_of_a_solver_that_is_not_named(self, cli: Any, board: str) -> None:
+    def test_an_option_of_a_solver_that_is_not_named(self, cli, board):
         """The one that chooses has no options."""
         outcome = cli("search-optimal", board, "-O", "max_labels=3")
         assert (2, "") == (outcome.code, outcome.out)
@@ -132,26 +131,26 @@ class TestTwo:
             ("precedence.hold_back=true", "has no option 'hold_back'. Did you mean 'hold_back_p"),
         ],
     )
-    def test_a_wrong_plugin_option(self, cli: Any, board: str, option: str, message: str) -> None:
+    def test_a_wrong_plugin_option(self, cli, board, option, message):
         """Explained with the nearest name, the range or the form."""
         outcome = cli("search-optimal", board, *EXACT, "-O", option)
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
 
-    def test_an_option_that_could_be_of_either_solver(self, cli: Any, board: str) -> None:
+    def test_an_option_that_could_be_of_either_solver(self, cli, board):
         """Where two solvers run, an option must name its plugin."""
         words = ("--solvers", "exact,exhaustive", "-O", "max_labels=5")
         outcome = cli("compare", board, *words)
         assert 2 == outcome.code
         assert "must name its plugin: PLUGIN.max_labels=5." in outcome.err
 
-    def test_a_solver_that_refuses(self, cli: Any, board: str, choosy_solver: str) -> None:
+    def test_a_solver_that_refuses(self, cli, board, choosy_solver):
         """Its words are printed, as a result."""
         outcome = cli("search-optimal", board, "--solver", choosy_solver)
         assert 2 == outcome.code
         assert "status     refused (it is Monday)\n" in outcome.out
 
-    def test_a_solver_that_lies(self, cli: Any, board: str, lying_solver: str) -> None:
+    def test_a_solver_that_lies(self, cli, board, lying_solver):
         """Caught by the referee, in a comparison even beside one that solves."""
         outcome = cli("compare", board, "--solvers", f"exact,{lying_solver}", "--format", "json")
         assert 2 == outcome.code
@@ -159,7 +158,7 @@ class TestTwo:
         out = cli("search-optimal", board, "--solver", lying_solver).out
         assert "WRONG: the solver's claim does not hold (the plan fails at the end: " in out
 
-    def test_a_detector_that_cannot_serve(self, cli: Any, tmp_path: Path, board: str) -> None:
+    def test_a_detector_that_cannot_serve(self, cli, tmp_path, board):
         """The chart detector needs a chart, and says so."""
         text = Path(board).read_text("utf-8")
         head, _, rest = text.partition("chart:\n")
@@ -182,9 +181,7 @@ class TestThree:
         ],
         ids=lambda words: words[0],
     )
-    def test_a_back_end_that_raises(
-        self, cli: Any, board: str, bursting_detector: str, words: tuple[str, ...]
-    ) -> None:
+    def test_a_back_end_that_raises(self, cli, board, bursting_detector, words):
         """Named, with the skill and its own words, in every command that asks it."""
         called = [board if word == "BOARD" else word for word in words]
         outcome = cli(*called, "--collision", bursting_detector, "--format", "json")
@@ -196,9 +193,7 @@ class TestThree:
             outcome.document["error"],
         )
 
-    def test_a_bug_of_our_own_is_no_traceback(
-        self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_bug_of_our_own_is_no_traceback(self, cli, board, monkeypatch):
         """It is owned up to, and the way to more is named; JSON stays one document."""
         monkeypatch.setattr("skillplan.pipeline.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
@@ -208,7 +203,7 @@ class TestThree:
         assert "SKILLPLAN_DEBUG=1" in outcome.err
         assert "ZeroDivisionError" == outcome.document["error"]
 
-    def test_debugging_shows_where(self, board: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_debugging_shows_where(self, board, monkeypatch):
         """With SKILLPLAN_DEBUG the exception comes through."""
         from skillplan.cli import main
 
@@ -224,7 +219,7 @@ def words_of(help_text: str) -> str:
 
 
 class TestHelp:
-    def test_it_lists_every_command_and_exit_code(self, cli: Any) -> None:
+    def test_it_lists_every_command_and_exit_code(self, cli):
         """Nobody has to look elsewhere."""
         words = words_of(cli("--help").out)
         assert all(f" {name} {line}" in words for name, line in COMMANDS.items())
@@ -232,9 +227,7 @@ class TestHelp:
         assert all(f"{code} " in EPILOG for code in (0, 1, 2, 3, 130))
 
     @pytest.mark.parametrize("words", [(), ("cache",), ("generate",)])
-    def test_a_line_that_names_no_command_is_answered_by_help(
-        self, cli: Any, words: tuple[str, ...]
-    ) -> None:
+    def test_a_line_that_names_no_command_is_answered_by_help(self, cli, words):
         """It is wrong input all the same."""
         outcome = cli(*words)
         assert (2, "") == (outcome.code, outcome.err)
@@ -243,8 +236,8 @@ class TestHelp:
     @pytest.mark.parametrize("columns", ["60", "80"])
     @pytest.mark.parametrize("name", COMMANDS)
     def test_every_command_explains_itself_and_each_of_its_options(
-        self, cli: Any, name: str, columns: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, name, columns, monkeypatch
+    ):
         """Within the width, every option by its whole name and help."""
         monkeypatch.setenv("COLUMNS", columns)
         command = app.get_command(typer.Context(app), name)
@@ -259,7 +252,7 @@ class TestHelp:
             assert (shown in out) != getattr(parameter, "hidden", False)
 
     @pytest.mark.parametrize("name", COMMANDS)
-    def test_nothing_that_is_said_is_taken_for_markup(self, name: str) -> None:
+    def test_nothing_that_is_said_is_taken_for_markup(self, name):
         """Brackets, as of an interval, stay."""
         command = app.get_command(typer.Context(app), name)
         inner = [command, *getattr(command, "commands", {}).values()]
@@ -267,7 +260,7 @@ class TestHelp:
         texts += [parameter.help for one in inner for parameter in one.params]
         assert texts == [Text.from_markup(text).plain for text in texts]
 
-    def test_the_figures_of_plot_stand_in_a_list(self, cli: Any) -> None:
+    def test_the_figures_of_plot_stand_in_a_list(self, cli):
         """Each with its line."""
         words = words_of(cli("plot", "--help").out)
         lines = figure_lines() | {name: figure.line for name, figure in RUN_FIGURES.items()}

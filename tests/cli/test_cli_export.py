@@ -1,10 +1,7 @@
 """`export`: what is written where, and what is refused before anything is."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,9 +10,7 @@ from skillplan.judge import PlannerAnswer, fast_downward
 PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 
 
-def test_a_plan_and_a_task_are_handed_over(
-    cli: Any, board: str, solved_board: Path, tmp_path: Path
-) -> None:
+def test_a_plan_and_a_task_are_handed_over(cli, board, solved_board, tmp_path):
     """From a result or by --sequence the same; a format of several files is a folder."""
     one, same, folder = tmp_path / "one.csv", tmp_path / "same.csv", tmp_path / "pddl"
     told = cli("export", str(solved_board), "--to", "csv", "--out", str(one))
@@ -27,18 +22,14 @@ def test_a_plan_and_a_task_are_handed_over(
     assert {"one.csv", "same.csv", "pddl"} == {path.name for path in tmp_path.iterdir()}
 
 
-def test_a_plan_is_handed_over_with_what_was_not_checked(
-    cli: Any, solved_board: Path, tmp_path: Path
-) -> None:
+def test_a_plan_is_handed_over_with_what_was_not_checked(cli, solved_board, tmp_path):
     """The board's detector is the chart alone."""
     outcome = cli("export", str(solved_board), "--to", "csv", "--out", str(tmp_path / "plan.csv"))
     assert 0 == outcome.code
     assert "note: not checked: geometry" in outcome.err
 
 
-def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(
-    cli: Any, tmp_path: Path
-) -> None:
+def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(cli, tmp_path):
     """A behaviour tree tries again, which costs more."""
     words = ["--to", "btcpp", "--sequence", PLAN, "--out", str(tmp_path / "tree.xml")]
     told = cli("export", "configs/inverter_grasps.yaml", *words)
@@ -60,15 +51,7 @@ def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(
         (["--to", "st", "--out", "f.st", "--sequence", "1,0"], "step 1, place(pcb)", 1),
     ],
 )
-def test_what_does_not_go_is_one_message(
-    cli: Any,
-    board: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    message: str,
-    code: int,
-) -> None:
+def test_what_does_not_go_is_one_message(cli, board, tmp_path, monkeypatch, words, message, code):
     """And nothing is written."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.csv").write_text("kept")
@@ -82,9 +65,7 @@ def test_what_does_not_go_is_one_message(
 
 
 class TestVerifyWithFastDownward:
-    def test_the_optimum_is_proved_by_a_planner_of_others(
-        self, cli: Any, solved_board: Path
-    ) -> None:
+    def test_the_optimum_is_proved_by_a_planner_of_others(self, cli, solved_board):
         """It stands beside our own second proof."""
         if find_spec("up_fast_downward") is None:
             pytest.skip("needs skillplan[planner]")
@@ -99,8 +80,8 @@ class TestVerifyWithFastDownward:
         assert "it proves 1.86709 m, rounded by at most 7.5e-06" in claim["detail"]
 
     def test_a_lower_proved_cost_is_a_contradiction_and_exit_code_3(
-        self, cli: Any, solved_board: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, solved_board, monkeypatch
+    ):
         """Though everything else holds."""
         lower = PlannerAnswer(1_800_000, ("pick(pcb)", "place(pcb)"))
         monkeypatch.setattr(fast_downward, "driver", lambda: Path())
@@ -111,8 +92,8 @@ class TestVerifyWithFastDownward:
         assert ("fails", "fast-downward") == (claim["outcome"], claim["method"])
 
     def test_an_unknown_referee_and_one_that_is_not_installed_are_messages(
-        self, cli: Any, solved_board: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, solved_board, monkeypatch
+    ):
         """Exit code 2, and the extra that has it."""
         told = cli("verify", str(solved_board), "--with", "enhsp")
         assert (2, True) == (told.code, "no such referee" in told.err)
@@ -123,14 +104,14 @@ class TestVerifyWithFastDownward:
 
 @pytest.mark.parametrize("to", ["csv", "btcpp", "st"])
 @pytest.mark.parametrize("name", ["plan", "plan.of.mine", "plan.txt"])
-def test_a_file_may_have_any_name(cli: Any, board: str, tmp_path: Path, to: str, name: str) -> None:
+def test_a_file_may_have_any_name(cli, board, tmp_path, to, name):
     path = tmp_path / name
     outcome = cli("export", board, "--to", to, "--sequence", PLAN, "--out", str(path))
     assert outcome.code == 0
     assert path.stat().st_size
 
 
-def test_a_file_may_hold_the_list_that_sequence_takes(cli: Any, board: str, tmp_path: Path) -> None:
+def test_a_file_may_hold_the_list_that_sequence_takes(cli, board, tmp_path):
     """Numbers or names, over one line or several."""
     names = "pick(pcb), place(pcb),\npick(switch_1)\nplace(switch_1)\n"
     for text, steps in ((PLAN, 15), (PLAN.replace(",", "\n"), 15), (names, 4)):

@@ -8,8 +8,6 @@ import os
 import pty
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -45,7 +43,7 @@ class TestInit:
             for kind in registry.names("domain")
         ],
     )
-    def test_the_starter_is_valid_and_solved(self, cli: Any, tmp_path: Path, kind: str) -> None:
+    def test_the_starter_is_valid_and_solved(self, cli, tmp_path, kind):
         """Commented, too; and the next two commands are those that were told."""
         path = tmp_path / f"mine{SUFFIXES[kind]}"
         outcome = cli("init", kind, "--out", str(path))
@@ -56,14 +54,14 @@ class TestInit:
         assert 0 == cli(*search.split()[1:]).code
         assert path.read_text("utf-8").count("#") > 10
 
-    def test_by_default_it_is_an_assembly_on_stdout(self, cli: Any) -> None:
+    def test_by_default_it_is_an_assembly_on_stdout(self, cli):
         """The same as in a file."""
         outcome = cli("init")
         assert (0, "") == (outcome.code, outcome.err)
         assert cli("init", "assembly").out == outcome.out
         assert "kind: assembly" in outcome.out
 
-    def test_a_file_that_is_there_stays(self, cli: Any, tmp_path: Path) -> None:
+    def test_a_file_that_is_there_stays(self, cli, tmp_path):
         """It may be somebody's work."""
         path = tmp_path / "mine.yaml"
         path.write_text("kind: assembly\n")
@@ -80,9 +78,7 @@ class TestInit:
             (("--out", "nowhere/mine.yaml"), "there is no folder nowhere."),
         ],
     )
-    def test_what_cannot_be_is_refused(
-        self, cli: Any, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_what_cannot_be_is_refused(self, cli, words, message):
         """In one message."""
         outcome = cli("init", *words)
         assert (2, "") == (outcome.code, outcome.out)
@@ -90,16 +86,14 @@ class TestInit:
 
 
 @pytest.fixture(scope="module")
-def warm() -> None:
+def warm():
     """All kernels are compiled, once for the tests that need them."""
     with contextlib.redirect_stdout(io.StringIO()), pytest.raises(SystemExit):
         main(["warm-up"])
 
 
 class TestWarmUp:
-    def test_it_tells_of_every_step_and_what_was_compiled(
-        self, cli: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_it_tells_of_every_step_and_what_was_compiled(self, cli, monkeypatch):
         """Progress on stderr, one line on stdout."""
         steps = [
             ("this", lambda: kernels.notify("a")),
@@ -115,7 +109,7 @@ class TestWarmUp:
         reason="warms up twice; every run asks once whether all solvers find their kernels"
     )
     @pytest.mark.usefixtures("warm")
-    def test_a_second_time_nothing_is_left(self, cli: Any) -> None:
+    def test_a_second_time_nothing_is_left(self, cli):
         """What is kept is loaded."""
         assert "nothing to compile: all kernels are kept already\n" == cli("warm-up").out
 
@@ -123,7 +117,7 @@ class TestWarmUp:
         reason="learns with nine solvers; every run tells of kernels that are compiled"
     )
     @pytest.mark.usefixtures("warm")
-    def test_all_solvers_find_their_kernels(self, cli: Any, board: str) -> None:
+    def test_all_solvers_find_their_kernels(self, cli, board):
         """On a board, with and without chance, and on a bench."""
         told: list[str] = []
         done = kernels.on_compilation(told.append)
@@ -139,7 +133,7 @@ class TestWarmUp:
 
 class TestNotice:
     @pytest.mark.slow(reason="compiles kernels in a process; every run tells of them in this one")
-    def test_a_terminal_is_told_once(self) -> None:
+    def test_a_terminal_is_told_once(self):
         """Of several kernels in one line on stderr, and nothing on stdout."""
         far, near = pty.openpty()
         command = [sys.executable, "-c", COMPILING]
@@ -150,7 +144,7 @@ class TestNotice:
         assert b"" == done.stdout
         assert [NOTICE] == shown.splitlines()
 
-    def test_nobody_else_is(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_nobody_else_is(self, capsys):
         """A log is no terminal."""
         with compilation_announced():
             kernels.notify("kernel")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import Any
 
 import pytest
 
@@ -32,13 +31,13 @@ every_command = pytest.mark.parametrize("command", COMMANDS)
 
 
 @pytest.fixture
-def words(command: str, board: str, motor: str) -> list[str]:
+def words(command, board, motor):
     places = {"BOARD": board, "MOTOR": motor}
     return [places.get(word, word) for word in COMMANDS[command][0]]
 
 
 @every_command
-def test_csv_is_a_heading_and_rows_of_one_width(cli: Any, words: list[str], command: str) -> None:
+def test_csv_is_a_heading_and_rows_of_one_width(cli, words, command):
     """A CSV reader gets headings, and as many cells in each row; a failure is told on stderr."""
     outcome = cli(*words, "--format", "csv")
     heading, *rows = list(csv.reader(io.StringIO(outcome.out), strict=True))
@@ -50,7 +49,7 @@ def test_csv_is_a_heading_and_rows_of_one_width(cli: Any, words: list[str], comm
 
 
 @every_command
-def test_markdown_is_a_table_and_a_list(cli: Any, words: list[str], command: str) -> None:
+def test_markdown_is_a_table_and_a_list(cli, words, command):
     """Title, table with as many cells in each row, notes as a list."""
     outcome = cli(*words, "--format", "md")
     lines = outcome.out.splitlines()
@@ -66,7 +65,7 @@ def test_markdown_is_a_table_and_a_list(cli: Any, words: list[str], command: str
 
 
 @every_command
-def test_a_table_begins_with_its_title(cli: Any, words: list[str], command: str) -> None:
+def test_a_table_begins_with_its_title(cli, words, command):
     """For people: title, rows, notes; no escape codes, no blanks at the ends of lines."""
     outcome = cli(*words)
     lines = outcome.out.splitlines()
@@ -86,14 +85,14 @@ def test_a_table_begins_with_its_title(cli: Any, words: list[str], command: str)
         for command in COMMANDS
     ],
 )
-def test_the_format_does_not_change_the_exit_code(cli: Any, words: list[str]) -> None:
+def test_the_format_does_not_change_the_exit_code(cli, words):
     """All four formats end alike."""
     codes = {cli(*words, "--format", style).code for style in ("table", "json", "csv", "md")}
     assert 1 == len(codes)
 
 
 @pytest.mark.slow(reason="searches twelve parts twice; long lines of the board in every run")
-def test_redirected_tables_are_not_cut_to_80_columns(cli: Any, motor: str) -> None:
+def test_redirected_tables_are_not_cut_to_80_columns(cli, motor):
     """A sequence of 41 actions stands on one line."""
     out = cli("compare", motor, "--solvers", "exact").out
     sequence = ",".join(
@@ -103,7 +102,7 @@ def test_redirected_tables_are_not_cut_to_80_columns(cli: Any, motor: str) -> No
     assert any(line.endswith(sequence) for line in out.splitlines())
 
 
-def test_the_figures_of_a_search_are_all_in_its_table(cli: Any, board: str) -> None:
+def test_the_figures_of_a_search_are_all_in_its_table(cli, board):
     """Status, cost, bound, gap, sequence, makespan and effort."""
     out = cli("search-optimal", board).out
     assert "status     optimal, proved\n" in out
@@ -113,7 +112,7 @@ def test_the_figures_of_a_search_are_all_in_its_table(cli: Any, board: str) -> N
     assert "effort     " in out
 
 
-def test_a_comparison_shows_checks_beside_seconds(cli: Any, board: str) -> None:
+def test_a_comparison_shows_checks_beside_seconds(cli, board):
     """Every figure of the design has its column."""
     out = cli("compare", board, "--solvers", "exact", "--format", "csv").out
     assert [
@@ -131,7 +130,7 @@ def test_a_comparison_shows_checks_beside_seconds(cli: Any, board: str) -> None:
 
 
 @pytest.mark.slow(reason="walks all sequences; brute force itself is in every run")
-def test_brute_force_tells_what_it_counted(cli: Any, board: str) -> None:
+def test_brute_force_tells_what_it_counted(cli, board):
     """The sequences by length and the worst of the shortest."""
     out = cli("compare", board, "--solvers", "exhaustive").out
     counts = "120 of 15, 120 of 16, 1,080 of 17, 1,020 of 18, 5,280 of 19, 4,800 of 20 skills"
@@ -140,7 +139,7 @@ def test_brute_force_tells_what_it_counted(cli: Any, board: str) -> None:
     assert "exhaustive: worst      2.05858 m among those of 15 skills\n" in out
 
 
-def test_a_search_cut_short_says_so(cli: Any, motor: str) -> None:
+def test_a_search_cut_short_says_so(cli, motor):
     """Unsolved, because of the time limit, with what is proved and what was counted."""
     outcome = cli("search-optimal", motor, "--solver", "exhaustive", "--time-limit", "0.05")
     assert 1 == outcome.code
@@ -150,7 +149,7 @@ def test_a_search_cut_short_says_so(cli: Any, motor: str) -> None:
     assert "step" not in outcome.out
 
 
-def test_counts_of_a_search_cut_short_are_so_far(cli: Any, board: str) -> None:
+def test_counts_of_a_search_cut_short_are_so_far(cli, board):
     """What brute force counted until its gap was reached is not said to be all."""
     words = ("--solver", "exhaustive", "--gap", "1")
     outcome = cli("search-optimal", board, *words)
@@ -159,7 +158,7 @@ def test_counts_of_a_search_cut_short_are_so_far(cli: Any, board: str) -> None:
     assert " complete ones so far: " in outcome.out
 
 
-def test_a_task_without_a_plan_says_that_this_is_proved(cli: Any, no_way: str) -> None:
+def test_a_task_without_a_plan_says_that_this_is_proved(cli, no_way):
     """Infeasible is more than unsolved; both solvers agree."""
     outcome = cli("compare", no_way, "--solvers", "exact,exhaustive")
     assert 1 == outcome.code

@@ -1,12 +1,9 @@
 """When a search ends by itself, what it starts from, and what it shows meanwhile."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
@@ -19,7 +16,7 @@ EXACT = ("--solver", "exact", "--format", "json")
 
 
 @pytest.fixture
-def big_board(cli: Any, tmp_path: Path) -> str:
+def big_board(cli, tmp_path):
     """Forty parts in almost any order: exact search would need far more memory than there is."""
     path = tmp_path / "big_board.yaml"
     words = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
@@ -41,33 +38,31 @@ class TestMemorySize:
             ("100000000B", 100_000_000),
         ],
     )
-    def test_it_is_in_bytes_or_with_a_unit(self, text: str, size: int) -> None:
+    def test_it_is_in_bytes_or_with_a_unit(self, text, size):
         """Of powers of 1000 or, with an i, of 1024; in any case of letters."""
         assert size == memory_size(text)
 
     @pytest.mark.parametrize(
         "text", ["", "GiB", "2Gib2", "two", "2 G iB", "-2GiB", "1e9", "nan", "2Gi", "\u0662GiB"]
     )
-    def test_anything_else_is_refused_with_examples(self, text: str) -> None:
+    def test_anything_else_is_refused_with_examples(self, text):
         """Also a negative size, and digits that are not those of a keyboard."""
         with pytest.raises(typer.BadParameter, match=r"is no size of memory\. Write it as 2GiB"):
             memory_size(text)
 
     @pytest.mark.parametrize("text", ["63MiB", "1", "0", "64MB"])
-    def test_less_than_a_program_needs_is_refused(self, text: str) -> None:
+    def test_less_than_a_program_needs_is_refused(self, text):
         """The message names the least."""
         with pytest.raises(typer.BadParameter, match=f"must be at least 64MiB, not {text}"):
             memory_size(text)
 
-    def test_an_endless_number_is_refused(self) -> None:
+    def test_an_endless_number_is_refused(self):
         """It does not become infinite."""
         with pytest.raises(typer.BadParameter, match="more memory than any machine has"):
             memory_size("9" * 400)
 
     @pytest.mark.parametrize("command", ["search-optimal", "compare"])
-    def test_on_the_command_line_it_is_wrong_input(
-        self, cli: Any, board: str, command: str
-    ) -> None:
+    def test_on_the_command_line_it_is_wrong_input(self, cli, board, command):
         """Exit code 2 and the option's name."""
         outcome = cli(command, board, "--memory-limit", "2 apples")
         assert (2, "") == (outcome.code, outcome.out)
@@ -86,7 +81,7 @@ print(json.dumps([done.returncode, json.loads(done.stdout), peak]))
 
 class TestMemoryLimit:
     @pytest.mark.slow(reason="fills 64 MiB; the portfolio keeps its limit in every run")
-    def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board: str) -> None:
+    def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board):
         """No more than 10 % above it at any time, and the most of it is used."""
         words = [sys.executable, "-m", "skillplan", "search-optimal", big_board, *EXACT]
         words += ["--memory-limit", "64MiB"]
@@ -97,7 +92,7 @@ class TestMemoryLimit:
         assert 0 < document["lower_bound"] < document["cost"]
         assert 0.9 * 64 * MIB < peak < 1.1 * 64 * MIB
 
-    def test_a_limit_that_is_met_already_leaves_no_plan(self, cli: Any, motor: str) -> None:
+    def test_a_limit_that_is_met_already_leaves_no_plan(self, cli, motor):
         """The tests hold more than that: the search ends where it begins."""
         held = bytearray(b"x" * (64 * MIB))
         outcome = cli("search-optimal", motor, *EXACT, "--memory-limit", "64MiB")
@@ -106,23 +101,21 @@ class TestMemoryLimit:
         assert document["reason"].startswith("memory limit")
         assert 64 * MIB == len(held)
 
-    def test_where_it_cannot_be_kept_it_is_refused(
-        self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_where_it_cannot_be_kept_it_is_refused(self, cli, board, monkeypatch):
         """Rather than given up in silence."""
         monkeypatch.setattr(waiting, "resident_bytes", lambda: None)
         outcome = cli("search-optimal", board, "--memory-limit", "1GiB")
         assert (2, "") == (outcome.code, outcome.out)
         assert "--memory-limit cannot be kept" in outcome.err
 
-    def test_a_search_that_needs_less_is_not_touched(self, cli: Any, board: str) -> None:
+    def test_a_search_that_needs_less_is_not_touched(self, cli, board):
         """It is proved as ever."""
         words = ("--memory-limit", "8GiB", "--stall", "60")
         assert "optimal" == cli("search-optimal", board, *EXACT, *words).document["status"]
 
 
 class TestStall:
-    def test_a_search_that_stalls_ends(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_a_search_that_stalls_ends(self, cli, board, tmp_path):
         """Brute force has its best plan early and a bound that does not rise."""
         path = tmp_path / "patient_board.yaml"
         text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 60")
@@ -134,23 +127,21 @@ class TestStall:
         assert 0.3 <= document["stats"]["wall_s"] < 30
 
     @pytest.mark.slow(reason="two searches that stall; every run has one")
-    def test_of_compare_each_solver_has_its_own(self, cli: Any, board: str) -> None:
+    def test_of_compare_each_solver_has_its_own(self, cli, board):
         """What one waits for is not taken from the next."""
         words = ("--solvers", "exhaustive,exact", "--stall", "30", "--memory-limit", "8GiB")
         rows = cli("compare", board, *words, "--format", "json").document["rows"]
         assert ["optimal", "optimal"] == [row["status"] for row in rows]
 
     @pytest.mark.parametrize("words", [("--stall", "5"), ("--memory-limit", "2GiB")])
-    def test_detectors_know_no_such_limits(
-        self, cli: Any, board: str, words: tuple[str, ...]
-    ) -> None:
+    def test_detectors_know_no_such_limits(self, cli, board, words):
         """They search nothing."""
         outcome = cli("compare", board, "--detectors", "aabb,precedence", *words)
         assert 2 == outcome.code
         assert f"{words[0]} is for --solvers." in outcome.err
 
     @pytest.mark.parametrize("value", ["0", "-1", "nan", "soon"])
-    def test_it_is_a_time(self, cli: Any, board: str, value: str) -> None:
+    def test_it_is_a_time(self, cli, board, value):
         """Above 0."""
         outcome = cli("search-optimal", board, f"--stall={value}")
         assert (2, "") == (outcome.code, outcome.out)
@@ -160,7 +151,7 @@ class TestStall:
 
 class TestStart:
     @pytest.fixture
-    def earlier(self, cli: Any, motor: str, tmp_path: Path) -> Path:
+    def earlier(self, cli, motor, tmp_path):
         """A folder with a plan of the larger board that is not the best."""
         folder = tmp_path / "earlier"
         words = ("--gap", "0.3", "--out", str(folder))
@@ -177,16 +168,14 @@ class TestStart:
             ),
         ],
     )
-    def test_a_search_goes_on_from_an_earlier_result(
-        self, cli: Any, motor: str, earlier: Path, named: str
-    ) -> None:
+    def test_a_search_goes_on_from_an_earlier_result(self, cli, motor, earlier, named):
         """By the folder or the file; the optimum is the same."""
         start = ("--start", str(earlier / named))
         document = cli("search-optimal", motor, *EXACT, *start).document
         assert ("optimal", "11.58291") == (document["status"], f"{document['cost']:.5f}")
         assert document["trace"]["start"].startswith("from a plan of ")
 
-    def test_it_is_never_made_worse(self, cli: Any, motor: str, earlier: Path) -> None:
+    def test_it_is_never_made_worse(self, cli, motor, earlier):
         """A search that finds nothing in its time hands over what it was given."""
         given = json.loads((earlier / "result.json").read_text("utf-8"))
         words = ("--solver", "exhaustive", "--time-limit", "0.05", "--format", "json")
@@ -196,21 +185,19 @@ class TestStart:
         assert outcome.document["cost"] == pytest.approx(given["cost"], abs=1e-12)
 
     @pytest.mark.slow(reason="searches twelve parts; JSON tells it in every run")
-    def test_the_table_says_so(self, cli: Any, motor: str, earlier: Path) -> None:
+    def test_the_table_says_so(self, cli, motor, earlier):
         """In a line of its own."""
         out = cli("search-optimal", motor, "--solver", "exact", "--start", str(earlier)).out
         assert "\nstart      from a plan of " in out
 
-    def test_that_of_another_task_is_refused(self, cli: Any, board: str, earlier: Path) -> None:
+    def test_that_of_another_task_is_refused(self, cli, board, earlier):
         """The message names both."""
         outcome = cli("search-optimal", board, *EXACT, "--start", str(earlier))
         assert 2 == outcome.code
         for word in ("is of another task", "motor-drive", "inverter-board"):
             assert word in outcome.err
 
-    def test_that_of_the_task_before_a_change_is_replayed(
-        self, cli: Any, board: str, tmp_path: Path
-    ) -> None:
+    def test_that_of_the_task_before_a_change_is_replayed(self, cli, board, tmp_path):
         """Moving a part by 1 mm keeps the plan; a plan that no longer holds is not used."""
         cli("search-optimal", board, "--out", str(tmp_path / "before"))
         words = ("--start", str(tmp_path / "before"), "--format", "json")
@@ -223,7 +210,7 @@ class TestStart:
             assert outcome.document["trace"]["start"].startswith(start)
 
     @pytest.mark.parametrize("form", ["{plan}", "@{file}"])
-    def test_a_sequence_is_a_start(self, cli: Any, board: str, tmp_path: Path, form: str) -> None:
+    def test_a_sequence_is_a_start(self, cli, board, tmp_path, form):
         """As --sequence takes it."""
         plan, file = "0,1,4,5,2,3,8,9,10,11,6,7,13,14,15", tmp_path / "plan.txt"
         file.write_text(plan)
@@ -231,7 +218,7 @@ class TestStart:
         outcome = cli("search-optimal", board, *words)
         assert outcome.document["trace"]["start"] == "from a plan of 1.88012 m"
 
-    def test_that_without_a_plan_is_refused(self, cli: Any, no_way: str, tmp_path: Path) -> None:
+    def test_that_without_a_plan_is_refused(self, cli, no_way, tmp_path):
         """There is nothing to start from."""
         folder = str(tmp_path / "unsolved")
         cli("search-optimal", no_way, *EXACT, "--out", folder)
@@ -249,9 +236,7 @@ class TestStart:
             ('{"schema": "skillplan.result/1"}', "is damaged: solver: key 'solver' is missing"),
         ],
     )
-    def test_what_is_no_result_is_refused(
-        self, cli: Any, board: str, tmp_path: Path, text: str, message: str
-    ) -> None:
+    def test_what_is_no_result_is_refused(self, cli, board, tmp_path, text, message):
         """In words, before anything is searched."""
         path = tmp_path / "other.json"
         path.write_text(text)
@@ -260,9 +245,7 @@ class TestStart:
         assert message in outcome.err
 
     @pytest.mark.slow(reason="solves a bench; a board goes on in every run")
-    def test_a_chain_is_refused_and_its_parts_are_not(
-        self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path
-    ) -> None:
+    def test_a_chain_is_refused_and_its_parts_are_not(self, cli, corner, solved_corner, tmp_path):
         """By --part each task of a chain can go on from a result of its own."""
         bench, whole = corner, str(solved_corner)
         part = ("--part", "heads-1")
@@ -293,14 +276,12 @@ class TestDisplay:
             (Progress(None, float("-inf"), 7), "7 nodes"),
         ],
     )
-    def test_it_shows_cost_bound_gap_nodes_and_speed(self, progress: Progress, shown: str) -> None:
+    def test_it_shows_cost_bound_gap_nodes_and_speed(self, progress, shown):
         """With the decimals of the task; a bound is never rounded up."""
         assert shown == figures_text(progress)
 
 
-def test_solvers_are_told_how_many_processes_they_may_use(
-    cli: Any, board: str, install: Any
-) -> None:
+def test_solvers_are_told_how_many_processes_they_may_use(cli, board, install):
     """By --jobs; one by default."""
     source = '''
         from skillplan import Solution, Solver

@@ -55,7 +55,7 @@ def both(outcome: Any) -> str:
 
 
 class TestNothingRaw:
-    def test_a_file_name_is_written_out(self, cli: Any) -> None:
+    def test_a_file_name_is_written_out(self, cli):
         """In the message that there is no such file."""
         outcome = cli("check", f"{HOSTILE}.yaml")
         assert 2 == outcome.code
@@ -63,18 +63,14 @@ class TestNothingRaw:
         assert None is RAW.search(both(outcome))
 
     @pytest.mark.parametrize("words", [("check", f"--{HOSTILE}"), (HOSTILE,), ("check",)])
-    def test_a_line_that_is_not_understood_is_written_out(
-        self, cli: Any, words: tuple[str, ...]
-    ) -> None:
+    def test_a_line_that_is_not_understood_is_written_out(self, cli, words):
         """Unknown options and commands, as Typer finds them."""
         outcome = cli(*words)
         assert 2 == outcome.code
         assert None is RAW.search(both(outcome))
 
     @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
-    def test_a_name_in_a_task_file_is_written_out(
-        self, cli: Any, board: str, tmp_path: Path, style: str
-    ) -> None:
+    def test_a_name_in_a_task_file_is_written_out(self, cli, board, tmp_path, style):
         """Of a description, which may be any text."""
         text = Path(board).read_text("utf-8")
         named = re.sub(
@@ -88,9 +84,7 @@ class TestNothingRaw:
             assert None is RAW.search(both(outcome))
 
     @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
-    def test_an_exception_of_a_plugin_is_written_out(
-        self, cli: Any, board: str, install: Any, style: str
-    ) -> None:
+    def test_an_exception_of_a_plugin_is_written_out(self, cli, board, install, style):
         """Its brackets are no markup, and JSON holds the words whole."""
         install("solver", "rude", "rude_solver:Rude", SOLVER)
         outcome = cli("compare", board, "--solvers", "rude", "--format", style)
@@ -111,9 +105,7 @@ class TestNothingRaw:
         ],
         ids=lambda words: words[0],
     )
-    def test_a_verdict_is_written_out(
-        self, cli: Any, board: str, install: Any, words: tuple[str, ...], style: str
-    ) -> None:
+    def test_a_verdict_is_written_out(self, cli, board, install, words, style):
         """Its reason, wherever it is shown."""
         install("collision", "rude", "rude_detector:Rude", DETECTOR)
         given = (word.replace("BOARD", board) for word in words)
@@ -124,9 +116,7 @@ class TestNothingRaw:
 
     @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
     @pytest.mark.parametrize("words", [("verify", "--verbose"), ("evaluate",)])
-    def test_a_document_is_written_out(
-        self, cli: Any, solved_board: Path, tmp_path: Path, words: tuple[str, ...], style: str
-    ) -> None:
+    def test_a_document_is_written_out(self, cli, solved_board, tmp_path, words, style):
         """Of a result: what its words hold is shown where they do not hold."""
         folder = Path(shutil.copytree(solved_board, tmp_path / "result"))
         path = folder / "result.json"
@@ -141,9 +131,7 @@ class TestNothingRaw:
         assert None is RAW.search(both(outcome))
 
     @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
-    def test_a_manifest_is_written_out(
-        self, cli: Any, board: str, tmp_path: Path, style: str
-    ) -> None:
+    def test_a_manifest_is_written_out(self, cli, board, tmp_path, style):
         """Of a training: names, paths, solver."""
         folder = write_runs(tmp_path / "run", board, [OPTIMAL], steps=500)
         path = folder / "manifest.json"
@@ -156,9 +144,7 @@ class TestNothingRaw:
         assert both(outcome)
         assert None is RAW.search(both(outcome))
 
-    def test_a_traceback_is_written_out(
-        self, cli: Any, board: str, install: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_traceback_is_written_out(self, cli, board, install, monkeypatch):
         """With SKILLPLAN_DEBUG."""
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
         install("solver", "rude", "rude_solver:Rude", SOLVER)
@@ -167,9 +153,7 @@ class TestNothingRaw:
         assert None is RAW.search(both(outcome))
 
 
-def test_a_warning_of_python_is_written_out(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_warning_of_python_is_written_out(capsys, monkeypatch):
     """Of a library that quotes what it was given."""
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
     writing.escape_warnings()
@@ -197,20 +181,20 @@ class Broken:
         raise OSError("no descriptor")
 
 
-def test_a_full_stderr_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_stderr_is_no_fault(monkeypatch):
     """There is nobody to tell."""
     monkeypatch.setattr(sys, "stderr", Broken(OSError(28, "No space left on device")))
     writing.tell("anything")
 
 
-def test_a_full_stdout_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_stdout_is_an_error(monkeypatch):
     """Else a file would be half written without a word."""
     monkeypatch.setattr(sys, "stdout", Broken(OSError(28, "No space left on device")))
     with pytest.raises(OptionError, match="cannot be written: No space left"):
         writing.write_out("anything")
 
 
-def test_a_reader_who_has_gone_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_who_has_gone_is_no_fault(monkeypatch):
     """As with ``| head``."""
     monkeypatch.setattr(sys, "stdout", Broken(BrokenPipeError()))
     writing.write_out("anything")
@@ -230,9 +214,7 @@ NO_SPACE = "skillplan: error: The output cannot be written: No space left on dev
 
 
 @FULL
-def test_closed_streams_end_with_the_documented_code(
-    environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_closed_streams_end_with_the_documented_code(environment, tmp_path):
     """A closed stdout is an error; a closed stderr is silence, and nothing else changes."""
     assert (2, "") == in_a_shell("skillplan check no.yaml 2>&-", environment, tmp_path)
     assert (2, BAD_NUMBER) == in_a_shell("skillplan --version >&-", environment, tmp_path)
@@ -264,8 +246,6 @@ def test_closed_streams_end_with_the_documented_code(
         ("env -i PYTHONPATH=$PYTHONPATH skillplan search-optimal BOARD", 0, ""),
     ],
 )
-def test_no_surroundings_are_too_poor(
-    environment: dict[str, str], board: str, tmp_path: Path, line: str, code: int, said: str
-) -> None:
+def test_no_surroundings_are_too_poor(environment, board, tmp_path, line, code, said):
     """Closed and full streams, few files, no folder, no HOME, no locale."""
     assert (code, said) == in_a_shell(line.replace("BOARD", board), environment, tmp_path)

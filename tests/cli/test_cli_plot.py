@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -32,7 +31,7 @@ QUICK = ("-O", "episodes=300")
 
 
 @pytest.fixture
-def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def walk(tmp_path, monkeypatch):
     """A base that walks on a small bench; the current folder is an empty one."""
     folder = tmp_path / "here"
     folder.mkdir()
@@ -43,7 +42,7 @@ def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 @pytest.fixture
-def meet(tmp_path: Path) -> str:
+def meet(tmp_path):
     """Two bases on one bench."""
     path = tmp_path / "meet.yaml"
     path.write_text(MEET)
@@ -93,9 +92,7 @@ def texts(path: Path) -> set[str]:
         ),
     ],
 )
-def test_a_figure_of_a_walk_is_drawn(
-    cli: Any, walk: str, figure: str, words: tuple[str, ...], written: set[str]
-) -> None:
+def test_a_figure_of_a_walk_is_drawn(cli, walk, figure, words, written):
     """Its path is printed, and nothing else is there."""
     outcome = cli("plot", walk, figure, *words, "--out", "f.svg")
     assert (0, "f.svg\n", "") == (outcome.code, outcome.out, outcome.err)
@@ -104,7 +101,7 @@ def test_a_figure_of_a_walk_is_drawn(
 
 
 @pytest.mark.slow(reason="solves and draws a whole sheet; the other figures in every run")
-def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
+def test_the_placement_of_a_trajectory_is_drawn(cli, walk):
     """With the goals of Table 3, and as many steps."""
     outcome = cli("plot", POLYGONAL, "placement", "--out", "f.svg")
     assert 0 == outcome.code
@@ -113,7 +110,7 @@ def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
 
 
 @pytest.mark.slow(reason="draws a fleet; its figure in test_figures.py of every run")
-def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
+def test_the_ways_of_a_fleet_are_drawn(cli, walk, meet):
     """By the solver for fleets, or by any other that gives a plan."""
     assert 0 == cli("plot", meet, "fleet", "--out", "f.svg").code
     written = texts(Path("f.svg"))
@@ -128,14 +125,14 @@ def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
         "learning",
     ],
 )
-def test_assemblies_are_drawn_too(cli: Any, walk: str, board: str, figure: str) -> None:
+def test_assemblies_are_drawn_too(cli, walk, board, figure):
     """Where nothing of a bench is shown."""
     words = ("--seeds", "1", *QUICK) if figure == "learning" else ()
     assert 0 == cli("plot", board, figure, *words, "--out", "f.svg").code
     assert any("inverter-board" in text for text in texts(Path("f.svg")))
 
 
-def test_a_picture_is_named_after_task_and_figure(cli: Any, walk: str) -> None:
+def test_a_picture_is_named_after_task_and_figure(cli, walk):
     """In the current folder, as PNG, in the resolution asked for; a second call replaces it."""
     for dpi in ("60", "30"):
         assert "walk-gantt.png\n" == cli("plot", walk, "gantt", "--dpi", dpi).out
@@ -147,7 +144,7 @@ def test_a_picture_is_named_after_task_and_figure(cli: Any, walk: str) -> None:
 @pytest.mark.slow(
     reason="draws three figures; equal figures are equal files in test_figures.py of every run"
 )
-def test_equal_calls_write_equal_files(cli: Any, walk: str) -> None:
+def test_equal_calls_write_equal_files(cli, walk):
     """A seed says all; another one learns something else."""
     for out, seed in (("a.svg", "1"), ("b.svg", "1"), ("c.svg", "2")):
         cli("plot", walk, "q-values", *QUICK, "--seed", seed, "--out", out)
@@ -175,9 +172,7 @@ def test_equal_calls_write_equal_files(cli: Any, walk: str) -> None:
         (("learning", "-O", "gamma=0.9"), "leave -O gamma out"),
     ],
 )
-def test_what_cannot_be_drawn_is_told(
-    cli: Any, walk: str, words: tuple[str, ...], message: str
-) -> None:
+def test_what_cannot_be_drawn_is_told(cli, walk, words, message):
     """Exit code 2, and no file."""
     outcome = cli("plot", walk, *words)
     assert (2, "") == (outcome.code, outcome.out)
@@ -186,9 +181,7 @@ def test_what_cannot_be_drawn_is_told(
 
 
 @pytest.mark.parametrize("figure", ["policy", "placement", "fleet"])
-def test_a_bench_figure_of_an_assembly_is_refused(
-    cli: Any, walk: str, board: str, figure: str
-) -> None:
+def test_a_bench_figure_of_an_assembly_is_refused(cli, walk, board, figure):
     """It says what can be drawn instead."""
     outcome = cli("plot", board, figure)
     assert 2 == outcome.code
@@ -199,9 +192,7 @@ def test_a_bench_figure_of_an_assembly_is_refused(
     ("figure", "message"),
     [("gantt", "has several"), ("policy", "no task of the file leads")],
 )
-def test_a_figure_of_one_base_does_not_fit_a_fleet(
-    cli: Any, walk: str, meet: str, figure: str, message: str
-) -> None:
+def test_a_figure_of_one_base_does_not_fit_a_fleet(cli, walk, meet, figure, message):
     """Nothing is solved in vain."""
     outcome = cli("plot", meet, figure)
     assert 2 == outcome.code
@@ -209,7 +200,7 @@ def test_a_figure_of_one_base_does_not_fit_a_fleet(
 
 
 @pytest.mark.slow(reason="plans a sheet in vain; the comparison of such a chain in every run")
-def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
+def test_a_chain_without_a_plan_is_not_drawn(cli, walk):
     """Exit code 1 and the reason: the planner of 2014 finds no shared pin."""
     outcome = cli("plot", POLYGONAL, "placement", "--solver", "csp")
     assert (1, "") == (outcome.code, outcome.out)
@@ -218,7 +209,7 @@ def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
 
 
 @pytest.mark.parametrize("figure", ["layout", "precedence", "exploded"])
-def test_a_figure_of_an_arm_is_refused_of_a_bench(cli: Any, walk: str, figure: str) -> None:
+def test_a_figure_of_an_arm_is_refused_of_a_bench(cli, walk, figure):
     """A bench has no parts and no arm."""
     outcome = cli("plot", walk, figure, "--part", "base-1")
     assert 2 == outcome.code
@@ -242,9 +233,7 @@ def test_a_figure_of_an_arm_is_refused_of_a_bench(cli: Any, walk: str, figure: s
         ),
     ],
 )
-def test_a_board_is_drawn(
-    cli: Any, board: str, tmp_path: Path, figure: str, written: set[str]
-) -> None:
+def test_a_board_is_drawn(cli, board, tmp_path, figure, written):
     """Text stays text, so that what a figure says can be read."""
     path = tmp_path / "f.svg"
     outcome = cli("plot", board, figure, "--out", str(path))
@@ -253,7 +242,7 @@ def test_a_board_is_drawn(
 
 
 @pytest.mark.slow(reason="draws 90 pictures; a part that comes along its way in every run")
-def test_an_assembly_is_filmed_part_by_part(cli: Any, board: str, tmp_path: Path) -> None:
+def test_an_assembly_is_filmed_part_by_part(cli, board, tmp_path):
     """Its pictures are of one size, each part comes, and the film goes round."""
     path = tmp_path / "f.gif"
     outcome = cli("plot", board, "exploded", "--out", str(path))
@@ -265,15 +254,13 @@ def test_an_assembly_is_filmed_part_by_part(cli: Any, board: str, tmp_path: Path
         assert (720, True) == (film.width, film.n_frames > 20)
 
 
-def test_only_a_figure_that_moves_is_filmed(cli: Any, board: str, tmp_path: Path) -> None:
+def test_only_a_figure_that_moves_is_filmed(cli, board, tmp_path):
     outcome = cli("plot", board, "layout", "--out", str(tmp_path / "f.gif"))
     assert 2 == outcome.code
     assert "figures are not saved as .gif; end it in .png or .svg." in outcome.err
 
 
-def test_a_precedence_relation_is_written_for_graphviz(
-    cli: Any, board: str, tmp_path: Path
-) -> None:
+def test_a_precedence_relation_is_written_for_graphviz(cli, board, tmp_path):
     """Only of that figure: others are pictures."""
     path = tmp_path / "f.dot"
     assert 0 == cli("plot", board, "precedence", "--out", str(path)).code
@@ -282,7 +269,7 @@ def test_a_precedence_relation_is_written_for_graphviz(
     assert "end it in .png or .svg" in cli("plot", board, "layout", "--out", str(path)).err
 
 
-def test_help_lists_all_figures_and_loads_none() -> None:
+def test_help_lists_all_figures_and_loads_none():
     """Matplotlib takes half a second."""
     code = (
         "import sys; from skillplan.cli import main\n"
@@ -294,7 +281,7 @@ def test_help_lists_all_figures_and_loads_none() -> None:
     assert all(f"│ {name} " in done.stdout for name in figure_names())
 
 
-def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_matplotlib_is_told(cli, walk, monkeypatch):
     """And what to do about it."""
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     outcome = cli("plot", walk, "gantt")
@@ -302,9 +289,7 @@ def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.M
     assert "pip install matplotlib" in outcome.err
 
 
-def test_rewards_of_a_task_without_rewards_are_minus_its_costs(
-    cli: Any, walk: str, tmp_path: Path
-) -> None:
+def test_rewards_of_a_task_without_rewards_are_minus_its_costs(cli, walk, tmp_path):
     """Any task has this picture; it says that the file has no rewards."""
     assert 0 == cli("init", "assembly", "--out", "mine.yaml").code
     assert 0 == cli("plot", "mine.yaml", "rewards", "--collision", "aabb", "--out", "r.svg").code

@@ -6,9 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -72,13 +69,13 @@ REST_OF_A_SOLVER = """
 
 
 @pytest.fixture(autouse=True)
-def not_debugging(monkeypatch: pytest.MonkeyPatch) -> None:
+def not_debugging(monkeypatch):
     """Whoever runs the tests may be debugging; the tests are not."""
     monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
 
 
 @pytest.fixture
-def faulty(install: Any) -> Any:
+def faulty(install):
     """Put on the path a solver or detector that raises in one method; return where."""
 
     def put(
@@ -96,9 +93,7 @@ def faulty(install: Any) -> Any:
 
 class TestASolver:
     @pytest.mark.parametrize("method", ["solve", "refuses", "constructor"])
-    def test_it_is_named_with_its_own_line(
-        self, cli: Any, board: str, faulty: Any, method: str
-    ) -> None:
+    def test_it_is_named_with_its_own_line(self, cli, board, faulty, method):
         """Whatever of ours called it; the traceback is offered and not shown."""
         place = faulty("solver", method)
         outcome = cli("search-optimal", board, "--solver", "faulty")
@@ -121,9 +116,7 @@ class TestASolver:
             ),
         ],
     )
-    def test_in_a_comparison_it_is_a_row_and_the_others_run_on(
-        self, cli: Any, board: str, faulty: Any, method: str
-    ) -> None:
+    def test_in_a_comparison_it_is_a_row_and_the_others_run_on(self, cli, board, faulty, method):
         """The exit code tells of it at the end."""
         place = faulty("solver", method)
         solvers = "exact,faulty,exhaustive"
@@ -134,7 +127,7 @@ class TestASolver:
         assert f"LookupError: no table ({place};" in rows[1]["reason"]
         assert "" == outcome.err
 
-    def test_the_table_of_a_comparison_says_why(self, cli: Any, board: str, faulty: Any) -> None:
+    def test_the_table_of_a_comparison_says_why(self, cli, board, faulty):
         """Below the rows, as of a refusal."""
         faulty("solver", "solve")
         outcome = cli("compare", board, "--solvers", "faulty,exact")
@@ -142,7 +135,7 @@ class TestASolver:
         assert "failed" in outcome.out
         assert "LookupError: no table" in outcome.out
 
-    def test_so_it_is_with_a_chain(self, cli: Any, faulty: Any, root: Path) -> None:
+    def test_so_it_is_with_a_chain(self, cli, faulty, root):
         """The row of the chain names the task that it failed on."""
         faulty("solver", "solve")
         job = str(root / "configs" / "swarmitfix_cases.yaml")
@@ -152,9 +145,7 @@ class TestASolver:
         assert ("failed", "optimal") == (failed["status"], solved["status"])
         assert failed["reason"].startswith("base-1: The solver 'faulty' failed: LookupError")
 
-    def test_debugging_shows_the_traceback(
-        self, cli: Any, board: str, faulty: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_debugging_shows_the_traceback(self, cli, board, faulty, monkeypatch):
         """After the message, and nothing offers it any more."""
         place = faulty("solver", "solve")
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
@@ -165,14 +156,7 @@ class TestASolver:
         assert "Traceback (most recent call last):" == rest[0]
         assert "LookupError: no table" == rest[-1]
 
-    def test_debugging_shows_it_in_a_comparison_too(
-        self,
-        cli: Any,
-        board: str,
-        faulty: Any,
-        monkeypatch: pytest.MonkeyPatch,
-        caplog: pytest.LogCaptureFixture,
-    ) -> None:
+    def test_debugging_shows_it_in_a_comparison_too(self, cli, board, faulty, monkeypatch, caplog):
         """In the log; the document stays one."""
         faulty("solver", "solve")
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
@@ -180,7 +164,7 @@ class TestASolver:
         assert "failed" == outcome.document["rows"][0]["status"]
         assert "Traceback (most recent call last):" in caplog.text
 
-    def test_a_wrong_option_stops_a_comparison_before_it_starts(self, cli: Any, board: str) -> None:
+    def test_a_wrong_option_stops_a_comparison_before_it_starts(self, cli, board):
         """It is the user's to repair, and no row."""
         words = ("--solvers", "exact,exhaustive", "-O", "exact.max_labels=-1")
         outcome = cli("compare", board, *words)
@@ -190,9 +174,7 @@ class TestASolver:
 
 class TestABackEnd:
     @pytest.mark.parametrize("method", ["check", "refuses", "constructor", "beside", "faults"])
-    def test_it_is_named_with_its_own_line(
-        self, cli: Any, board: str, faulty: Any, method: str
-    ) -> None:
+    def test_it_is_named_with_its_own_line(self, cli, board, faulty, method):
         """Whenever it raises; the exit code is that of a back end."""
         place = faulty("collision", method)
         outcome = cli("search-optimal", board, "--collision", "faulty")
@@ -202,9 +184,7 @@ class TestABackEnd:
             f"LookupError: no table ({place}; SKILLPLAN_DEBUG=1 shows the traceback)\n"
         )
 
-    def test_in_a_comparison_every_solver_that_meets_it_is_a_row(
-        self, cli: Any, board: str, faulty: Any
-    ) -> None:
+    def test_in_a_comparison_every_solver_that_meets_it_is_a_row(self, cli, board, faulty):
         """None of them ends the command; the exit code is that of a back end, as elsewhere."""
         place = faulty("collision", "check")
         solvers = ("--solvers", "exact,exhaustive")
@@ -215,9 +195,7 @@ class TestABackEnd:
         assert all(place in row["reason"] for row in rows)
 
     @pytest.mark.slow(reason="a process; in this one in every run")
-    def test_so_it_is_in_a_process_of_its_own(
-        self, cli: Any, board: str, faulty: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_so_it_is_in_a_process_of_its_own(self, cli, board, faulty, monkeypatch):
         """The traceback comes from there, too."""
         place = faulty("collision", "check", expensive=True)
         words = ("search-optimal", board, "--collision", "faulty", "--jobs", "2", "--no-cache")
@@ -241,25 +219,21 @@ NO_EXCEPTIONS = {
 @pytest.mark.parametrize("raised", NO_EXCEPTIONS)
 class TestNobodyEndsTheProgramButWe:
     @pytest.fixture(autouse=True)
-    def _signals_are_heard_by_the_command_line(self) -> Iterator[None]:
+    def _signals_are_heard_by_the_command_line(self):
         """As in a process of its own, where Ctrl-C is no KeyboardInterrupt of Python's making."""
         before = signal.signal(signal.SIGINT, lambda *_: None)
         yield
         signal.signal(signal.SIGINT, before)
 
     @pytest.mark.parametrize("method", ["solve", "refuses", "constructor"])
-    def test_a_solver_has_failed(
-        self, cli: Any, board: str, faulty: Any, method: str, raised: str
-    ) -> None:
+    def test_a_solver_has_failed(self, cli, board, faulty, method, raised):
         """It is named like one that raises an error; nothing ends without a word."""
         faulty("solver", method, raised=raised)
         outcome = cli("search-optimal", board, "--solver", "faulty")
         assert 2 == outcome.code
         assert f"The solver 'faulty' failed: {NO_EXCEPTIONS[raised]} (" in outcome.err
 
-    def test_the_other_solvers_of_a_comparison_run_on(
-        self, cli: Any, board: str, faulty: Any, raised: str
-    ) -> None:
+    def test_the_other_solvers_of_a_comparison_run_on(self, cli, board, faulty, raised):
         """It is a row."""
         faulty("solver", "solve", raised=raised)
         outcome = cli("compare", board, "--solvers", "faulty,exact", "--format", "json")
@@ -267,9 +241,7 @@ class TestNobodyEndsTheProgramButWe:
         assert ["failed", "optimal"] == [row["status"] for row in outcome.document["rows"]]
 
     @pytest.mark.parametrize("method", ["check", "refuses", "constructor", "beside", "faults"])
-    def test_a_back_end_has_failed(
-        self, cli: Any, board: str, faulty: Any, method: str, raised: str
-    ) -> None:
+    def test_a_back_end_has_failed(self, cli, board, faulty, method, raised):
         """The exit code is that of a back end."""
         faulty("collision", method, raised=raised)
         outcome = cli("search-optimal", board, "--collision", "faulty")
@@ -277,18 +249,14 @@ class TestNobodyEndsTheProgramButWe:
         assert "'faulty' failed" in outcome.err
         assert NO_EXCEPTIONS[raised] in outcome.err
 
-    def test_a_plugin_that_cannot_be_imported_is_broken(
-        self, cli: Any, board: str, install: Any, raised: str
-    ) -> None:
+    def test_a_plugin_that_cannot_be_imported_is_broken(self, cli, board, install, raised):
         """Importing runs its code, too."""
         install("solver", "faulty", "faulty_plugin:Faulty", f"raise {raised}")
         outcome = cli("search-optimal", board, "--solver", "faulty")
         assert 2 == outcome.code
         assert "cannot be imported" in outcome.err
 
-    def test_a_kind_of_task_has_failed(
-        self, cli: Any, tmp_path: Path, install: Any, raised: str
-    ) -> None:
+    def test_a_kind_of_task_has_failed(self, cli, tmp_path, install, raised):
         """The file is named with it."""
         source = f"""
             from pydantic import BaseModel
@@ -316,9 +284,7 @@ class TestNobodyEndsTheProgramButWe:
     "raised",
     thinned(["SystemExit(0)", "KeyboardInterrupt"], "SystemExit(0)", why="one in every run"),
 )
-def test_nor_does_a_back_end_end_a_process_of_its_own(
-    cli: Any, board: str, faulty: Any, raised: str
-) -> None:
+def test_nor_does_a_back_end_end_a_process_of_its_own(cli, board, faulty, raised):
     """There, too, it has failed."""
     faulty("collision", "check", expensive=True, raised=raised)
     outcome = cli("search-optimal", board, "--collision", "faulty", "--jobs", "2", "--no-cache")
@@ -342,7 +308,7 @@ def run_process(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def ending(install: Any) -> Any:
+def ending(install):
     """Install a plugin that executes something in one method, or on import."""
 
     def put(kind: str, method: str, text: str) -> None:
@@ -371,8 +337,8 @@ class TestTheProcess:
         ],
     )
     def test_that_ends_without_an_answer_has_failed(
-        self, board: str, ending: Any, end: str, kind: str, method: str, code: int, where: str
-    ) -> None:
+        self, board, ending, end, kind, method, code, where
+    ):
         """With exit code 0 of its own as with a crash; the document is that of an error."""
         text, how = ENDINGS[end]
         ending(kind, method, text)
@@ -399,9 +365,7 @@ class TestTheProcess:
         ],
         ids=lambda words: words[0],
     )
-    def test_so_it_is_in_every_command(
-        self, board: str, ending: Any, tmp_path: Path, words: tuple[str, ...]
-    ) -> None:
+    def test_so_it_is_in_every_command(self, board, ending, tmp_path, words):
         """Nothing is written."""
         ending("collision", "check", ENDINGS["exit"][0])
         new = str(tmp_path / "new")
@@ -410,7 +374,7 @@ class TestTheProcess:
         assert "by exit code 0 in a check of " in done.stderr
         assert not (tmp_path / "new.html").exists()
 
-    def test_prints_nothing_into_a_document(self, board: str, ending: Any) -> None:
+    def test_prints_nothing_into_a_document(self, board, ending):
         """Neither through Python, nor the file descriptor, nor a program that it starts."""
         text = "import os; print('print'); os.write(1, b'raw\\n'); os.system('echo program')"
         ending("collision", "check", f"{text}; return Verdict.feasible()")
@@ -420,7 +384,7 @@ class TestTheProcess:
         assert "optimal" == json.loads(done.stdout)["status"]
         assert {"print", "raw", "program"} == set(done.stderr.split())
 
-    def test_does_not_hang_on_import_past_the_time_limit(self, board: str, ending: Any) -> None:
+    def test_does_not_hang_on_import_past_the_time_limit(self, board, ending):
         """Though it swallows every exception."""
         ending("solver", "import", HANG)
         done = run_process("search-optimal", board, "--solver", "faulty", "--time-limit", "0.1")
@@ -441,9 +405,7 @@ class TestTheProcess:
         ],
         ids=lambda words: words[0],
     )
-    def test_that_hangs_is_ended_by_the_first_signal(
-        self, board: str, ending: Any, words: tuple[str, ...], number: int
-    ) -> None:
+    def test_that_hangs_is_ended_by_the_first_signal(self, board, ending, words, number):
         """Within four seconds, though it swallows every exception."""
         ending("solver", "import", f"import sys; print('hangs', file=sys.stderr)\n{HANG}")
         line = [one.replace("BOARD", board) for one in words]
@@ -458,9 +420,7 @@ class TestTheProcess:
             out, err = process.communicate(timeout=PATIENCE_S)
         assert (130, "", "skillplan: interrupted\n") == (process.returncode, out, err)
 
-    def test_whose_policy_ends_the_program_is_named(
-        self, cli: Any, board: str, install: Any
-    ) -> None:
+    def test_whose_policy_ends_the_program_is_named(self, cli, board, install):
         """`SystemExit` of a policy is a failure of the solver as any exception is."""
         source = SOLVER + POLICY_THAT_EXITS
         install("solver", "faulty", "faulty_plugin:Faulty", source)
@@ -476,9 +436,7 @@ class TestADistributionWhoseEntryPointsCannotBeRead:
         [b"\xff\xfe\x00[[[\n=\n", b"[skillplan.solver]\nno value\n"],
         ids=["bytes", "syntax"],
     )
-    def test_it_stops_nothing_and_is_listed(
-        self, cli: Any, board: str, install: Any, content: bytes
-    ) -> None:
+    def test_it_stops_nothing_and_is_listed(self, cli, board, install, content):
         """As broken, with the reason."""
         folder = install("solver", "faulty", "faulty_plugin:Faulty", SOLVER + REST_OF_A_SOLVER)
         (folder / "faulty_plugin-1.5.dist-info" / "entry_points.txt").write_bytes(content)
@@ -490,7 +448,7 @@ class TestADistributionWhoseEntryPointsCannotBeRead:
         assert broken["problem"].startswith("its entry_points.txt cannot be read: ")
 
     @pytest.mark.slow(reason="loads numba and networkx; the command itself in every run")
-    def test_libraries_that_read_entry_points_work(self, install: Any) -> None:
+    def test_libraries_that_read_entry_points_work(self, install):
         """Which they do when they are imported."""
         folder = install("solver", "faulty", "faulty_plugin:Faulty", SOLVER + REST_OF_A_SOLVER)
         path = folder / "faulty_plugin-1.5.dist-info" / "entry_points.txt"

@@ -1,9 +1,6 @@
 """plugins and schema: what is installed, what is broken and why, and which options there are."""
 
-from __future__ import annotations
-
 import json
-from typing import Any
 
 import pytest
 
@@ -20,7 +17,7 @@ BUILT_IN = {
 }
 
 
-def test_built_ins_are_listed_with_version_and_summary(cli: Any) -> None:
+def test_built_ins_are_listed_with_version_and_summary(cli):
     """They register like anybody's plugins."""
     plugins = cli("plugins", "--format", "json").document["plugins"]
     ours = {(p["kind"], p["name"]): p for p in plugins if p["distribution"] == "skillplan"}
@@ -32,13 +29,13 @@ def test_built_ins_are_listed_with_version_and_summary(cli: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", registry.KINDS)
-def test_a_kind_lists_its_own_only(cli: Any, kind: str) -> None:
+def test_a_kind_lists_its_own_only(cli, kind):
     """`skillplan plugins KIND`."""
     plugins = cli("plugins", kind, "--format", "json").document["plugins"]
     assert {kind} == {plugin["kind"] for plugin in plugins}
 
 
-def test_options_are_listed_with_range_default_and_unit(cli: Any) -> None:
+def test_options_are_listed_with_range_default_and_unit(cli):
     """From the pydantic model alone."""
     out = cli("plugins", "collision", "aabb").out
     (row,) = [line for line in out.splitlines() if line.startswith("tolerance_m")]
@@ -50,21 +47,19 @@ def test_options_are_listed_with_range_default_and_unit(cli: Any) -> None:
     assert 0.01 == document["options"]["properties"]["tolerance_m"]["maximum"]
 
 
-def test_an_option_that_may_be_null_says_so_as_a_file_does(cli: Any) -> None:
+def test_an_option_that_may_be_null_says_so_as_a_file_does(cli):
     """Not as Python writes it; and with the bounds of its values."""
     rows = cli("plugins", "solver", "sarsa").out.splitlines()
     (row,) = [line for line in rows if line.startswith("epsilon_end ")]
     assert ["number", "null", ">="] == row.split()[1:4]
 
 
-def test_a_plugin_without_options_says_so(cli: Any) -> None:
+def test_a_plugin_without_options_says_so(cli):
     """Not an empty table without a word."""
     assert "exhaustive has no options\n" in cli("plugins", "solver", "exhaustive").out
 
 
-def test_a_plugin_just_installed_is_listed_and_run(
-    cli: Any, board: str, choosy_solver: str
-) -> None:
+def test_a_plugin_just_installed_is_listed_and_run(cli, board, choosy_solver):
     """With its distribution and version; no list of names is kept anywhere."""
     plugins = cli("plugins", "solver", "--format", "json").document["plugins"]
     (found,) = [plugin for plugin in plugins if plugin["name"] == choosy_solver]
@@ -89,9 +84,7 @@ def test_a_plugin_just_installed_is_listed_and_run(
         ),
     ],
 )
-def test_a_broken_plugin_is_shown_with_the_reason(
-    cli: Any, board: str, install: Any, value: str, source: str, reason: str
-) -> None:
+def test_a_broken_plugin_is_shown_with_the_reason(cli, board, install, value, source, reason):
     """In the list it takes nothing else down; asked for, it is an error in the same words."""
     install("solver", "sick", value, source)
     outcome = cli("plugins", "--format", "md")
@@ -106,9 +99,7 @@ def test_a_broken_plugin_is_shown_with_the_reason(
     assert "sick-" in asked.err
 
 
-def test_a_name_with_two_providers_is_an_error_that_names_both(
-    cli: Any, board: str, install: Any
-) -> None:
+def test_a_name_with_two_providers_is_an_error_that_names_both(cli, board, install):
     """Neither silently wins."""
     source = "from skillplan.solvers import ExactSolver as Exact\n"
     install("solver", "exact", "second_exact:Exact", source)
@@ -118,7 +109,7 @@ def test_a_name_with_two_providers_is_an_error_that_names_both(
     assert "second-exact 1.5" in outcome.err
 
 
-def test_what_looks_like_markup_is_not_swallowed(cli: Any, install: Any) -> None:
+def test_what_looks_like_markup_is_not_swallowed(cli, install):
     """Brackets in a summary stand in every format as they were written."""
     source = '''
         from skillplan import Solution, Solver
@@ -137,7 +128,7 @@ def test_what_looks_like_markup_is_not_swallowed(cli: Any, install: Any) -> None
         assert "Be [bold]loud[/bold], [/] and :smile:." in out
 
 
-def test_the_schema_is_a_json_document(cli: Any) -> None:
+def test_the_schema_is_a_json_document(cli):
     """Of the default kind, which is the named one."""
     outcome = cli("schema")
     assert (0, "") == (outcome.code, outcome.err)
@@ -151,6 +142,6 @@ def test_the_schema_is_a_json_document(cli: Any) -> None:
     assert json.loads(outcome.out) == schema
 
 
-def test_the_version_is_the_package_s(cli: Any) -> None:
+def test_the_version_is_the_package_s(cli):
     """On one line."""
     assert f"skillplan, version {__version__}\n" == cli("--version").out

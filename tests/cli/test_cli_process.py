@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -86,14 +85,14 @@ def on_a_terminal(words: list[str], columns: int, environment: dict[str, str]) -
 
 class TestAsAModule:
     @pytest.mark.slow(reason="a process; every run has the exit codes of that module")
-    def test_python_m_is_the_same_program(self, environment: dict[str, str], board: str) -> None:
+    def test_python_m_is_the_same_program(self, environment, board):
         """`python -m skillplan` solves, prints one document, and is silent on stderr."""
         command = [*SKILLPLAN, "search-optimal", board, "--format", "json"]
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         assert (0, "") == (done.returncode, done.stderr)
         assert "optimal" == json.loads(done.stdout)["status"]
 
-    def test_the_installed_script_is_the_same_program(self, environment: dict[str, str]) -> None:
+    def test_the_installed_script_is_the_same_program(self, environment):
         """The entry point of the distribution."""
         script = Path(sys.executable).parent / "skillplan"
         done = subprocess.run(
@@ -102,7 +101,7 @@ class TestAsAModule:
         assert (0, f"skillplan, version {__version__}\n") == (done.returncode, done.stdout)
 
     @pytest.mark.slow(reason="several processes; exit codes of all commands are in every run")
-    def test_exit_codes_reach_the_shell(self, environment: dict[str, str], board: str) -> None:
+    def test_exit_codes_reach_the_shell(self, environment, board):
         """1 and 2, as real statuses."""
         for code, words in ((1, ["explain", board, "1"]), (2, ["explain", board, "x"])):
             done = subprocess.run([*SKILLPLAN, *words], capture_output=True, env=environment)
@@ -111,9 +110,7 @@ class TestAsAModule:
 
 class TestInterruption:
     @pytest.fixture
-    def long_search(
-        self, environment: dict[str, str], motor: str
-    ) -> Iterator[tuple[subprocess.Popen[str], Terminal]]:
+    def long_search(self, environment, motor):
         """Brute force on the larger board, which would take for ever; stderr is a terminal."""
         words = ["search-optimal", motor, "--solver", "exhaustive", "--format", "json"]
         with terminal() as screen:
@@ -130,9 +127,7 @@ class TestInterruption:
                 process.kill()
                 process.communicate()
 
-    def test_ctrl_c_prints_the_best_so_far(
-        self, long_search: tuple[subprocess.Popen[str], Terminal]
-    ) -> None:
+    def test_ctrl_c_prints_the_best_so_far(self, long_search):
         """One whole document with the proved bound, and exit code 130."""
         process, screen = long_search
         screen.wait_for("nodes")
@@ -151,9 +146,7 @@ class TestInterruption:
     @pytest.mark.slow(
         reason="a process; every run waits for the progress before it interrupts a search"
     )
-    def test_progress_shows_on_the_terminal_and_goes_away(
-        self, long_search: tuple[subprocess.Popen[str], Terminal]
-    ) -> None:
+    def test_progress_shows_on_the_terminal_and_goes_away(self, long_search):
         """Solver, bound and nodes while it runs; the line is wiped in the end."""
         process, screen = long_search
         screen.wait_for("nodes")
@@ -167,9 +160,7 @@ class TestInterruption:
     @pytest.mark.slow(
         reason="searches for more than a second; every run shows the progress on a terminal"
     )
-    def test_progress_shows_the_speed_after_a_second(
-        self, long_search: tuple[subprocess.Popen[str], Terminal]
-    ) -> None:
+    def test_progress_shows_the_speed_after_a_second(self, long_search):
         """Nodes in a second, beside the time that has passed."""
         process, screen = long_search
         screen.wait_for(r"[\d,]+ nodes/s")
@@ -181,9 +172,7 @@ class TestInterruption:
     @pytest.mark.slow(
         reason="a process of two searches; a single search that is interrupted in every run"
     )
-    def test_an_interrupted_comparison_keeps_what_is_done(
-        self, environment: dict[str, str], motor: str, deaf_solver: str
-    ) -> None:
+    def test_an_interrupted_comparison_keeps_what_is_done(self, environment, motor, deaf_solver):
         """The solver that had ended and the one that was interrupted; the third never starts."""
         solvers = f"exact,exhaustive,{deaf_solver}"
         words = ["compare", motor, "--solvers", solvers, "--format", "json"]
@@ -209,9 +198,7 @@ class TestInterruption:
         ]
 
     @pytest.mark.slow(reason="waits for a process; one Ctrl-C is in every run")
-    def test_a_second_ctrl_c_ends_it(
-        self, environment: dict[str, str], board: str, deaf_solver: str
-    ) -> None:
+    def test_a_second_ctrl_c_ends_it(self, environment, board, deaf_solver):
         """A solver that heeds nothing is ended, without a traceback and without a result."""
         process = subprocess.Popen(
             [*SKILLPLAN, "search-optimal", board, "--solver", deaf_solver],
@@ -237,7 +224,7 @@ class TestInterruption:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number: int) -> None:
+def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number):
     """From the first line of ours on: with the code of an interruption and without a traceback."""
     words = [sys.executable, "-X", "importtime", "-m", "skillplan", "check", "none.yaml"]
     process = subprocess.Popen(
@@ -260,9 +247,7 @@ def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number: i
     assert "Traceback" not in said
 
 
-def test_an_exception_of_a_signal_that_a_library_wraps_is_an_interruption(
-    install: Any, board: str
-) -> None:
+def test_an_exception_of_a_signal_that_a_library_wraps_is_an_interruption(install, board):
     """As pydantic does while it builds what reads a file."""
     source = """
         import sys, time
@@ -294,9 +279,7 @@ class TestPipes:
             pytest.param("md", marks=pytest.mark.slow(reason="two formats in every run")),
         ],
     )
-    def test_a_reader_who_has_gone_is_no_fault(
-        self, environment: dict[str, str], board: str, style: str
-    ) -> None:
+    def test_a_reader_who_has_gone_is_no_fault(self, environment, board, style):
         """As with `| head -1`: nothing on stderr, and the exit code of the search."""
         gone, ours = os.pipe()
         os.close(gone)
@@ -312,14 +295,14 @@ class TestPipes:
         assert (0, b"") == (done.returncode, done.stderr)
 
     @pytest.mark.slow(reason="a process in a pipe; a reader who has gone in every run")
-    def test_head_gets_its_line(self, environment: dict[str, str], board: str) -> None:
+    def test_head_gets_its_line(self, environment, board):
         """In a real shell pipeline."""
         shell = f"'{sys.executable}' -m skillplan check '{board}' | head -1"
         done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, env=environment)
         assert (0, "inverter-board: valid\n", "") == (done.returncode, done.stdout, done.stderr)
 
     @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
-    def test_a_full_disk_is_told(self, environment: dict[str, str], board: str) -> None:
+    def test_a_full_disk_is_told(self, environment, board):
         """In words, with exit code 2."""
         with open("/dev/full", "w") as full:
             command = [*SKILLPLAN, "check", board]
@@ -338,9 +321,7 @@ class TestPipes:
             pytest.param("utf-8", marks=pytest.mark.slow(reason="ASCII in every run")),
         ],
     )
-    def test_any_encoding_of_stdout_will_do(
-        self, environment: dict[str, str], board: str, encoding: str
-    ) -> None:
+    def test_any_encoding_of_stdout_will_do(self, environment, board, encoding):
         """Old terminals get a table without box characters."""
         command = [*SKILLPLAN, "check", board]
         done = subprocess.run(
@@ -351,9 +332,7 @@ class TestPipes:
         assert {"─" if encoding == "utf-8" else "-"} == set(lines[2]) - {"+"}
 
     @pytest.mark.slow(reason="a process; every run has output that is redirected without colour")
-    def test_no_progress_where_stderr_is_no_terminal(
-        self, environment: dict[str, str], motor: str
-    ) -> None:
+    def test_no_progress_where_stderr_is_no_terminal(self, environment, motor):
         """A search of a second leaves nothing on a redirected stderr, even in colour."""
         words = ["search-optimal", motor, "--solver", "exhaustive", "--time-limit", "0.3"]
         done = subprocess.run(
@@ -364,9 +343,7 @@ class TestPipes:
     @pytest.mark.slow(
         reason="a process; redirected tables are not cut in every run, in this process"
     )
-    def test_redirected_output_is_plain_and_loses_nothing(
-        self, environment: dict[str, str], motor: str
-    ) -> None:
+    def test_redirected_output_is_plain_and_loses_nothing(self, environment, motor):
         """COLUMNS holds there too, FORCE_COLOR does not; the sequence wraps and stays whole."""
         command = [*SKILLPLAN, "compare", motor, "--solvers", "exact"]
         forced = {**environment, "COLUMNS": "40", "FORCE_COLOR": "1"}
@@ -380,7 +357,7 @@ class TestPipes:
 
 class TestTerminals:
     @pytest.mark.slow(reason="a process on a terminal; a comparison fits 80 columns in every run")
-    def test_a_plan_fits_80_columns(self, environment: dict[str, str], motor: str) -> None:
+    def test_a_plan_fits_80_columns(self, environment, motor):
         """A line for each step, none of them wrapped; the sequence wraps between its actions."""
         shown = on_a_terminal(["search-optimal", motor], 80, environment)
         lines = shown.splitlines()
@@ -391,7 +368,7 @@ class TestTerminals:
         assert 41 == len([line for line in lines if re.match(r" *\d+ +\d+ +[a-z]+\(\S+\) ", line)])
 
     @pytest.mark.slow(reason="a process of its own; tables fit in every run")
-    def test_a_comparison_fits_80_columns(self, environment: dict[str, str], board: str) -> None:
+    def test_a_comparison_fits_80_columns(self, environment, board):
         """No figure is cut; what is long stands below the table."""
         words = ["compare", board, "--solvers", "exact,exhaustive", "--set", "step_limit=15"]
         lines = on_a_terminal(words, 80, environment).splitlines()
@@ -403,9 +380,7 @@ class TestTerminals:
         assert all(len(line) <= 80 for line in lines)
 
     @pytest.mark.slow(reason="a process on a terminal; a comparison on a narrower one in every run")
-    def test_a_wide_terminal_has_all_in_one_table(
-        self, environment: dict[str, str], board: str
-    ) -> None:
+    def test_a_wide_terminal_has_all_in_one_table(self, environment, board):
         """Nothing is moved below where it fits."""
         words = ["compare", board, "--solvers", "exact"]
         lines = on_a_terminal(words, 160, environment).splitlines()
@@ -422,9 +397,7 @@ class TestTerminals:
             pytest.param(120, marks=pytest.mark.slow(reason="two other widths in every run")),
         ],
     )
-    def test_nothing_is_cut_in_any_width(
-        self, environment: dict[str, str], board: str, columns: int
-    ) -> None:
+    def test_nothing_is_cut_in_any_width(self, environment, board, columns):
         """Where there is little room columns stand in blocks, each with the step; figures stay."""
         words = ["evaluate", board, "--sequence", "0,1,2,3"]
         table, _, notes = on_a_terminal(words, columns, environment).partition("feasible")
@@ -435,9 +408,7 @@ class TestTerminals:
         assert "so far     0.40262 m, 13.6 s\n" in notes
 
     @pytest.mark.slow(reason="a process on a terminal; a comparison fits 80 columns in every run")
-    def test_an_explanation_is_readable_in_80_columns(
-        self, environment: dict[str, str], board: str
-    ) -> None:
+    def test_an_explanation_is_readable_in_80_columns(self, environment, board):
         """Facts are not broken in the middle of a name."""
         words = ["explain", board, "place(brace)", "--after", "0,1,10"]
         lines = on_a_terminal(words, 80, environment).splitlines()

@@ -1,9 +1,6 @@
 """evaluate, explain, chart, check: what is asked about a task, and what is answered."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,9 +20,7 @@ class TestEvaluate:
             ("0,1,6,7,2,3,8,9,4,5,10,11,13,14,15", "1.93911", "3.86 %"),
         ],
     )
-    def test_the_sequences_of_table_3(
-        self, cli: Any, board: str, sequence: str, cost: str, deviation: str
-    ) -> None:
+    def test_the_sequences_of_table_3(self, cli, board, sequence, cost, deviation):
         """Feasible, complete, at this cost and this far from the proved optimum."""
         outcome = cli("evaluate", board, "--sequence", sequence)
         assert 0 == outcome.code
@@ -33,7 +28,7 @@ class TestEvaluate:
         assert f"cost       {cost} m, " in outcome.out
         assert f"deviation  {deviation} of the proved optimum 1.86709 m\n" in outcome.out
 
-    def test_names_do_as_well_as_numbers(self, cli: Any, board: str) -> None:
+    def test_names_do_as_well_as_numbers(self, cli, board):
         """Mixed, with blanks: the same evaluation."""
         named = cli(
             "evaluate", board, "--sequence", "pick(pcb), 1 ,pick(switch_1)", "--format=json"
@@ -42,7 +37,7 @@ class TestEvaluate:
         assert numbered.document == named.document
         assert [0, 1, 2] == named.document["actions"]
 
-    def test_an_infeasible_step_is_named_with_its_facts(self, cli: Any, board: str) -> None:
+    def test_an_infeasible_step_is_named_with_its_facts(self, cli, board):
         """Which condition fails where; the steps before it stand in the document."""
         outcome = cli("evaluate", board, "--sequence", "0,1,10,11", "--format", "json")
         document = outcome.document
@@ -61,7 +56,7 @@ class TestEvaluate:
         assert "violation  at step 4 (place(brace)): precedence: " in out
         assert "           rests on placed(pcb), not placed(transformer)\n" in out
 
-    def test_an_incomplete_sequence_names_what_is_missing(self, cli: Any, board: str) -> None:
+    def test_an_incomplete_sequence_names_what_is_missing(self, cli, board):
         """Feasible so far, and these facts of the goal do not hold."""
         outcome = cli("evaluate", board, "--sequence", OPTIMUM[:-3], "--format", "json")
         document = outcome.document
@@ -74,7 +69,7 @@ class TestEvaluate:
         assert "at the end: goal: the goal is not reached: fastened(screw_2)\n" in out
         assert 1 == out.count("fastened(screw_2)")
 
-    def test_a_sequence_beyond_the_limit_is_not_feasible(self, cli: Any, board: str) -> None:
+    def test_a_sequence_beyond_the_limit_is_not_feasible(self, cli, board):
         """The step that the limit forbids is the violation, however it would have gone."""
         sequence = ",".join(["13,12"] * 10 + ["13"])
         document = cli("evaluate", board, "--sequence", sequence, "--format", "json").document
@@ -83,20 +78,20 @@ class TestEvaluate:
         assert (20, "step-limit") == (violation["step"], violation["stage"])
         assert "the sequence has 21 skills, the limit is 20" == violation["reason"]
 
-    def test_a_goal_reached_early_may_be_left_again(self, cli: Any, board: str) -> None:
+    def test_a_goal_reached_early_may_be_left_again(self, cli, board):
         """What follows is executed like any other; the cost counts it."""
         longer = cli("evaluate", board, "--sequence", f"{OPTIMUM},12", "--format", "json")
         assert 0 == longer.code
         assert longer.document["deviation"] > 0
 
-    def test_the_reward_is_the_sum_of_table_2(self, cli: Any, board: str) -> None:
+    def test_the_reward_is_the_sum_of_table_2(self, cli, board):
         """Complete: +10 and -0.1 per metre of all steps but the last."""
         document = cli("evaluate", board, "--sequence", OPTIMUM, "--format", "json").document
         last = document["steps"][-1]["cost"]
         assert 10 - 0.1 * (document["cost"] - last) == pytest.approx(document["reward"])
 
     @pytest.mark.slow(reason="solves twelve parts; every run has an optimum that is not proved")
-    def test_an_optimum_not_proved_in_time_is_unknown(self, cli: Any, motor: str) -> None:
+    def test_an_optimum_not_proved_in_time_is_unknown(self, cli, motor):
         """The evaluation stands; only the deviation is left out."""
         best = cli("search-optimal", motor, "--format", "json").document["actions"]
         sequence = ",".join(str(action) for action in best)
@@ -106,7 +101,7 @@ class TestEvaluate:
         assert "deviation  unknown: the optimum was not proved in time\n" in outcome.out
         assert cli("evaluate", motor, *words, "--format", "json").document["deviation"] is None
 
-    def test_under_chance_a_sequence_has_no_deviation(self, cli: Any, board: str) -> None:
+    def test_under_chance_a_sequence_has_no_deviation(self, cli, board):
         """An optimum is of policies there, and no time would change that."""
         grasps = str(Path(board).with_name("inverter_grasps.yaml"))
         outcome = cli("evaluate", grasps, "--sequence", OPTIMUM)
@@ -115,7 +110,7 @@ class TestEvaluate:
 
 
 class TestExplain:
-    def test_a_failing_precondition(self, cli: Any, board: str) -> None:
+    def test_a_failing_precondition(self, cli, board):
         """The first stage: what it needs does not hold."""
         outcome = cli("explain", board, "place(pcb)", "--format", "json")
         document = outcome.document
@@ -125,7 +120,7 @@ class TestExplain:
         assert ["held(pcb)"] == stage["absent"]
         assert [] == stage["present"]
 
-    def test_an_engine_that_says_no(self, cli: Any, board: str, install: Any) -> None:
+    def test_an_engine_that_says_no(self, cli, board, install):
         """The second stage: the reason, the facts and the figures of the engine asked for."""
         source = '''
             from skillplan import Engine, Verdict
@@ -152,7 +147,7 @@ class TestExplain:
         measured = [line.split() for line in lines[lines.index("lame: infeasible") + 1 :]]
         assert ["force_n", "12.35"] in measured[:3]
 
-    def test_the_chart(self, cli: Any, board: str) -> None:
+    def test_the_chart(self, cli, board):
         """A collision stage: the chart and its line."""
         words = ("explain", board, "place(brace)", "--after", "0,1,10", "--format", "json")
         document = cli(*words).document
@@ -161,7 +156,7 @@ class TestExplain:
         assert {"before": "transformer", "after": "brace"} == stage["evidence"]
         assert ["placed(transformer)"] == stage["absent"]
 
-    def test_geometry(self, cli: Any, board: str) -> None:
+    def test_geometry(self, cli, board):
         """A collision stage: the bodies that meet, and when."""
         words = ("--after", "0,1,10,11,8", "--collision", "aabb", "--set", "chart=[]")
         document = cli("explain", board, "place(transformer)", *words, "--format", "json").document
@@ -170,7 +165,7 @@ class TestExplain:
         assert ("transformer", ["brace"]) == (evidence["moving"], evidence["bodies"])
         assert ["placed(brace)"] == document["stages"][-1]["present"]
 
-    def test_a_feasible_skill(self, cli: Any, board: str) -> None:
+    def test_a_feasible_skill(self, cli, board):
         """Every stage passed, each with the facts it rests on."""
         outcome = cli("explain", board, "place(pcb)", "--after", "0")
         assert 0 == outcome.code
@@ -178,11 +173,11 @@ class TestExplain:
         assert "precondition  held(pcb) and tool(gripper)\n" in outcome.out
         assert "state         held(pcb), at_start(switch_1), " in outcome.out
 
-    def test_a_number_does_as_well_as_a_name(self, cli: Any, board: str) -> None:
+    def test_a_number_does_as_well_as_a_name(self, cli, board):
         """Action 0 is pick(pcb)."""
         assert cli("explain", board, "0").out == cli("explain", board, "pick(pcb)").out
 
-    def test_a_state_that_cannot_be_reached_is_a_wrong_question(self, cli: Any, board: str) -> None:
+    def test_a_state_that_cannot_be_reached_is_a_wrong_question(self, cli, board):
         """`--after` that fails: where, at which stage, and why."""
         outcome = cli("explain", board, "0", "--after", "0,1,10,11,6")
         assert (2, "") == (outcome.code, outcome.out)
@@ -190,7 +185,7 @@ class TestExplain:
 
 
 class TestChart:
-    def test_geometry_finds_the_hand_made_chart_of_the_board(self, cli: Any, board: str) -> None:
+    def test_geometry_finds_the_hand_made_chart_of_the_board(self, cli, board):
         """Nothing missing, nothing extra; each relation with reason and evidence."""
         document = cli("chart", board, "--format", "json").document
         assert ([], []) == (document["missing"], document["extra"])
@@ -201,7 +196,7 @@ class TestChart:
         assert ["kinematic", geometric] == document["back_ends"]
         assert "The derived relation equals the hand-made chart.\n" in cli("chart", board).out
 
-    def test_what_the_chart_lacks_is_extra(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_what_the_chart_lacks_is_extra(self, cli, board, tmp_path):
         """Geometry knows more than this chart."""
         text = Path(board).read_text("utf-8")
         line = "  - {before: transformer, after: [brace]}\n"
@@ -214,9 +209,7 @@ class TestChart:
         extra = [(r["before"], r["after"]) for r in outcome.document["extra"]]
         assert ("transformer", "brace") in extra
 
-    def test_what_geometry_does_not_ask_for_is_missing(
-        self, cli: Any, board: str, tmp_path: Path
-    ) -> None:
+    def test_what_geometry_does_not_ask_for_is_missing(self, cli, board, tmp_path):
         """The chart demands more than collisions do."""
         text = Path(board).read_text("utf-8")
         line = "  - {before: transformer, after: [brace]}\n"
@@ -231,9 +224,7 @@ class TestChart:
         (row,) = [line for line in out.splitlines() if "MISSING" in line]
         assert ["switch_1", "clock", "MISSING"] == row.split()[:3]
 
-    def test_a_task_without_a_chart_has_one_derived(
-        self, cli: Any, board: str, tmp_path: Path
-    ) -> None:
+    def test_a_task_without_a_chart_has_one_derived(self, cli, board, tmp_path):
         """There is nothing to compare with, and the table says so."""
         text = Path(board).read_text("utf-8")
         head, _, rest = text.partition("chart:\n")
@@ -243,7 +234,7 @@ class TestChart:
         assert "has no hand-made chart to compare with." in out
         assert "MISSING" not in out
 
-    def test_the_larger_board_is_charted_too(self, cli: Any, motor: str) -> None:
+    def test_the_larger_board_is_charted_too(self, cli, motor):
         """Twelve parts and a stack: the bridge goes before the heat sink beneath it."""
         document = cli("chart", motor, "--format", "json").document
         derived = {(r["before"], r["after"]) for r in document["relations"]}
@@ -252,7 +243,7 @@ class TestChart:
 
 
 class TestCheck:
-    def test_a_valid_file_is_summed_up(self, cli: Any, board: str) -> None:
+    def test_a_valid_file_is_summed_up(self, cli, board):
         """Actions, facts, observed bits, limit and the back ends that will be asked."""
         outcome = cli("check", board)
         assert 0 == outcome.code
@@ -262,7 +253,7 @@ class TestCheck:
             3
         ].split()
 
-    def test_all_faults_are_told_at_once(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_all_faults_are_told_at_once(self, cli, board, tmp_path):
         """Each on its line with its position, none on stdout."""
         text = Path(board).read_text("utf-8")
         text = text.replace("reach_m: 0.855", "reach_m: far").replace("kg: 0.250", "kg: -1")

@@ -1,11 +1,8 @@
 """The command line on benches whose machine does not reach every support."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,7 +22,7 @@ FIRST = (
 
 
 @pytest.fixture
-def edge(tmp_path: Path) -> str:
+def edge(tmp_path):
     """A path to a corner of the bench that no position reaches."""
     path = tmp_path / "edge.yaml"
     path.write_text(OUT_OF_REACH)
@@ -33,13 +30,13 @@ def edge(tmp_path: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def polygonal(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def polygonal(solved, tmp_path_factory):
     """The paper's polygonal trajectory, solved as it is."""
     return Path(solved(tmp_path_factory.mktemp("reach") / "run", POLYGONAL))
 
 
 @pytest.fixture(scope="module")
-def former(solved: Any, corner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def former(solved, corner, tmp_path_factory):
     """A result of a file that says nothing about reach, as an earlier version wrote it."""
     folder = tmp_path_factory.mktemp("former") / "run"
     solved(folder, corner, "--set", "base.reachable=preferred")
@@ -55,8 +52,8 @@ def former(solved: Any, corner: str, tmp_path_factory: pytest.TempPathFactory) -
 class TestNoPlan:
     @pytest.mark.parametrize("solver", ["exact", "csp", "policy-iteration"])
     def test_the_first_support_out_of_reach_is_named_and_the_exit_code_is_1(
-        self, cli: Any, edge: str, solver: str
-    ) -> None:
+        self, cli, edge, solver
+    ):
         outcome = cli("search-optimal", edge, "--solver", solver, "--format", "json")
         assert 1 == outcome.code
         assert ("infeasible", f"goals: {FIRST}") == (
@@ -71,18 +68,18 @@ class TestNoPlan:
         )
         assert 0.001 < unreachable["pkm"]["excess_m"] < 0.003
 
-    def test_check_warns_of_it(self, cli: Any, edge: str) -> None:
+    def test_check_warns_of_it(self, cli, edge):
         outcome = cli("check", edge)
         assert 0 == outcome.code
         said = " ".join(outcome.out.split())
         assert f"edge.yaml:3:1: trajectory: no plan exists: {FIRST}." in said
 
-    def test_a_figure_says_why_nothing_is_drawn(self, cli: Any, edge: str, tmp_path: Path) -> None:
+    def test_a_figure_says_why_nothing_is_drawn(self, cli, edge, tmp_path):
         outcome = cli("plot", edge, "placement", "--out", str(tmp_path / "x.png"))
         assert 1 == outcome.code
         assert FIRST in outcome.err
 
-    def test_verify_tries_every_position_again(self, cli: Any, edge: str, tmp_path: Path) -> None:
+    def test_verify_tries_every_position_again(self, cli, edge, tmp_path):
         folder = tmp_path / "run"
         assert 1 == cli("search-optimal", edge, "--out", str(folder)).code
         outcome = cli("verify", str(folder), "--format", "json")
@@ -93,9 +90,7 @@ class TestNoPlan:
             claims["reach"]["detail"],
         )
 
-    def test_a_support_that_the_paper_s_rules_reach_is_planned_if_reach_is_ignored(
-        self, cli: Any, edge: str
-    ) -> None:
+    def test_a_support_that_the_paper_s_rules_reach_is_planned_if_reach_is_ignored(self, cli, edge):
         """Eqs 1-4 do not know the legs; the result counts what they do not reach."""
         words = ("--set", "base.reachable=ignored", "--set", "base.reach_m=[0.3, 0.5]")
         outcome = cli("search-optimal", edge, *words, "--format", "json")
@@ -109,16 +104,14 @@ class TestNoPlan:
 
 
 class TestVerify:
-    def test_the_paper_s_plan_is_valid_and_its_reach_not_checked(
-        self, cli: Any, polygonal: Path
-    ) -> None:
+    def test_the_paper_s_plan_is_valid_and_its_reach_not_checked(self, cli, polygonal):
         outcome = cli("verify", str(polygonal))
         assert 0 == outcome.code
         assert "not checked: reach" in " ".join(outcome.out.split())
 
     def test_a_plan_beyond_the_legs_is_refuted_where_reach_is_required(
-        self, cli: Any, polygonal: Path, tmp_path: Path
-    ) -> None:
+        self, cli, polygonal, tmp_path
+    ):
         """The paper's plan, passed off as one of the task that requires reach."""
         words = ("--set", "base.reachable=required", "--format", "json")
         wanted = cli("search-optimal", POLYGONAL, *words).document
@@ -137,9 +130,7 @@ class TestVerify:
     @pytest.mark.parametrize(
         ("key", "value"), [("reachable", "required"), ("supports_beyond_leg_limits", 0)]
     )
-    def test_a_count_or_rule_that_is_changed_is_noticed(
-        self, cli: Any, polygonal: Path, tmp_path: Path, key: str, value: Any
-    ) -> None:
+    def test_a_count_or_rule_that_is_changed_is_noticed(self, cli, polygonal, tmp_path, key, value):
         forged = Path(shutil.copytree(polygonal, tmp_path / "forged"))
         document = json.loads((forged / "result.json").read_text("utf-8"))
         document[key] = value
@@ -149,7 +140,7 @@ class TestVerify:
         assert "NOT VALID: record" in outcome.out
 
 
-def test_the_former_key_is_read_with_a_note(cli: Any, tmp_path: Path) -> None:
+def test_the_former_key_is_read_with_a_note(cli, tmp_path):
     text = (
         Path(POLYGONAL).read_text("utf-8").replace("reachable: ignored", "prefer_reachable: false")
     )
@@ -163,19 +154,15 @@ def test_the_former_key_is_read_with_a_note(cli: Any, tmp_path: Path) -> None:
 class TestResultsOfEarlierVersions:
     """Their default was `preferred`, which their hash stands for."""
 
-    def test_they_are_verified_with_the_default_of_their_time(self, cli: Any, former: Path) -> None:
+    def test_they_are_verified_with_the_default_of_their_time(self, cli, former):
         outcome = cli("verify", str(former))
         assert (0, "") == (outcome.code, outcome.err)
 
-    def test_they_are_reported_with_the_default_of_their_time(
-        self, cli: Any, former: Path, tmp_path: Path
-    ) -> None:
+    def test_they_are_reported_with_the_default_of_their_time(self, cli, former, tmp_path):
         outcome = cli("report", str(former), "--out", str(tmp_path / "page.html"))
         assert 0 == outcome.code, outcome.err
 
-    def test_a_file_that_changed_is_another_task(
-        self, cli: Any, corner: str, former: Path, tmp_path: Path
-    ) -> None:
+    def test_a_file_that_changed_is_another_task(self, cli, corner, former, tmp_path):
         changed = tmp_path / "corner.yaml"
         text = Path(corner).read_text("utf-8")
         changed.write_text(text.replace("max_gap_m: 0.25", "max_gap_m: 0.24"), "utf-8")

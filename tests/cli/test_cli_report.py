@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -12,14 +11,12 @@ from skillplan.views.report import Player
 
 
 @pytest.fixture
-def page(tmp_path: Path) -> Path:
+def page(tmp_path):
     """Where a page goes."""
     return tmp_path / "page.html"
 
 
-def test_a_board_is_reported(
-    cli: Any, board: str, page: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_board_is_reported(cli, board, page, monkeypatch):
     """Status, proof, plan, time line, pictures, precedence: all without a script."""
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
@@ -34,9 +31,7 @@ def test_a_board_is_reported(
     assert 150_000 > len(text.encode())
 
 
-def test_without_a_player_a_page_is_written_all_the_same(
-    cli: Any, board: str, page: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_player_a_page_is_written_all_the_same(cli, board, page, monkeypatch):
     """And stderr says how to get one."""
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
@@ -47,8 +42,8 @@ def test_without_a_player_a_page_is_written_all_the_same(
 
 @pytest.mark.parametrize("hidden", ["the engines", "none"])
 def test_what_no_engine_performs_is_played_along_its_planned_paths(
-    cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch, hidden: str
-) -> None:
+    cli, tmp_path, page, monkeypatch, hidden
+):
     """Without forces, and the page says so outside the player, too."""
     pytest.importorskip("skillplan_pinocchio")
     player = Player("document.title;", "", "")
@@ -84,9 +79,7 @@ def one_part(folder: Path) -> str:
     return str(path)
 
 
-def test_where_nothing_plans_paths_the_page_says_how_to_get_it(
-    cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_nothing_plans_paths_the_page_says_how_to_get_it(cli, tmp_path, page, monkeypatch):
     player = Player("document.title;", "", "")
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     for module in ("performing", "setup"):
@@ -96,7 +89,7 @@ def test_where_nothing_plans_paths_the_page_says_how_to_get_it(
     assert "pip install skillplan-pinocchio" in page.read_text("utf-8")
 
 
-def test_a_page_that_is_there_stays(cli: Any, board: str, page: Path) -> None:
+def test_a_page_that_is_there_stays(cli, board, page):
     """It is refused before anything is solved."""
     page.write_text("mine")
     outcome = cli("report", board, "--out", str(page))
@@ -113,9 +106,7 @@ def test_a_page_that_is_there_stays(cli: Any, board: str, page: Path) -> None:
         (("{board}", "--physics", "magic"), "magic"),
     ],
 )
-def test_what_can_be_no_page_is_told(
-    cli: Any, board: str, page: Path, words: tuple[str, ...], message: str
-) -> None:
+def test_what_can_be_no_page_is_told(cli, board, page, words, message):
     """Exit code 2, and no file."""
     named = [word.format(board=board) for word in words]
     outcome = cli("report", "--out", str(page), *named)
@@ -124,9 +115,7 @@ def test_what_can_be_no_page_is_told(
     assert not page.exists()
 
 
-def test_the_bench_is_played_by_its_times(
-    cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bench_is_played_by_its_times(cli, tmp_path, page, monkeypatch):
     """Two bases on one bench: kinematic, and the page says so."""
     path = tmp_path / "meet.yaml"
     robots = "robots: {left: {home: C1, goal: C3}, right: {home: C66, goal: C68}}"
@@ -144,9 +133,7 @@ def test_the_bench_is_played_by_its_times(
     assert playback["duration_s"] > 0
 
 
-def test_several_inputs_are_chapters(
-    cli: Any, board: str, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_inputs_are_chapters(cli, board, tmp_path, page, monkeypatch):
     """A comparison beside a plan; what the comparison holds is data."""
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
     rows = [{"solver": "<script>", "status": "optimal", "cost": 1.0, "stats": {"wall_s": 0.1}}]

@@ -7,7 +7,6 @@ import io
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,7 +16,7 @@ from skillplan.errors import OptionError
 EXACT = ("--solver", "exact")
 
 
-def test_a_time_limit_gives_plan_bound_and_gap(cli: Any, board: str, tmp_path: Path) -> None:
+def test_a_time_limit_gives_plan_bound_and_gap(cli, board, tmp_path):
     """The best so far, and how far it may be from the optimum; brute force would take for ever."""
     path = tmp_path / "patient_board.yaml"
     text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 60")
@@ -32,7 +31,7 @@ def test_a_time_limit_gives_plan_bound_and_gap(cli: Any, board: str, tmp_path: P
     assert 0.1 < document["stats"]["wall_s"] < 5
 
 
-def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli: Any, motor: str) -> None:
+def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli, motor):
     """`exact` then has proved something all the same."""
     words = ("--time-limit", "0.000001", "--format", "json")
     document = cli("search-optimal", motor, *words).document
@@ -51,7 +50,7 @@ def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli: Any, motor: str) 
         ),
     ],
 )
-def test_a_gap_is_good_enough(cli: Any, board: str, motor: str, solver: str, gap: str) -> None:
+def test_a_gap_is_good_enough(cli, board, motor, solver, gap):
     """The search ends early, with a gap no larger than asked for."""
     task = motor if solver == "exact" else board
     words = ("search-optimal", task, "--solver", solver, "--format", "json")
@@ -63,14 +62,14 @@ def test_a_gap_is_good_enough(cli: Any, board: str, motor: str, solver: str, gap
 
 
 @pytest.mark.slow(reason="searches twelve parts; another gap in every run")
-def test_a_small_gap_is_met_on_the_larger_board(cli: Any, motor: str) -> None:
+def test_a_small_gap_is_met_on_the_larger_board(cli, motor):
     """Within 10 % of the optimum, and proved to be."""
     document = cli("search-optimal", motor, "--gap", "0.1", "--format", "json").document
     assert document["gap"] <= 0.1
     assert document["cost"] <= 11.58291 / 0.9
 
 
-def test_the_same_seed_gives_the_same_result(cli: Any, board: str) -> None:
+def test_the_same_seed_gives_the_same_result(cli, board):
     """All but the seconds."""
     documents = []
     for _ in range(2):
@@ -81,7 +80,7 @@ def test_the_same_seed_gives_the_same_result(cli: Any, board: str) -> None:
 
 
 @pytest.mark.parametrize("words", [(), ("--no-cache",)])
-def test_the_cache_does_not_change_the_answer(cli: Any, board: str, words: tuple[str, ...]) -> None:
+def test_the_cache_does_not_change_the_answer(cli, board, words):
     """With and without verdicts on disk, first and second time."""
     actions = [
         cli("search-optimal", board, *words, "--format", "json").document["actions"]
@@ -91,7 +90,7 @@ def test_the_cache_does_not_change_the_answer(cli: Any, board: str, words: tuple
 
 
 class TestOut:
-    def test_the_folder_holds_what_was_printed(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_the_folder_holds_what_was_printed(self, cli, board, tmp_path):
         """result.json is the document, plan.csv its steps; nothing else is left there."""
         folder = tmp_path / "deep" / "run"
         outcome = cli("search-optimal", board, "--out", str(folder), "--format", "json")
@@ -102,18 +101,14 @@ class TestOut:
         assert outcome.document["skills"] == [row["skill"] for row in rows]
         assert outcome.document["actions"] == [int(row["action"]) for row in rows]
 
-    def test_an_unsolved_run_has_its_folder_too(
-        self, cli: Any, no_way: str, tmp_path: Path
-    ) -> None:
+    def test_an_unsolved_run_has_its_folder_too(self, cli, no_way, tmp_path):
         """plan.csv then has a heading and no rows."""
         folder = tmp_path / "run"
         assert 1 == cli("search-optimal", no_way, "--out", str(folder)).code
         assert 1 == len((folder / "plan.csv").read_text("utf-8").splitlines())
         assert "infeasible" == json.loads((folder / "result.json").read_text("utf-8"))["status"]
 
-    def test_an_earlier_result_is_never_overwritten(
-        self, cli: Any, board: str, tmp_path: Path
-    ) -> None:
+    def test_an_earlier_result_is_never_overwritten(self, cli, board, tmp_path):
         """A folder that holds anything is refused before the search begins."""
         (tmp_path / "mine.txt").write_text("keep me")
         outcome = cli("search-optimal", board, "--out", str(tmp_path))
@@ -121,7 +116,7 @@ class TestOut:
         assert "is not empty. Name a new folder." in outcome.err
         assert ["mine.txt"] == [path.name for path in tmp_path.iterdir()]
 
-    def test_a_file_is_no_folder(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_a_file_is_no_folder(self, cli, board, tmp_path):
         """A file in the way is a fault in words."""
         path = tmp_path / "file"
         path.write_text("")
@@ -129,14 +124,12 @@ class TestOut:
         assert 2 == outcome.code
         assert f"--out {path}: cannot be used: " in outcome.err
 
-    def test_a_wrong_task_leaves_no_folder(self, cli: Any, tmp_path: Path) -> None:
+    def test_a_wrong_task_leaves_no_folder(self, cli, tmp_path):
         """The folder is made only once the task is known to be right."""
         assert 2 == cli("search-optimal", "nowhere.yaml", "--out", str(tmp_path / "run")).code
         assert not (tmp_path / "run").exists()
 
-    def test_a_file_is_there_whole_or_not_at_all(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_file_is_there_whole_or_not_at_all(self, tmp_path, monkeypatch):
         """Where writing fails midway, neither the file nor its beginning is left."""
 
         def fail(handle: int) -> None:
@@ -149,34 +142,34 @@ class TestOut:
 
 
 class TestOptions:
-    def test_an_option_reaches_the_solver(self, cli: Any, board: str) -> None:
+    def test_an_option_reaches_the_solver(self, cli, board):
         """With one label the search ends at once, unproved."""
         words = (*EXACT, "-O", "max_labels=1", "--format", "json")
         document = cli("search-optimal", board, *words).document
         assert ("solved", 1) == (document["status"], document["stats"]["expanded"])
 
-    def test_several_options_reach_their_plugins(self, cli: Any, board: str) -> None:
+    def test_several_options_reach_their_plugins(self, cli, board):
         """By name: solver, detector of the file and detector of the command line."""
         words = (*EXACT, "-O", "exact.max_labels=1", "-O", "exact.dives=false")
         words += ("-O", "precedence.hold_back_picks=true", "--format", "json")
         document = cli("search-optimal", board, *words).document
         assert "unsolved" == document["status"]
 
-    def test_a_detector_s_option_changes_its_verdicts(self, cli: Any, board: str) -> None:
+    def test_a_detector_s_option_changes_its_verdicts(self, cli, board):
         """Held back, the second pick is infeasible before the board is placed."""
         words = ("explain", board, "pick(brace)", "--format", "json")
         assert 0 == cli(*words).code
         held = cli(*words, "-O", "precedence.hold_back_picks=true")
         assert (1, "precedence") == (held.code, held.document["stage"])
 
-    def test_the_last_of_two_values_holds(self, cli: Any, board: str) -> None:
+    def test_the_last_of_two_values_holds(self, cli, board):
         """As on any command line."""
         words = (*EXACT, "-O", "max_labels=1", "-O", "max_labels=100000", "--format", "json")
         assert "optimal" == cli("search-optimal", board, *words).document["status"]
 
 
 class TestDetectors:
-    def test_two_detectors_are_both_asked(self, cli: Any, board: str) -> None:
+    def test_two_detectors_are_both_asked(self, cli, board):
         """`--collision a,b`: the same optimum, and verdicts of both stages."""
         words = ("--collision", "aabb,precedence", "--format", "json")
         document = cli("search-optimal", board, *words).document
@@ -186,7 +179,7 @@ class TestDetectors:
         assert ["kinematic", "precedence", "precondition"] == sorted(set(stages) - {"aabb"})
         assert "aabb" in stages
 
-    def test_the_chart_can_be_left_out(self, cli: Any, board: str) -> None:
+    def test_the_chart_can_be_left_out(self, cli, board):
         """With `aabb` alone geometry finds the paper's optimum without the hand-made chart."""
         words = ("--collision", "aabb", "--set", "chart=[]")
         document = cli("search-optimal", board, *words, "--format", "json").document
@@ -196,7 +189,7 @@ class TestDetectors:
 
 class TestCompare:
     @pytest.mark.slow(reason="walks all sequences; brute force itself is in every run")
-    def test_both_solvers_prove_the_same_optimum(self, cli: Any, board: str) -> None:
+    def test_both_solvers_prove_the_same_optimum(self, cli, board):
         """Rows in the order asked for; each with a cold cache."""
         outcome = cli("compare", board, "--solvers", "exhaustive,exact", "--format", "json")
         rows = outcome.document["rows"]
@@ -206,12 +199,12 @@ class TestCompare:
         assert not outcome.document["warm"]
         assert rows[1]["stats"]["expanded"] * 50 <= rows[0]["stats"]["expanded"]
 
-    def test_a_name_given_twice_runs_once(self, cli: Any, board: str) -> None:
+    def test_a_name_given_twice_runs_once(self, cli, board):
         """Blanks about names do not matter either."""
         words = ("--solvers", "exact, exact,,exact", "--format", "json")
         assert ["exact"] == [r["solver"] for r in cli("compare", board, *words).document["rows"]]
 
-    def test_warmth_shows_in_the_title(self, cli: Any, board: str) -> None:
+    def test_warmth_shows_in_the_title(self, cli, board):
         """No comparison with a warm cache goes unmarked."""
         assert ", cold cache\n" in cli("compare", board, "--solvers", "exact").out
         assert ", warm cache\n" in cli("compare", board, "--solvers", "exact", "--warm").out
@@ -219,22 +212,20 @@ class TestCompare:
     @pytest.mark.slow(
         reason="a solver that uses up three seconds; one search that time ends in every run"
     )
-    def test_each_solver_has_its_own_time_limit(self, cli: Any, motor: str) -> None:
+    def test_each_solver_has_its_own_time_limit(self, cli, motor):
         """One that uses its time up takes none from the next."""
         words = ("--solvers", "exhaustive,exact", "--time-limit", "3")
         rows = cli("compare", motor, *words, "--format", "json").document["rows"]
         assert ["unsolved", "optimal"] == [row["status"] for row in rows]
 
-    def test_options_go_to_the_named_solver(self, cli: Any, board: str) -> None:
+    def test_options_go_to_the_named_solver(self, cli, board):
         """`-O exact.max_labels` leaves the other solver alone."""
         words = ("--solvers", "exact,exhaustive", "-O", "exact.max_labels=1", "--format", "json")
         rows = cli("compare", board, *words, "--set", "step_limit=15").document["rows"]
         assert ["solved", "optimal"] == [row["status"] for row in rows]
 
 
-def test_what_stdout_cannot_encode_is_written_in_escapes(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_what_stdout_cannot_encode_is_written_in_escapes(monkeypatch, tmp_path):
     """A part named in Greek does not end the program on an old terminal."""
     import sys
 

@@ -1,7 +1,5 @@
 """simulate, and the pictures of explain, with an engine that only pretends to move bodies."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json
@@ -9,8 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 
 import imageio_ffmpeg
 import pytest
@@ -97,16 +93,14 @@ PUPPET = '''
 
 
 @pytest.fixture
-def puppet(install: Any) -> str:
+def puppet(install):
     """An engine that pretends to move bodies."""
     install("physics", "puppet", "puppet_engine:Puppet", PUPPET)
     return "puppet"
 
 
 class TestSimulate:
-    def test_a_plan_that_reaches_the_goal_is_a_success(
-        self, cli: Any, board: str, puppet: str
-    ) -> None:
+    def test_a_plan_that_reaches_the_goal_is_a_success(self, cli, board, puppet):
         """A row for every skill, where all bodies ended, and the whole below."""
         words = ("simulate", board, "--sequence", OPTIMUM, "--physics", puppet)
         outcome = cli(*words)
@@ -124,9 +118,7 @@ class TestSimulate:
         assert {"pcb", "switch_1", "screw_2"} <= {one["body"] for one in document["arrivals"]}
 
     @pytest.mark.parametrize("named", ["", "result.json"], ids=["folder", "file"])
-    def test_a_result_is_as_good_as_its_sequence(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path, named: str
-    ) -> None:
+    def test_a_result_is_as_good_as_its_sequence(self, cli, board, puppet, tmp_path, named):
         """Its task, part and changes are the result's; the engine is the one named."""
         cli("search-optimal", board, "--set", "step_limit=40", "--out", str(tmp_path / "out"))
         outcome = cli("simulate", str(tmp_path / "out" / named), "--physics", puppet, *JSON)
@@ -134,7 +126,7 @@ class TestSimulate:
         assert (0, puppet) == (outcome.code, document["physics"])
         assert [int(action) for action in OPTIMUM.split(",")] == document["actions"]
 
-    def test_a_plan_is_given_once(self, cli: Any, board: str, puppet: str, tmp_path: Path) -> None:
+    def test_a_plan_is_given_once(self, cli, board, puppet, tmp_path):
         """Beside a task file, or in a result."""
         cli("search-optimal", board, "--out", str(tmp_path / "out"))
         engine = ("--physics", puppet)
@@ -143,7 +135,7 @@ class TestSimulate:
         outcome = cli("simulate", str(tmp_path / "out"), "--sequence", "0", *engine)
         assert (2, True) == (outcome.code, "a result holds its own plan" in outcome.err)
 
-    def test_a_skill_that_fails_ends_the_plan(self, cli: Any, board: str, puppet: str) -> None:
+    def test_a_skill_that_fails_ends_the_plan(self, cli, board, puppet):
         """Which one, why, and with what figures; exit code 1."""
         words = ("simulate", board, "--sequence", "0,1,2,3", "--physics", puppet)
         outcome = cli(*words, "-O", "puppet.fails_at=pick(switch_1)")
@@ -152,18 +144,14 @@ class TestSimulate:
         assert "feasible   no\n" in outcome.out
         assert "place(switch_1)" not in outcome.out
 
-    def test_a_plan_short_of_the_goal_is_no_success(
-        self, cli: Any, board: str, puppet: str
-    ) -> None:
+    def test_a_plan_short_of_the_goal_is_no_success(self, cli, board, puppet):
         """Every skill went well, and the goal is not reached: exit code 1."""
         outcome = cli("simulate", board, "--sequence", "0,1", "--physics", puppet)
         assert 1 == outcome.code
         assert "feasible   yes\ncomplete   no\n" in outcome.out
         assert "failure    at the end: the goal is not reached\n" in outcome.out
 
-    def test_a_plan_is_performed_as_far_as_its_preconditions_hold(
-        self, cli: Any, board: str, puppet: str
-    ) -> None:
+    def test_a_plan_is_performed_as_far_as_its_preconditions_hold(self, cli, board, puppet):
         """What cannot begin is named with what would have to hold."""
         words = ("simulate", board, "--sequence", "0,1,1", "--physics", puppet)
         outcome = cli(*words, "--format", "json")
@@ -175,9 +163,7 @@ class TestSimulate:
         assert 1 == nothing.code
         assert "effort     0.0 s simulated in 0 steps" in nothing.out
 
-    def test_the_trace_has_a_row_for_every_sample(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+    def test_the_trace_has_a_row_for_every_sample(self, cli, board, puppet, tmp_path):
         """Time, skill, hand, joints and bodies; what is nowhere has empty cells."""
         path = tmp_path / "trace.csv"
         words = ("simulate", board, "--sequence", "0,1", "--physics", puppet)
@@ -201,8 +187,8 @@ class TestSimulate:
         ],
     )
     def test_the_video_shows_simulated_time_at_the_speed_asked_for(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path, suffix: str
-    ) -> None:
+        self, cli, board, puppet, tmp_path, suffix
+    ):
         """Four simulated seconds at twice the speed last two; sizes are even in MP4."""
         path = tmp_path / f"plan{suffix}"
         words = ("simulate", board, "--sequence", "0,1", "--physics", puppet, "--video", str(path))
@@ -224,9 +210,7 @@ class TestSimulate:
         assert [path] == list(tmp_path.glob("plan*"))
         assert not list(tmp_path.glob(".*"))
 
-    def test_nothing_is_written_where_the_engine_fails(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+    def test_nothing_is_written_where_the_engine_fails(self, cli, board, puppet, tmp_path):
         """Exit code 3, the engine named; what was there stays."""
         path = tmp_path / "plan.gif"
         path.write_text("precious")
@@ -249,15 +233,8 @@ class TestSimulate:
         ],
     )
     def test_what_cannot_be_written_is_said_before_anything_moves(
-        self,
-        cli: Any,
-        board: str,
-        puppet: str,
-        words: tuple[str, ...],
-        message: str,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
+        self, cli, board, puppet, words, message, tmp_path, monkeypatch
+    ):
         """One message with what to write instead; exit code 2."""
         monkeypatch.chdir(tmp_path)
         asked = ("simulate", board, "--sequence", "0,1", "--physics", puppet, *words)
@@ -265,15 +242,13 @@ class TestSimulate:
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
 
-    def test_an_engine_without_bodies_cannot_simulate(self, cli: Any, board: str) -> None:
+    def test_an_engine_without_bodies_cannot_simulate(self, cli, board):
         """It is told which can."""
         outcome = cli("simulate", board, "--sequence", "0,1", "--physics", "kinematic")
         assert (2, "") == (outcome.code, outcome.out)
         assert "physics 'kinematic' performs no plans with bodies to move; " in outcome.err
 
-    def test_without_an_engine_it_is_said_how_to_come_by_one(
-        self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_an_engine_it_is_said_how_to_come_by_one(self, cli, board, monkeypatch):
         """Neither named, nor chosen by the file, nor installed."""
         installed = registry.names
         left_out = {"physics": ["kinematic"]}
@@ -286,9 +261,7 @@ class TestSimulate:
     @pytest.mark.slow(
         reason="executes skills until then; every run has Ctrl-C of train and of search"
     )
-    def test_ctrl_c_ends_it_after_the_skill_under_way(
-        self, board: str, puppet: str, tmp_path: Path, environment: dict[str, str]
-    ) -> None:
+    def test_ctrl_c_ends_it_after_the_skill_under_way(self, board, puppet, tmp_path, environment):
         """What was executed is told, the trace is whole, and the exit code is 130."""
         path = tmp_path / "trace.csv"
         words = ["simulate", board, "--sequence", OPTIMUM, "--physics", puppet, "--format=json"]
@@ -324,9 +297,7 @@ main(sys.argv[1:])
 
 
 class TestExplainWithPictures:
-    def test_a_picture_and_an_animation_are_drawn(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+    def test_a_picture_and_an_animation_are_drawn(self, cli, board, puppet, tmp_path):
         """As PNG and GIF; the table and the document say where they are."""
         png, gif = tmp_path / "moment.png", tmp_path / "whole.gif"
         words = ("explain", board, "pick(pcb)", "--physics", puppet, "--no-cache")
@@ -347,14 +318,12 @@ class TestExplainWithPictures:
         document = cli(*words, "--format", "json").document
         assert {"picture": str(png), "animate": str(gif)} == document["files"]
 
-    def test_evidence_of_several_things_reads_well(self, cli: Any, board: str, puppet: str) -> None:
+    def test_evidence_of_several_things_reads_well(self, cli, board, puppet):
         """What belongs to one thing stands on one line."""
         out = cli("explain", board, "pick(pcb)", "--physics", puppet, "--no-cache").out
         assert "\n  sensed    held pcb, jaw_width_m 0\n  moved_mm  brace 1.25\n" in out
 
-    def test_what_cannot_begin_is_not_drawn(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+    def test_what_cannot_begin_is_not_drawn(self, cli, board, puppet, tmp_path):
         """The precondition says why; no file is written."""
         path = tmp_path / "moment.png"
         words = ("explain", board, "place(pcb)", "--physics", puppet, "--picture", str(path))
@@ -364,8 +333,8 @@ class TestExplainWithPictures:
         assert not path.exists()
 
     def test_a_motion_that_cannot_be_shown_is_explained_all_the_same(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+        self, cli, board, puppet, tmp_path
+    ):
         """In the engine's words; no file is written."""
         png, gif = tmp_path / "moment.png", tmp_path / "whole.gif"
         words = ("explain", board, "pick(clock)", "--physics", puppet, "--no-cache")
@@ -384,23 +353,19 @@ class TestExplainWithPictures:
             (("--picture", "gone/m.png"), "--picture gone/m.png: there is no folder gone."),
         ],
     )
-    def test_a_file_that_cannot_be_is_refused(
-        self, cli: Any, board: str, puppet: str, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_file_that_cannot_be_is_refused(self, cli, board, puppet, words, message):
         """Before anything is asked; with what to write instead."""
         outcome = cli("explain", board, "pick(pcb)", "--physics", puppet, *words)
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
 
-    def test_an_engine_without_bodies_has_nothing_to_draw(self, cli: Any, board: str) -> None:
+    def test_an_engine_without_bodies_has_nothing_to_draw(self, cli, board):
         """It is said which engine has."""
         outcome = cli("explain", board, "pick(pcb)", "--picture", "moment.png")
         assert (2, "") == (outcome.code, outcome.out)
         assert "physics 'kinematic' performs no plans with bodies to draw; " in outcome.err
 
-    def test_an_engine_that_cannot_draw_is_named(
-        self, cli: Any, board: str, puppet: str, tmp_path: Path
-    ) -> None:
+    def test_an_engine_that_cannot_draw_is_named(self, cli, board, puppet, tmp_path):
         """An error of its own, even one of input and output, is no fault of the file's."""
         words = ("explain", board, "pick(pcb)", "--physics", puppet, "--no-cache")
         words += ("--picture", str(tmp_path / "m.png"), "-O", "puppet.bursts=true")
@@ -413,14 +378,7 @@ class TestReportOfAFailedSimulation:
     """The plan is proved, and an engine that performs it fails at step 6 of 15."""
 
     @pytest.fixture
-    def page(
-        self,
-        cli: Any,
-        board: str,
-        install: Any,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> str:
+    def page(self, cli, board, install, tmp_path, monkeypatch):
         """The text of the page, without markup; what stands between tags is a line."""
         broken = PUPPET.replace(
             'default="", description="skill that',
@@ -435,18 +393,18 @@ class TestReportOfAFailedSimulation:
         markup = (tmp_path / "page.html").read_text("utf-8").partition("<body")[2]
         return re.sub(r"(\s*<[^>]*>\s*)+", "\n", markup)
 
-    def test_the_headline_puts_the_failure_first(self, page: str) -> None:
+    def test_the_headline_puts_the_failure_first(self, page):
         begin = page.index("Proved by kinematic, precedence; the simulation by puppet fails at ")
         assert "step 6 of 15, place(switch_2): place(switch_2) jams." in page[begin : begin + 120]
         assert "A valid plan" not in page
         assert begin < page.index("Not checked: geometry")
 
-    def test_the_time_line_says_where_measured_times_end(self, page: str) -> None:
+    def test_the_time_line_says_where_measured_times_end(self, page):
         assert "Times as simulated up to step 6, which fails; later steps as planned" in page
         titles = set(re.findall(r"\n(\d+\. [^;\n]* s, as planned, not simulated)\n", page))
         assert 9 == len(titles)
 
-    def test_planned_times_fill_the_table_after_the_failure(self, page: str) -> None:
+    def test_planned_times_fill_the_table_after_the_failure(self, page):
         table = page.partition("15 skills in order")[2].partition("Cell and product")[0]
         assert 9 == table.count("not simulated")
         assert 1 == table.count("fails")
@@ -456,7 +414,7 @@ class TestReportOfAFailedSimulation:
         assert begins == sorted(begins)
         assert 12.0 == begins[6], "where the failed step ended"
 
-    def test_the_facts_list_proof_simulation_and_what_is_not_checked(self, page: str) -> None:
+    def test_the_facts_list_proof_simulation_and_what_is_not_checked(self, page):
         facts = page.rpartition("What was asked and found")[2].split("\n")
         after = dict(itertools.pairwise(filter(None, facts)))
         assert "kinematic, precedence" == after["Proved by"]

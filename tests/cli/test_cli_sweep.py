@@ -1,7 +1,5 @@
 """`skillplan sweep`: what it prints, what it keeps, and how it ends."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -10,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,7 +19,7 @@ PATIENCE_S = 60
 
 
 @pytest.fixture
-def fragile_solver(install: Any) -> str:
+def fragile_solver(install):
     """A solver that raises, or takes its process with it, where its option says so."""
     source = '''
         import os
@@ -59,7 +55,7 @@ QUICK = ("-O", "episodes=200,300", "--starts", "C20,C6", "--runs", "2")
 
 
 @pytest.fixture
-def in_this_process() -> Iterator[None]:
+def in_this_process():
     """No processes for the runs."""
     with studies_in_this_process():
         yield
@@ -68,7 +64,7 @@ def in_this_process() -> Iterator[None]:
 @pytest.mark.usefixtures("in_this_process")
 class TestOutput:
     @pytest.mark.slow(reason="a study; csv and the table in every run")
-    def test_json_is_one_document_with_all_runs(self, cli: Any) -> None:
+    def test_json_is_one_document_with_all_runs(self, cli):
         outcome = cli("sweep", CASES, *QUICK, "--format", "json")
         assert (0, "") == (outcome.code, outcome.err)
         document = outcome.document
@@ -78,7 +74,7 @@ class TestOutput:
         assert [200, 300] == [one["options"]["episodes"] for one in document["settings"]]
         assert ["C20", "C6"] == [one["start"] for one in document["settings"][0]["starts"]]
 
-    def test_csv_has_a_row_for_every_setting_and_start(self, cli: Any) -> None:
+    def test_csv_has_a_row_for_every_setting_and_start(self, cli):
         rows = list(csv.DictReader(io.StringIO(cli("sweep", CASES, *QUICK, "--format", "csv").out)))
         assert [("200", "C20"), ("200", "C6"), ("300", "C20"), ("300", "C6")] == [
             (row["episodes"], row["start"]) for row in rows
@@ -89,18 +85,18 @@ class TestOutput:
         "style",
         ["table", pytest.param("md", marks=pytest.mark.slow(reason="another format in every run"))],
     )
-    def test_the_table_has_a_row_for_every_setting(self, cli: Any, style: str) -> None:
+    def test_the_table_has_a_row_for_every_setting(self, cli, style):
         out = cli("sweep", CASES, *QUICK, "--format", style).out
         assert "five-cases: sarsa, 2 settings of 2 runs, one-at-a-time" in out
         assert "C20 4, C6 3 steps, proved by exact search" in out
 
     @pytest.mark.slow(reason="draws a study; every run has the columns of that figure")
-    def test_a_figure_is_drawn(self, cli: Any, tmp_path: Path) -> None:
+    def test_a_figure_is_drawn(self, cli, tmp_path):
         picture = tmp_path / "study.png"
         assert 0 == cli("sweep", CASES, *QUICK, "--plot", str(picture)).code
         assert picture.read_bytes().startswith(b"\x89PNG")
 
-    def test_a_step_limit_can_be_set(self, cli: Any) -> None:
+    def test_a_step_limit_can_be_set(self, cli):
         """From a start that takes longer, the solver has failed."""
         words = ("--starts", "C20,C78", "--set", "step_limit=5", "--runs", "1")
         document = cli("sweep", CASES, *words, "--format", "json").document
@@ -109,7 +105,7 @@ class TestOutput:
 
 class TestFolder:
     @pytest.mark.usefixtures("in_this_process")
-    def test_what_is_kept_can_be_gone_on_with(self, cli: Any, tmp_path: Path) -> None:
+    def test_what_is_kept_can_be_gone_on_with(self, cli, tmp_path):
         folder = tmp_path / "study"
         first = cli("sweep", CASES, *QUICK, "--out", str(folder), "--format", "json")
         assert {"manifest.json", "runs.jsonl", "sweep.json", "starts.csv"} == {
@@ -143,9 +139,7 @@ class TestFolder:
         ],
     )
     @pytest.mark.usefixtures("in_this_process")
-    def test_another_study_is_refused_in_words(
-        self, cli: Any, tmp_path: Path, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_another_study_is_refused_in_words(self, cli, tmp_path, words, message):
         folder = ("--out", str(tmp_path / "study"))
         cli("sweep", CASES, *QUICK, *folder)
         outcome = cli("sweep", CASES, *QUICK, *words, *folder, "--resume")
@@ -171,9 +165,7 @@ class TestFaults:
             (("--solver", "sarsaa"), "Did you mean 'sarsa'?"),
         ],
     )
-    def test_a_wrong_word_is_one_clear_error(
-        self, cli: Any, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_wrong_word_is_one_clear_error(self, cli, words, message):
         outcome = cli("sweep", CASES, *words)
         assert 2 == outcome.code
         assert message in outcome.err
@@ -183,9 +175,7 @@ class TestFaults:
     @pytest.mark.parametrize(
         "jobs", ["1", pytest.param("2", marks=pytest.mark.slow(reason="one process in every run"))]
     )
-    def test_a_run_that_fails_is_named_and_the_others_go_on(
-        self, cli: Any, fragile_solver: str, jobs: str
-    ) -> None:
+    def test_a_run_that_fails_is_named_and_the_others_go_on(self, cli, fragile_solver, jobs):
         words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--jobs", jobs, "--format", "json")
         assert 0 == outcome.code
@@ -199,14 +189,14 @@ class TestFaults:
         assert "how = die, seed 0: its process ended by signal 9" in shown
 
     @pytest.mark.usefixtures("in_this_process")
-    def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli: Any) -> None:
+    def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli):
         words = ("--set", "step_limit=1", "-O", "episodes=10", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--format", "json")
         assert 1 == outcome.code
         assert [0] == [one["arrived"] for one in outcome.document["settings"]]
 
     @pytest.mark.slow(reason="waits for processes; a training that is interrupted in every run")
-    def test_ctrl_c_prints_what_is_done(self, environment: dict[str, str], tmp_path: Path) -> None:
+    def test_ctrl_c_prints_what_is_done(self, environment, tmp_path):
         """To the whole group, as a terminal sends it: one document, no noise, exit code 130."""
         values = ["-O", "episodes=100,100000000", "--runs", "3", "--jobs", "2"]
         command = [sys.executable, "-m", "skillplan", "sweep", CASES, *values]
@@ -246,9 +236,7 @@ class TestFaults:
         (("--sampler", "optuna", "--out", "x", "--trials", "0"), "--trials"),
     ],
 )
-def test_a_sampler_asked_for_wrongly_is_one_message(
-    cli: Any, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sampler_asked_for_wrongly_is_one_message(cli, words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     outcome = cli("sweep", CASES, "--solver", "sarsa", "-O", "gamma=0.8:0.9", *words)
     assert outcome.code == 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,14 +19,14 @@ GRASPS = str(CONFIGS / "inverter_grasps.yaml")
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def kept(tmp_path_factory):
     """Three runs on a copy of the board, of which two complete it, for all tests."""
     folder, sequences = tmp_path_factory.mktemp("kept"), [OPTIMAL, SWITCHED, HOPELESS]
     return write_runs(folder / "runs", BOARD, sequences, steps=1_000, copy=True)
 
 
 @pytest.fixture
-def runs(kept: Path, tmp_path: Path) -> Path:
+def runs(kept, tmp_path):
     """The same, to be changed freely."""
     folder = Path(shutil.copytree(kept.parent, tmp_path, dirs_exist_ok=True)) / "runs"
     learned = str(tmp_path / "learned.yaml")
@@ -37,7 +36,7 @@ def runs(kept: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def learner(tmp_path, monkeypatch):
     """The name of a learner that is quick and exact."""
     with learner_installed(tmp_path / "site", monkeypatch) as name:
         yield name
@@ -50,7 +49,7 @@ def texts(path: Path) -> set[str]:
 
 
 class TestEvaluate:
-    def test_the_document_says_what_every_run_comes_to(self, cli: Any, runs: Path) -> None:
+    def test_the_document_says_what_every_run_comes_to(self, cli, runs):
         outcome = cli("evaluate", str(runs), "--temperature", "0.01", "--format", "json")
         document = outcome.document
         assert (0, "") == (outcome.code, outcome.err)
@@ -71,14 +70,14 @@ class TestEvaluate:
         assert pytest.approx(1.86709, abs=5e-6) == document["optimum"]
 
     @pytest.mark.parametrize("style", ["table", "csv", "md"])
-    def test_the_table_has_the_papers_column(self, cli: Any, runs: Path, style: str) -> None:
+    def test_the_table_has_the_papers_column(self, cli, runs, style):
         out = cli("evaluate", str(runs), "--format", style).out
         assert OPTIMAL in out
         assert "paper dev." in out
         assert "N/A" in out
 
     @pytest.mark.slow(reason="four evaluations; the roll-out itself in every run")
-    def test_it_is_the_same_every_time_and_the_seed_decides(self, cli: Any, runs: Path) -> None:
+    def test_it_is_the_same_every_time_and_the_seed_decides(self, cli, runs):
         def told(*words: str) -> Any:
             out = cli("evaluate", str(runs), "--temperature", "0.4", *words, "--format", "json")
             return [run["success_rate"] for run in out.document["runs"]]
@@ -86,13 +85,13 @@ class TestEvaluate:
         assert told() == told()
         assert told() != told("--seed", "1")
 
-    def test_no_run_that_completes_is_no_plan(self, cli: Any, tmp_path: Path) -> None:
+    def test_no_run_that_completes_is_no_plan(self, cli, tmp_path):
         path = write_runs(tmp_path / "hopeless", BOARD, [HOPELESS])
         outcome = cli("evaluate", str(path))
         assert 1 == outcome.code
         assert "0 of 1 complete" in outcome.out
 
-    def test_a_changed_task_is_refused_unless_told_otherwise(self, cli: Any, runs: Path) -> None:
+    def test_a_changed_task_is_refused_unless_told_otherwise(self, cli, runs):
         learned = runs.parent / "learned.yaml"
         learned.write_text(learned.read_text().replace("mass_kg: 0.120", "mass_kg: 0.125"))
         refused = cli("evaluate", str(runs))
@@ -101,7 +100,7 @@ class TestEvaluate:
         assert 0 == cli("evaluate", str(runs), "--changed-task").code
         assert 0 == cli("evaluate", str(runs), "--task", str(runs / "task.yaml")).code
 
-    def test_where_the_task_file_is_gone_the_copy_serves(self, cli: Any, runs: Path) -> None:
+    def test_where_the_task_file_is_gone_the_copy_serves(self, cli, runs):
         (runs.parent / "learned.yaml").unlink()
         outcome = cli("evaluate", str(runs), "--format", "json")
         assert 0 == outcome.code
@@ -110,7 +109,7 @@ class TestEvaluate:
         ]
 
     @pytest.mark.slow(reason="two evaluations; a changed task in every run")
-    def test_back_ends_are_those_of_the_training_unless_named(self, cli: Any, runs: Path) -> None:
+    def test_back_ends_are_those_of_the_training_unless_named(self, cli, runs):
         words = ("evaluate", str(runs), "--format", "json")
         assert "precedence" == cli(*words).document["collision"]
         named = cli(*words, "--collision", "aabb").document
@@ -129,16 +128,14 @@ class TestEvaluate:
             (lambda path: (path / "task.json").unlink(), "task.json: cannot be read"),
         ],
     )
-    def test_a_folder_that_is_no_sound_one_is_one_message(
-        self, cli: Any, runs: Path, break_it: Any, told: str
-    ) -> None:
+    def test_a_folder_that_is_no_sound_one_is_one_message(self, cli, runs, break_it, told):
         break_it(runs)
         for command in ("evaluate", "plot"):
             outcome = cli(command, str(runs))
             assert (2, "", 1) == (outcome.code, outcome.out, len(outcome.err.splitlines()))
             assert told in outcome.err
 
-    def test_a_broken_run_is_named_and_the_others_are_shown(self, cli: Any, runs: Path) -> None:
+    def test_a_broken_run_is_named_and_the_others_are_shown(self, cli, runs):
         (runs / "runs" / "01" / "policy.json").write_text("")
         outcome = cli("evaluate", str(runs), "--format", "csv")
         assert 0 == outcome.code
@@ -150,9 +147,7 @@ class TestEvaluate:
         "words",
         [("--sequence", "0"), ("--policy", "x"), ("--from", "C1"), ("--part", "p")],
     )
-    def test_what_a_task_takes_a_folder_does_not(
-        self, cli: Any, runs: Path, words: tuple[str, ...]
-    ) -> None:
+    def test_what_a_task_takes_a_folder_does_not(self, cli, runs, words):
         outcome = cli("evaluate", str(runs), *words)
         assert 2 == outcome.code
         assert f"{words[0]} is for a task file" in outcome.err
@@ -168,14 +163,14 @@ class TestEvaluate:
             ("--task", "x"),
         ],
     )
-    def test_what_a_folder_takes_a_task_does_not(self, cli: Any, words: tuple[str, ...]) -> None:
+    def test_what_a_folder_takes_a_task_does_not(self, cli, words):
         outcome = cli("evaluate", BOARD, "--sequence", "0", *words)
         assert 2 == outcome.code
         assert f"{words[0]} is for a " in outcome.err
         assert "folder of runs, not for a task file." in outcome.err
 
     @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "warm"])
-    def test_a_temperature_is_above_0(self, cli: Any, runs: Path, value: str) -> None:
+    def test_a_temperature_is_above_0(self, cli, runs, value):
         outcome = cli("evaluate", str(runs), "--temperature", value)
         assert 2 == outcome.code
         assert "--temperature" in outcome.err
@@ -183,9 +178,7 @@ class TestEvaluate:
 
 class TestAfterTraining:
     @pytest.mark.slow(reason="evaluates twice; the evaluation of runs is in every run")
-    def test_evaluate_finds_what_train_has_said(
-        self, cli: Any, tmp_path: Path, learner: str
-    ) -> None:
+    def test_evaluate_finds_what_train_has_said(self, cli, tmp_path, learner):
         """The same sequences at the same cost, from the files alone."""
         runs = str(tmp_path / "runs")
         words = ("--solver", learner, "--runs", "2", "--steps", "2400", "--out", runs)
@@ -207,9 +200,7 @@ class TestAfterTraining:
     @pytest.mark.slow(
         reason="trains on three layouts; runs of one board are tried on others in every run"
     )
-    def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(
-        self, cli: Any, tmp_path: Path, learner: str
-    ) -> None:
+    def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(self, cli, tmp_path, learner):
         """Numbered after those that were learned on; with the time of proof and answer."""
         runs = str(tmp_path / "runs")
         words = ("--solver", learner, "--runs", "2", "--steps", "1000", "--family", "3")
@@ -230,15 +221,15 @@ class TestAfterTraining:
 
 class TestLayouts:
     def test_those_of_a_file_without_a_family_are_refused_before_anything_is_done(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+        self, cli, tmp_path
+    ):
         path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")
         outcome = cli("evaluate", str(path), "--layouts", "3")
         assert (2, "") == (outcome.code, outcome.out)
         assert "describes no family" in outcome.err
 
     @pytest.mark.slow(reason="draws a family; one layout in every run")
-    def test_runs_of_one_board_may_be_tried_on_its_family(self, cli: Any, runs: Path) -> None:
+    def test_runs_of_one_board_may_be_tried_on_its_family(self, cli, runs):
         """The same sequence on other layouts: complete, and seldom optimal."""
         found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]
         assert (0, 9) == (found["learned_on"], found["answers"])
@@ -246,7 +237,7 @@ class TestLayouts:
             assert 2 == row["completed"]
             assert row["deviations"][0] >= 0
 
-    def test_a_run_of_one_board_is_tried_on_none_unless_asked(self, cli: Any, runs: Path) -> None:
+    def test_a_run_of_one_board_is_tried_on_none_unless_asked(self, cli, runs):
         assert cli("evaluate", str(runs), "--format", "json").document["layouts"] is None
 
 
@@ -254,7 +245,7 @@ class TestChance:
     @pytest.mark.slow(
         reason="draws and solves a task of chance; every run holds others to the optimum"
     )
-    def test_policies_are_held_to_the_least_expected_cost(self, cli: Any, tmp_path: Path) -> None:
+    def test_policies_are_held_to_the_least_expected_cost(self, cli, tmp_path):
         """A lucky episode costs less, and is no deviation."""
         path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")
         document = cli("evaluate", str(path), "--format", "json").document
@@ -269,7 +260,7 @@ class TestChance:
 
 class TestPlot:
     @pytest.mark.slow(reason="draws two figures; both are drawn by tests of views in every run")
-    def test_both_figures_are_drawn_into_the_folder(self, cli: Any, runs: Path) -> None:
+    def test_both_figures_are_drawn_into_the_folder(self, cli, runs):
         outcome = cli("plot", str(runs))
         names = ["success.png", "success.svg", "distances.png", "distances.svg"]
         assert (0, [str(runs / name) for name in names], "") == (
@@ -281,7 +272,7 @@ class TestPlot:
         assert {"proved optimum 1.86709 m", "run 2, seed 9: none"} <= texts(runs / "distances.svg")
         assert (runs / "success.png").read_bytes().startswith(b"\x89PNG")
 
-    def test_one_figure_is_drawn_where_it_is_wanted(self, cli: Any, runs: Path) -> None:
+    def test_one_figure_is_drawn_where_it_is_wanted(self, cli, runs):
         target = runs.parent / "f.svg"
         words = ("plot", str(runs), "success", "--against", "episodes", "--out", str(target))
         outcome = cli(*words)
@@ -290,7 +281,7 @@ class TestPlot:
         assert not (runs / "success.png").exists()
 
     @pytest.mark.slow(reason="draws two figures; every run draws both with the proved optimum")
-    def test_what_is_known_of_the_optimum_is_not_proved_again(self, cli: Any, runs: Path) -> None:
+    def test_what_is_known_of_the_optimum_is_not_proved_again(self, cli, runs):
         """It stands in result.json."""
         result = {"schema": "skillplan.training/1", "optimum": 1.5}
         (runs / "result.json").write_text(json.dumps(result))
@@ -299,18 +290,14 @@ class TestPlot:
         assert not any("Moller" in text for text in texts(runs / "success.svg"))
 
     @pytest.mark.slow(reason="draws a figure; both are drawn in every run")
-    def test_without_a_completed_sequence_the_other_figure_is_drawn(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_without_a_completed_sequence_the_other_figure_is_drawn(self, cli, tmp_path):
         path = write_runs(tmp_path / "hopeless", BOARD, [HOPELESS])
         outcome = cli("plot", str(path))
         assert (0, 2) == (outcome.code, len(outcome.out.splitlines()))
         assert "no run has completed the task" in outcome.err
         assert 2 == cli("plot", str(path), "distances").code
 
-    def test_before_the_first_episode_there_is_nothing_to_draw(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_before_the_first_episode_there_is_nothing_to_draw(self, cli, tmp_path):
         path = write_runs(tmp_path / "new", BOARD, [None], done=0)
         outcome = cli("plot", str(path))
         assert (2, "") == (outcome.code, outcome.out)
@@ -326,9 +313,7 @@ class TestPlot:
             (("sucess",), "Did you mean 'success'?"),
         ],
     )
-    def test_what_does_not_fit_a_folder_is_refused(
-        self, cli: Any, runs: Path, words: tuple[str, ...], told: str
-    ) -> None:
+    def test_what_does_not_fit_a_folder_is_refused(self, cli, runs, words, told):
         outcome = cli("plot", str(runs), *words)
         assert (2, "") == (outcome.code, outcome.out)
         assert told in outcome.err
@@ -341,9 +326,7 @@ class TestPlot:
             (("rewards", "--against", "steps"), "--against is for a folder of runs"),
         ],
     )
-    def test_what_does_not_fit_a_task_is_refused(
-        self, cli: Any, words: tuple[str, ...], told: str
-    ) -> None:
+    def test_what_does_not_fit_a_task_is_refused(self, cli, words, told):
         outcome = cli("plot", BOARD, *words)
         assert (2, "") == (outcome.code, outcome.out)
         assert told in outcome.err

@@ -1,10 +1,5 @@
 """Travels that are planned round something, by commands."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 # What is tall stands between the start and the goal of what is flat.
@@ -22,7 +17,7 @@ step_limit: 20
 
 
 @pytest.mark.slow(reason="plans travels four times; paths to the bit by another process")
-def test_two_jobs_find_what_one_does(cli: Any, tmp_path: Path) -> None:
+def test_two_jobs_find_what_one_does(cli, tmp_path):
     """At the cost of time; and the way round the tower is the same after either."""
     board = tmp_path / "tower.yaml"
     board.write_text(TOWER, encoding="utf-8")

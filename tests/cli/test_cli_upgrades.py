@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -35,7 +34,7 @@ Publish = Callable[..., None]
 
 
 @pytest.fixture
-def publish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Publish]:
+def publish(tmp_path, monkeypatch):
     """Install a version of a detector whose distribution is not named after its module."""
     site = tmp_path / "site"
     site.mkdir()
@@ -65,7 +64,7 @@ def publish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Publish
 
 
 @pytest.fixture
-def board(tmp_path: Path, cli: Any) -> str:
+def board(tmp_path, cli):
     """A small one: each verdict is a file."""
     path = tmp_path / "small.yaml"
     cli("generate", "assembly", "--parts", "3", "--density", "0", "--out", str(path))
@@ -87,8 +86,8 @@ def solved(cli: Any, board: str) -> bool:
     ids=["a new version", "an edited source", "no version to tell"],
 )
 def test_an_upgrade_from_allows_all_to_refuses_all_changes_the_answer_at_once(
-    cli: Any, board: str, publish: Publish, before: dict[str, Any], after: dict[str, Any]
-) -> None:
+    cli, board, publish, before, after
+):
     """What the former code allowed is kept, and not used."""
     publish(ALLOWS, **before)
     assert solved(cli, board)
@@ -96,9 +95,7 @@ def test_an_upgrade_from_allows_all_to_refuses_all_changes_the_answer_at_once(
     assert not solved(cli, board)
 
 
-def test_the_same_code_is_not_queried_again(
-    cli: Any, board: str, publish: Publish, tmp_path: Path
-) -> None:
+def test_the_same_code_is_not_queried_again(cli, board, publish, tmp_path):
     """What it said is used by the next process."""
     publish(ALLOWS, "3.0")
     words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
@@ -112,16 +109,14 @@ def test_the_same_code_is_not_queried_again(
 
 
 class TestOrigin:
-    def test_it_is_that_of_the_distribution_that_registered_the_class(
-        self, publish: Publish
-    ) -> None:
+    def test_it_is_that_of_the_distribution_that_registered_the_class(self, publish):
         """And not of one that is named like its module."""
         publish(ALLOWS, "1.0")
         origin = code_origin(registry.load("collision", "watchful"))
         assert "acme-detectors 1.0" == origin[0]
         assert not [one for one in origin if one.startswith("watchful_module ")]
 
-    def test_source_counts_where_a_version_does_not_tell(self, publish: Publish) -> None:
+    def test_source_counts_where_a_version_does_not_tell(self, publish):
         """As of a distribution that somebody edits."""
         publish(ALLOWS, "1.0", editable=True)
         before = code_origin(registry.load("collision", "watchful"))
@@ -130,7 +125,7 @@ class TestOrigin:
         assert before[:-1] == after[:-1]
         assert before[-1] != after[-1]
 
-    def test_a_class_that_nothing_registered_is_told_by_its_source(self) -> None:
+    def test_a_class_that_nothing_registered_is_told_by_its_source(self):
         """As one that a script constructs itself."""
         from skillplan import Detector
 
@@ -145,7 +140,7 @@ class TestOrigin:
         package = Own.__module__.partition(".")[0]
         assert [one for one in code_origin(Own) if one.startswith(f"{package} ")]
 
-    def test_what_a_distribution_needs_counts(self) -> None:
+    def test_what_a_distribution_needs_counts(self):
         """A verdict of an engine rests on its simulator's version."""
         swept = pytest.importorskip("skillplan_pinocchio").__name__
         origin = code_origin(registry.load("collision", "swept"))

@@ -15,13 +15,13 @@ Tamper = Callable[[dict[str, Any]], None]
 
 
 @pytest.fixture
-def result(solved_board: Path, tmp_path: Path) -> Path:
+def result(solved_board, tmp_path):
     """The proved optimum of the inverter board, in a folder."""
     return Path(shutil.copytree(solved_board, tmp_path / "run")) / "result.json"
 
 
 @pytest.fixture
-def tampered(result: Path) -> Callable[[Tamper], str]:
+def tampered(result):
     """The same result after somebody has changed it."""
 
     def change(how: Tamper) -> str:
@@ -50,7 +50,7 @@ def details(document: dict[str, Any]) -> str:
 
 
 class TestAnHonestResult:
-    def test_every_claim_holds(self, cli: Any, result: Path) -> None:
+    def test_every_claim_holds(self, cli, result):
         """Replayed, calculated, and proved by another method than A*."""
         outcome = cli("verify", str(result), "--format", "json")
         assert (0, True) == (outcome.code, outcome.document["valid"])
@@ -60,15 +60,13 @@ class TestAnHonestResult:
         methods = {c["claim"]: c["method"] for c in outcome.document["claims"]}
         assert "dynamic program over orders of jobs" == methods["optimal"]
 
-    def test_the_folder_is_as_good_as_the_file(self, cli: Any, result: Path) -> None:
+    def test_the_folder_is_as_good_as_the_file(self, cli, result):
         """As --out was given it."""
         outcome = cli("verify", str(result.parent))
         assert 0 == outcome.code
         assert "\nverdict    valid\n" in outcome.out
 
-    def test_what_was_proved_over_orders_is_proved_over_states(
-        self, cli: Any, tampered: Callable[[Tamper], str]
-    ) -> None:
+    def test_what_was_proved_over_orders_is_proved_over_states(self, cli, tampered):
         """Never by the method that was claimed, where another is fit."""
 
         def by_orders(document: dict[str, Any]) -> None:
@@ -78,18 +76,14 @@ class TestAnHonestResult:
         methods = {c["claim"]: c["method"] for c in outcome.document["claims"]}
         assert "uniform-cost search over all states" == methods["optimal"]
 
-    def test_a_bound_without_a_proof_is_checked_too(
-        self, cli: Any, motor: str, tmp_path: Path
-    ) -> None:
+    def test_a_bound_without_a_proof_is_checked_too(self, cli, motor, tmp_path):
         """Against the least cost, where that can be worked out."""
         folder = str(tmp_path / "gap")
         cli("search-optimal", motor, *EXACT, "--gap", "0.3", "--out", folder)
         document = cli("verify", folder, "--format", "json").document
         assert "holds" == outcomes(document)["lower bound"]
 
-    def test_that_there_is_no_plan_is_checked_too(
-        self, cli: Any, no_way: str, tmp_path: Path
-    ) -> None:
+    def test_that_there_is_no_plan_is_checked_too(self, cli, no_way, tmp_path):
         """By looking at every state."""
         folder = str(tmp_path / "none")
         assert 1 == cli("search-optimal", no_way, *EXACT, "--out", folder).code
@@ -97,9 +91,7 @@ class TestAnHonestResult:
         assert 0 == outcome.code
         assert "holds" == outcomes(outcome.document)["infeasible"]
 
-    def test_changes_and_back_ends_of_the_search_are_used_again(
-        self, cli: Any, board: str, tmp_path: Path
-    ) -> None:
+    def test_changes_and_back_ends_of_the_search_are_used_again(self, cli, board, tmp_path):
         """As the result remembers them."""
         folder = tmp_path / "changed"
         words = ("--set", "parts.clock.start_m=[0.60, -0.134]", "--collision", "aabb")
@@ -118,9 +110,7 @@ class TestAnHonestResult:
         assert 0 == cli("verify", str(folder)).code
 
     @pytest.mark.slow(reason="searches a board of 40 parts; small ones in every run")
-    def test_a_bound_of_a_case_too_large_is_not_confirmed(
-        self, cli: Any, motor: str, tmp_path: Path
-    ) -> None:
+    def test_a_bound_of_a_case_too_large_is_not_confirmed(self, cli, motor, tmp_path):
         """Both methods say why; the replay counts all the same."""
         path = tmp_path / "large.yaml"
         words = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
@@ -132,7 +122,7 @@ class TestAnHonestResult:
         assert "verdict    NOT CONFIRMED: not checked: lower bound" in outcome.out
         assert "replay     plan, steps, cost hold" in outcome.out
 
-    def test_a_chain_is_verified_part_by_part(self, cli: Any, solved_corner: Path) -> None:
+    def test_a_chain_is_verified_part_by_part(self, cli, solved_corner):
         """And then its sum."""
         outcome = cli("verify", str(solved_corner), "--format", "json")
         found = outcomes(outcome.document)
@@ -140,9 +130,7 @@ class TestAnHonestResult:
         for claim in ("heads-1: optimal", "goals: plan", "base-1: optimal", "cost"):
             assert "holds" == found[claim]
 
-    def test_a_part_of_a_chain_is_verified_alone(
-        self, cli: Any, corner: str, tmp_path: Path
-    ) -> None:
+    def test_a_part_of_a_chain_is_verified_alone(self, cli, corner, tmp_path):
         """The result remembers which."""
         folder = str(tmp_path / "part")
         cli("search-optimal", corner, *EXACT, "--part", "heads-2", "--out", folder)
@@ -150,9 +138,7 @@ class TestAnHonestResult:
         assert {"holds"} == set(found.values())
 
     @pytest.mark.slow(reason="iterates values; an honest result in every run")
-    def test_under_chance_the_least_expected_cost_is_worked_out(
-        self, cli: Any, tmp_path: Path, board: str
-    ) -> None:
+    def test_under_chance_the_least_expected_cost_is_worked_out(self, cli, tmp_path, board):
         """Without the policy, too; then the cost is compared with it."""
         path = tmp_path / "slippery.yaml"
         text = Path(board).read_text("utf-8")
@@ -236,9 +222,7 @@ def _infeasible_with_a_plan(document: dict[str, Any]) -> None:
         (_infeasible_with_a_plan, "status", "infeasible does not go with a plan"),
     ],
 )
-def test_a_tampered_result_fails_where_it_was_tampered_with(
-    cli: Any, tampered: Callable[[Tamper], str], how: Tamper, claim: str, message: str
-) -> None:
+def test_a_tampered_result_fails_where_it_was_tampered_with(cli, tampered, how, claim, message):
     """Exit code 1, the claim and the figures."""
     outcome = cli("verify", tampered(how), "--format", "json")
     assert (1, False) == (outcome.code, outcome.document["valid"])
@@ -248,23 +232,21 @@ def test_a_tampered_result_fails_where_it_was_tampered_with(
 
 class TestAClaimThatIsNotTrue:
     @pytest.fixture
-    def expensive(self, cli: Any, motor: str, tmp_path: Path) -> Path:
+    def expensive(self, cli, motor, tmp_path):
         """A plan of the larger board that is not the best."""
         folder = tmp_path / "expensive"
         words = ("--gap", "0.3", "--out", str(folder))
         assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
         return folder / "result.json"
 
-    def test_a_status_raised_to_optimal_fails(self, cli: Any, expensive: Path) -> None:
+    def test_a_status_raised_to_optimal_fails(self, cli, expensive):
         """The bound does not meet the cost."""
         document = json.loads(expensive.read_text("utf-8"))
         expensive.write_text(json.dumps({**document, "status": "optimal"}), "utf-8")
         outcome = cli("verify", str(expensive), "--format", "json")
         assert (1, "fails") == (outcome.code, outcomes(outcome.document)["status"])
 
-    def test_a_proof_made_up_throughout_fails_by_a_cheaper_plan(
-        self, cli: Any, expensive: Path
-    ) -> None:
+    def test_a_proof_made_up_throughout_fails_by_a_cheaper_plan(self, cli, expensive):
         """Bound, gap and status agree with each other; the second proof finds the better plan."""
         document = json.loads(expensive.read_text("utf-8"))
         document |= {"status": "optimal", "lower_bound": document["cost"], "gap": 0.0}
@@ -274,7 +256,7 @@ class TestAClaimThatIsNotTrue:
         assert (1, {"optimal"}) == (outcome.code, failing - {"record", "plan.csv"})
         assert "the least cost is 11.58291499: " in details(outcome.document)
 
-    def test_a_bound_above_the_optimum_fails(self, cli: Any, expensive: Path) -> None:
+    def test_a_bound_above_the_optimum_fails(self, cli, expensive):
         """Though it is below the cost."""
         document = json.loads(expensive.read_text("utf-8"))
         bound = (document["cost"] + 11.58291499) / 2
@@ -284,7 +266,7 @@ class TestAClaimThatIsNotTrue:
         assert 1 == outcome.code
         assert "verdict    NOT VALID: lower bound" in outcome.out
 
-    def test_a_plan_denied_is_found(self, cli: Any, tampered: Callable[[Tamper], str]) -> None:
+    def test_a_plan_denied_is_found(self, cli, tampered):
         """What is said to be infeasible is not."""
 
         def deny(document: dict[str, Any]) -> None:
@@ -296,9 +278,7 @@ class TestAClaimThatIsNotTrue:
         assert 1 == outcome.code
         assert "claimed is that there is no plan; the least cost is" in details(outcome.document)
 
-    def test_a_part_of_a_chain_made_worse_fails_by_its_name(
-        self, cli: Any, solved_corner: Path, tmp_path: Path
-    ) -> None:
+    def test_a_part_of_a_chain_made_worse_fails_by_its_name(self, cli, solved_corner, tmp_path):
         """And so does the sum."""
         folder = Path(shutil.copytree(solved_corner, tmp_path / "chain"))
         path = folder / "result.json"
@@ -309,9 +289,7 @@ class TestAClaimThatIsNotTrue:
         found = outcomes(outcome.document)
         assert (1, "fails", "fails") == (outcome.code, found["base-1: cost"], found["cost"])
 
-    def test_parts_of_a_chain_in_another_order_fail(
-        self, cli: Any, solved_corner: Path, tmp_path: Path
-    ) -> None:
+    def test_parts_of_a_chain_in_another_order_fail(self, cli, solved_corner, tmp_path):
         """The name says which stands where another should."""
         folder = Path(shutil.copytree(solved_corner, tmp_path / "chain"))
         path = folder / "result.json"
@@ -324,7 +302,7 @@ class TestAClaimThatIsNotTrue:
 
 
 class TestWrongInput:
-    def test_a_result_that_was_cut_off(self, cli: Any, result: Path) -> None:
+    def test_a_result_that_was_cut_off(self, cli, result):
         """It is no JSON any more."""
         result.write_text(result.read_text("utf-8")[:500], "utf-8")
         outcome = cli("verify", str(result))
@@ -343,33 +321,25 @@ class TestWrongInput:
             ({"origin": None}, "does not say which file its task is from. Name it by --task."),
         ],
     )
-    def test_what_is_no_sound_result_is_refused(
-        self,
-        cli: Any,
-        tampered: Callable[[Tamper], str],
-        changes: dict[str, Any],
-        message: str,
-    ) -> None:
+    def test_what_is_no_sound_result_is_refused(self, cli, tampered, changes, message):
         """One message with the key, exit code 2, nothing on stdout."""
         outcome = cli("verify", tampered(lambda document: document.update(changes)))
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
 
-    def test_no_such_file(self, cli: Any) -> None:
+    def test_no_such_file(self, cli):
         """In words."""
         outcome = cli("verify", "nowhere.json")
         assert (2, True) == (outcome.code, "nowhere.json: cannot be read" in outcome.err)
 
-    def test_another_task_is_refused(self, cli: Any, result: Path, motor: str) -> None:
+    def test_another_task_is_refused(self, cli, result, motor):
         """Both are named."""
         outcome = cli("verify", str(result), "--task", motor)
         assert 2 == outcome.code
         assert "the result is of 'inverter-board'" in outcome.err
         assert "'motor-drive'" in outcome.err
 
-    def test_a_task_that_has_changed_since_is_refused(
-        self, cli: Any, result: Path, board: str, tmp_path: Path
-    ) -> None:
+    def test_a_task_that_has_changed_since_is_refused(self, cli, result, board, tmp_path):
         """The plan was made for what it was."""
         changed = tmp_path / "changed.yaml"
         text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 21")
@@ -377,26 +347,20 @@ class TestWrongInput:
         outcome = cli("verify", str(result), "--task", str(changed))
         assert (2, True) == (outcome.code, "has changed since" in outcome.err)
 
-    def test_a_task_file_that_is_gone_is_told_of(
-        self, cli: Any, tampered: Callable[[Tamper], str]
-    ) -> None:
+    def test_a_task_file_that_is_gone_is_told_of(self, cli, tampered):
         """And how to name it."""
         path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
         outcome = cli("verify", path)
         assert 2 == outcome.code
         assert "its task gone/board.yaml is neither here nor beside it." in outcome.err
 
-    def test_a_task_beside_the_result_is_found(
-        self, cli: Any, tampered: Callable[[Tamper], str], board: str, result: Path
-    ) -> None:
+    def test_a_task_beside_the_result_is_found(self, cli, tampered, board, result):
         """Where the path from here leads nowhere."""
         path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
         (result.parent / "board.yaml").write_text(Path(board).read_text("utf-8"), "utf-8")
         assert {"holds"} == set(verified(cli, path).values())
 
-    def test_a_result_of_no_file_is_verified_with_a_task_named(
-        self, cli: Any, tampered: Callable[[Tamper], str], board: str
-    ) -> None:
+    def test_a_result_of_no_file_is_verified_with_a_task_named(self, cli, tampered, board):
         """With the back ends that it says were asked."""
         path = tampered(lambda document: document.update(origin=None))
         assert {"holds"} == set(verified(cli, path, "--task", board).values())

@@ -1,10 +1,6 @@
 """Which way a skill takes: in plans, in explanations, and in what is executed."""
 
-from __future__ import annotations
-
 import csv
-from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -48,7 +44,7 @@ PUPPET = """
 
 
 @pytest.fixture
-def drawer(tmp_path: Path) -> str:
+def drawer(tmp_path):
     """A board whose drawer goes in from two sides."""
     path = tmp_path / "drawer.yaml"
     path.write_text(yaml.safe_dump(drawer_content(), sort_keys=False), encoding="utf-8")
@@ -56,13 +52,13 @@ def drawer(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def puppet(install: Any) -> str:
+def puppet(install):
     """An engine that pretends to move bodies, and refuses one way of the drawer."""
     install("physics", "puppet", "puppet_engine:Puppet", PUPPET)
     return "puppet"
 
 
-def test_a_plan_says_which_way_is_taken(cli: Any, drawer: str) -> None:
+def test_a_plan_says_which_way_is_taken(cli, drawer):
     """Beside the skill, and only of skills that have several."""
     words = ("evaluate", drawer, "--sequence", LEFT_FIRST, *AABB)
     steps = cli(*words, *JSON).document["steps"]
@@ -71,7 +67,7 @@ def test_a_plan_says_which_way_is_taken(cli: Any, drawer: str) -> None:
     assert "along +x" in cli(*words).out
 
 
-def test_explain_says_which_way_is_taken(cli: Any, drawer: str) -> None:
+def test_explain_says_which_way_is_taken(cli, drawer):
     """As a stage of its own."""
     outcome = cli("explain", drawer, "place(drawer)", "--after", "4", *AABB, *JSON)
     stages = {stage["stage"]: stage for stage in outcome.document["stages"]}
@@ -79,9 +75,7 @@ def test_explain_says_which_way_is_taken(cli: Any, drawer: str) -> None:
     assert outcome.document["status"] == "feasible"
 
 
-def test_what_is_executed_is_the_way_that_is_granted(
-    cli: Any, drawer: str, puppet: str, tmp_path: Path
-) -> None:
+def test_what_is_executed_is_the_way_that_is_granted(cli, drawer, puppet, tmp_path):
     """The engine refuses the preferred one; skills, trace and table name the other."""
     trace = tmp_path / "trace.csv"
     words = ("simulate", drawer, "--sequence", LEFT_FIRST, "--physics", puppet)
@@ -95,9 +89,7 @@ def test_what_is_executed_is_the_way_that_is_granted(
     assert "place(drawer) along -x" in cli(*words).out
 
 
-def test_of_a_result_its_own_way_is_executed(
-    cli: Any, drawer: str, puppet: str, tmp_path: Path
-) -> None:
+def test_of_a_result_its_own_way_is_executed(cli, drawer, puppet, tmp_path):
     """As it was granted when it was searched for."""
     out = tmp_path / "out"
     cli("search-optimal", drawer, *AABB, "--out", str(out))
@@ -105,9 +97,7 @@ def test_of_a_result_its_own_way_is_executed(
     assert {one.get("way") for one in document["skills"]} == {None, "along +x"}
 
 
-def test_a_result_with_another_way_than_is_taken_is_not_valid(
-    cli: Any, drawer: str, tmp_path: Path
-) -> None:
+def test_a_result_with_another_way_than_is_taken_is_not_valid(cli, drawer, tmp_path):
     """The way is checked like every figure."""
     out = tmp_path / "out"
     cli("search-optimal", drawer, *AABB, "--out", str(out))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib.metadata import Distribution, EntryPoints, distributions
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,7 +20,7 @@ def without_bench() -> Iterator[Distribution]:
 
 
 @pytest.fixture
-def no_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def no_bench(monkeypatch):
     """Hide the plugin of the bench."""
     monkeypatch.setattr(installed, "distributions", without_bench)
     registry.refresh()
@@ -35,8 +33,8 @@ def no_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 class TestWithoutBench:
     @pytest.mark.parametrize("command", ["check", "search-optimal", "report"])
     def test_a_task_is_refused_with_the_command_that_installs_its_kind(
-        self, cli: Any, corner: str, tmp_path: Path, command: str
-    ) -> None:
+        self, cli, corner, tmp_path, command
+    ):
         out = ("--out", str(tmp_path / "page.html")) if command == "report" else ()
         outcome = cli(command, corner, *out)
         assert (outcome.code, outcome.out) == (2, "")
@@ -45,8 +43,8 @@ class TestWithoutBench:
 
     @pytest.mark.parametrize("command", ["verify", "plot"])
     def test_a_stored_result_is_refused_with_the_command_that_installs_its_kind(
-        self, cli: Any, solved_corner: Path, command: str
-    ) -> None:
+        self, cli, solved_corner, command
+    ):
         outcome = cli(command, str(solved_corner), *(("gantt",) if command == "plot" else ()))
         assert (outcome.code, outcome.out) == (2, "")
         assert COMMAND in " ".join(outcome.err.split())
@@ -61,31 +59,29 @@ class TestWithoutBench:
         ],
         ids=lambda words: words[0],
     )
-    def test_what_it_brings_is_answered_with_the_command_that_installs_it(
-        self, cli: Any, board: str, words: tuple[str, ...]
-    ) -> None:
+    def test_what_it_brings_is_answered_with_the_command_that_installs_it(self, cli, board, words):
         outcome = cli(*(board if word == "BOARD" else word for word in words))
         assert (outcome.code, outcome.out) == (2, "")
         assert COMMAND in " ".join(outcome.err.split())
 
-    def test_the_board_needs_none_of_it(self, cli: Any, board: str, tmp_path: Path) -> None:
+    def test_the_board_needs_none_of_it(self, cli, board, tmp_path):
         assert cli("search-optimal", board).code == 0
         page = str(tmp_path / "page.html")
         assert cli("report", board, "--no-simulation", "--out", page).code == 0
 
-    def test_it_is_listed_nowhere(self, cli: Any) -> None:
+    def test_it_is_listed_nowhere(self, cli):
         assert "swarmitfix" not in cli("plugins").out
         assert "placement" not in cli("plot", "--help").out
 
-    def test_an_unknown_kind_is_answered_with_the_nearest(self, cli: Any, tmp_path: Path) -> None:
+    def test_an_unknown_kind_is_answered_with_the_nearest(self, cli, tmp_path):
         path = tmp_path / "task.yaml"
         path.write_text("kind: assembley\n", "utf-8")
         assert "unknown kind 'assembley'. Did you mean 'assembly'?" in cli("check", str(path)).err
 
 
 def test_a_chain_without_a_chapter_is_reported_by_its_tables(
-    cli: Any, solved_corner: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    cli, solved_corner, tmp_path, monkeypatch
+):
     """A kind of task need not bring a chapter."""
     monkeypatch.setattr("skillplan.views.report.chapters.chapters", EntryPoints)
     page = tmp_path / "page.html"
@@ -98,9 +94,7 @@ def test_a_chain_without_a_chapter_is_reported_by_its_tables(
     assert "base-1" in text
 
 
-def test_a_chapter_that_fails_is_named(
-    cli: Any, solved_corner: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_chapter_that_fails_is_named(cli, solved_corner, tmp_path, monkeypatch):
     point = installed.chapters()["swarmitfix"]
     broken = type(point)(point.name, "skillplan_swarmitfix.report.absent:chapter", point.group)
     monkeypatch.setattr("skillplan.views.report.chapters.chapters", lambda: EntryPoints([broken]))

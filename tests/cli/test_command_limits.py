@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -63,9 +62,7 @@ def fail_by_limit(words: list[str], environment: dict[str, str], folder: Path) -
         *(pytest.param(one, marks=SLOW) for one in ("simulate", "train", "import-cad")),
     ],
 )
-def test_memory_of_a_whole_command_is_limited(
-    name: str, board: str, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_memory_of_a_whole_command_is_limited(name, board, environment, tmp_path):
     """Here by less than its libraries take."""
     words = [*words_of(name, board, tmp_path), "--memory-limit", "64MiB"]
     message = fail_by_limit(words, environment, tmp_path)
@@ -73,18 +70,14 @@ def test_memory_of_a_whole_command_is_limited(
 
 
 @pytest.mark.parametrize("name", ["check", pytest.param("import-cad", marks=SLOW)])
-def test_a_command_without_a_partial_result_ends_with_a_message(
-    name: str, board: str, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_command_without_a_partial_result_ends_with_a_message(name, board, environment, tmp_path):
     words = [*words_of(name, board, tmp_path), "--time-limit", "0.01"]
     message = fail_by_limit(words, environment, tmp_path)
     assert "The command took longer than --time-limit 0.01 and was ended." in message
 
 
 @pytest.mark.slow(reason="takes as long as its limit; one without pictures in every run")
-def test_a_report_of_a_large_board_is_written_in_time(
-    cli: Any, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_report_of_a_large_board_is_written_in_time(cli, environment, tmp_path):
     """What there is no time for is left out, and the page says so."""
     board, page = tmp_path / "board.yaml", tmp_path / "page.html"
     made = cli("generate", "assembly", *LARGE, "--out", str(board))
@@ -97,9 +90,7 @@ def test_a_report_of_a_large_board_is_written_in_time(
     assert ended.returncode == 2 or "--time-limit" in page.read_text("utf-8") + ended.stderr
 
 
-def test_a_report_without_time_shows_what_there_is(
-    cli: Any, solved_board: Path, tmp_path: Path
-) -> None:
+def test_a_report_without_time_shows_what_there_is(cli, solved_board, tmp_path):
     """Neither simulation nor precedence, and it is told."""
     page = tmp_path / "page.html"
     outcome = cli("report", str(solved_board), "--time-limit", "0.001", "--out", str(page))
@@ -109,7 +100,7 @@ def test_a_report_without_time_shows_what_there_is(
 
 
 class TestDeadline:
-    def test_what_takes_longer_is_interrupted(self) -> None:
+    def test_what_takes_longer_is_interrupted(self):
         """Also a loop that polls nothing; the handler of before is back after it."""
         before = signal.getsignal(signal.SIGALRM)
         deadline = Deadline(0.05, graceful=True)
@@ -123,19 +114,19 @@ class TestDeadline:
         assert deadline.is_over()
         assert signal.getsignal(signal.SIGALRM) is before
 
-    def test_what_is_in_time_is_returned(self) -> None:
+    def test_what_is_in_time_is_returned(self):
         assert 3 == Deadline(60.0, graceful=True).attempt(lambda: 3)
         assert 3 == Deadline(None, graceful=True).attempt(lambda: 3)
 
-    def test_nothing_is_begun_after_it(self) -> None:
+    def test_nothing_is_begun_after_it(self):
         deadline = Deadline(1e-9, graceful=True)
         assert deadline.attempt(lambda: pytest.fail("it was called")) is None
 
-    def test_errors_are_raised_as_they_are(self) -> None:
+    def test_errors_are_raised_as_they_are(self):
         with pytest.raises(ZeroDivisionError):
             Deadline(60.0, graceful=True).attempt(lambda: 1 // 0)
 
-    def test_a_share_of_the_time_is_never_more_than_there_is(self) -> None:
+    def test_a_share_of_the_time_is_never_more_than_there_is(self):
         assert Deadline(None, graceful=True).share_s() is None
         assert Deadline(None, graceful=True).share_s(most_s=10.0) == 10.0
         assert 5.0 < (Deadline(10.0, graceful=True).share_s(0.6) or 0.0) <= 6.0

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 FIVE = ("generate", "assembly", "--parts", "5", "--density", "0.3", "--tools", "2")
 
 
-def test_stdout_and_file_hold_the_same(cli: Any, tmp_path: Path) -> None:
+def test_stdout_and_file_hold_the_same(cli, tmp_path):
     """And the file is what check takes and search-optimal proves the optimum of."""
     shown = cli(*FIVE, "--seed", "4")
     path = tmp_path / "five.yaml"
@@ -29,7 +27,7 @@ def test_stdout_and_file_hold_the_same(cli: Any, tmp_path: Path) -> None:
     assert (0, "optimal") == (solved.code, solved.document["status"])
 
 
-def test_its_chart_is_derived_again_from_itself(cli: Any, tmp_path: Path) -> None:
+def test_its_chart_is_derived_again_from_itself(cli, tmp_path):
     """By the boxes of the parts there is none."""
     path = tmp_path / "five.yaml"
     cli(*FIVE, "--out", str(path))
@@ -37,14 +35,14 @@ def test_its_chart_is_derived_again_from_itself(cli: Any, tmp_path: Path) -> Non
     assert "missing 3, extra 0" in cli("chart", str(path)).out
 
 
-def test_a_name_is_the_tasks(cli: Any) -> None:
+def test_a_name_is_the_tasks(cli):
     """And part of the command line that the file names."""
     out = cli(*FIVE, "--name", "my-board").out
     assert "\nname: my-board\n" in out
     assert "--seed 0 --name my-board\n" in out
 
 
-def test_grasps_may_fail(cli: Any, tmp_path: Path) -> None:
+def test_grasps_may_fail(cli, tmp_path):
     """And replan takes the board; a wrong range is told so."""
     path = tmp_path / "missed.yaml"
     words = (*FIVE, "--failures", "0.1:0.4", "--failing-share", "0.4")
@@ -60,7 +58,7 @@ def test_grasps_may_fail(cli: Any, tmp_path: Path) -> None:
     assert "must be LEAST:GREATEST below 1, such as 0.1:0.4, not 0.4:0.1" in refused.err
 
 
-def test_no_file_is_overwritten(cli: Any, tmp_path: Path) -> None:
+def test_no_file_is_overwritten(cli, tmp_path):
     """Not even one that leads nowhere."""
     there, link = tmp_path / "there.yaml", tmp_path / "link.yaml"
     there.write_text("mine")
@@ -74,9 +72,7 @@ def test_no_file_is_overwritten(cli: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [FIVE, ("init", "assembly")])
-def test_nor_is_one_that_another_program_writes_meanwhile(
-    cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
-) -> None:
+def test_nor_is_one_that_another_program_writes_meanwhile(cli, tmp_path, monkeypatch, words):
     """The other was there first, when all but the name was ready."""
     path, sync = tmp_path / "board.yaml", os.fsync
 
@@ -104,9 +100,7 @@ def test_nor_is_one_that_another_program_writes_meanwhile(
         ("a" * 5000 + ".yaml", "cannot be used: File name too long."),
     ],
 )
-def test_a_file_that_cannot_be_is_refused(
-    cli: Any, tmp_path: Path, monkeypatch: Any, out: str, message: str
-) -> None:
+def test_a_file_that_cannot_be_is_refused(cli, tmp_path, monkeypatch, out, message):
     """Before anything is made."""
     monkeypatch.chdir(tmp_path)
     refused = cli(*FIVE, "--out", out)
@@ -131,14 +125,14 @@ def test_a_file_that_cannot_be_is_refused(
         (("--parts", "3", "--density", "0", "--name", "3x"), "'3x' cannot be the name of a task"),
     ],
 )
-def test_a_wrong_value_is_one_clear_message(cli: Any, words: tuple[str, ...], message: str) -> None:
+def test_a_wrong_value_is_one_clear_message(cli, words, message):
     """With the range, and nothing on stdout."""
     refused = cli("generate", "assembly", *words)
     assert (2, "") == (refused.code, refused.out)
     assert message in refused.err
 
 
-def test_the_kinds_are_listed_and_the_nearest_is_named(cli: Any) -> None:
+def test_the_kinds_are_listed_and_the_nearest_is_named(cli):
     """Without one, and where there is no such one."""
     listed = cli("generate")
     assert 2 == listed.code

@@ -1,10 +1,7 @@
 """`train --family generated:A-B`, and `evaluate` of a policy that carries over, on any task."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,12 +13,12 @@ FAMILY = ("--family", "generated:3-4")
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> str:
+def run(tmp_path):
     return str(nearest_first_run(tmp_path / "run"))
 
 
 @pytest.mark.parametrize("config", ["inverter_board", "relay_rail", "motor_drive"])
-def test_a_policy_is_tried_on_any_task(cli: Any, run: str, config: str) -> None:
+def test_a_policy_is_tried_on_any_task(cli, run, config):
     """And held against the proved optimum, as a sequence is."""
     task = str(CONFIGS / f"{config}.yaml")
     shown = cli("evaluate", run, "--task", task, "--format", "json")
@@ -33,7 +30,7 @@ def test_a_policy_is_tried_on_any_task(cli: Any, run: str, config: str) -> None:
     assert shown.document["cost"] == again.document["cost"]
 
 
-def test_it_answers_without_torch(cli: Any, run: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_answers_without_torch(cli, run, monkeypatch):
     """As where the plugin that trains is not installed."""
     for name in [one for one in sys.modules if one.partition(".")[0] == "skillplan_torch"]:
         monkeypatch.delitem(sys.modules, name)
@@ -43,7 +40,7 @@ def test_it_answers_without_torch(cli: Any, run: str, monkeypatch: pytest.Monkey
     assert outcome.document["complete"]
 
 
-def test_a_task_that_it_cannot_act_on_is_refused(cli: Any, run: str) -> None:
+def test_a_task_that_it_cannot_act_on_is_refused(cli, run):
     shown = cli("evaluate", run, "--task", str(CONFIGS / "br17.10.sop"))
     assert (2, "") == (shown.code, shown.out)
     assert "cannot act on br17.10" in shown.err
@@ -57,9 +54,7 @@ def test_a_task_that_it_cannot_act_on_is_refused(cli: Any, run: str) -> None:
         (("--task", BOARD, "--episodes", "3"), "--episodes is for a folder of runs, not for a"),
     ],
 )
-def test_what_does_not_go_with_it_is_named(
-    cli: Any, run: str, words: tuple[str, ...], message: str
-) -> None:
+def test_what_does_not_go_with_it_is_named(cli, run, words, message):
     shown = cli("evaluate", run, *words)
     assert 2 == shown.code
     assert message in shown.err
@@ -80,9 +75,7 @@ def test_what_does_not_go_with_it_is_named(
         ((), "Missing TASK"),
     ],
 )
-def test_a_training_that_cannot_be_is_refused(
-    cli: Any, words: tuple[str, ...], message: str
-) -> None:
+def test_a_training_that_cannot_be_is_refused(cli, words, message):
     shown = cli("train", *words)
     assert (2, "") == (shown.code, shown.out)
     assert message in " ".join(shown.err.replace("│", " ").split())

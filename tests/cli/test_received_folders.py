@@ -8,7 +8,6 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +44,7 @@ SECRET = "hunter2"
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _learner(tmp_path_factory):
     """A learner that is quick and exact."""
     site = tmp_path_factory.mktemp("site") / "site"
     with pytest.MonkeyPatch.context() as patch, learner_installed(site, patch):
@@ -53,14 +52,14 @@ def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
-def _in_this_process() -> Iterator[None]:
+def _in_this_process():
     """Studies without processes."""
     with studies_in_this_process():
         yield
 
 
 @pytest.fixture(scope="module")
-def trained(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(_learner, tmp_path_factory):
     """The folder of a short training of two runs, for all tests."""
     folder = tmp_path_factory.mktemp("trained") / "run"
     with contextlib.redirect_stdout(io.StringIO()), pytest.raises(SystemExit) as ended:
@@ -70,25 +69,25 @@ def trained(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run_dir(trained: Path, tmp_path: Path) -> Path:
+def run_dir(trained, tmp_path):
     """The same, as received: to be changed freely."""
     return Path(shutil.copytree(trained, tmp_path / "received" / "run"))
 
 
 @pytest.fixture(scope="module")
-def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def learned(tmp_path_factory):
     """A run whose policy completes the board, for all tests."""
     return write_runs(tmp_path_factory.mktemp("learned") / "run", BOARD, [OPTIMAL], steps=500)
 
 
 @pytest.fixture
-def runs(learned: Path, tmp_path: Path) -> Path:
+def runs(learned, tmp_path):
     """The same, as received: to be changed freely."""
     return Path(shutil.copytree(learned, tmp_path / "received" / "run"))
 
 
 @pytest.fixture
-def result(solved_board: Path, tmp_path: Path) -> Path:
+def result(solved_board, tmp_path):
     """A folder of a result, as received: to be changed freely."""
     return Path(shutil.copytree(solved_board, tmp_path / "received" / "result"))
 
@@ -109,8 +108,8 @@ class TestLinks:
     @pytest.mark.parametrize("name", GROWING)
     @pytest.mark.parametrize("hard", [False, True])
     def test_resume_neither_cuts_nor_extends_a_file_elsewhere(
-        self, cli: Any, run_dir: Path, tmp_path: Path, name: str, hard: bool
-    ) -> None:
+        self, cli, run_dir, tmp_path, name, hard
+    ):
         """Whether the name is a link to it, or another name of it."""
         content = (run_dir / name).read_bytes() + b"precious\n" * 1000
         outside = tmp_path / "outside"
@@ -122,7 +121,7 @@ class TestLinks:
         assert content == outside.read_bytes()
 
     @pytest.mark.parametrize("name", GROWING)
-    def test_nor_another_file_of_the_folder(self, cli: Any, run_dir: Path, name: str) -> None:
+    def test_nor_another_file_of_the_folder(self, cli, run_dir, name):
         """A link to the manifest would let the cut destroy that."""
         before = (run_dir / "manifest.json").read_bytes()
         (run_dir / name).unlink()
@@ -132,9 +131,7 @@ class TestLinks:
 
     @pytest.mark.parametrize("name", thinned(FOLDERS, "runs", "tensorboard"))
     @pytest.mark.parametrize("inside", [False, True])
-    def test_a_folder_of_it_is_no_link(
-        self, cli: Any, run_dir: Path, tmp_path: Path, name: str, inside: bool
-    ) -> None:
+    def test_a_folder_of_it_is_no_link(self, cli, run_dir, tmp_path, name, inside):
         """Nothing is made, written or removed where it leads."""
         target = (run_dir if inside else tmp_path) / "elsewhere"
         (run_dir / name).rename(target)
@@ -147,9 +144,7 @@ class TestLinks:
         after = {one: one.read_bytes() for one in sorted(target.rglob("*")) if one.is_file()}
         assert before == after
 
-    def test_files_that_are_written_whole_take_the_place_of_links(
-        self, cli: Any, run_dir: Path, tmp_path: Path
-    ) -> None:
+    def test_files_that_are_written_whole_take_the_place_of_links(self, cli, run_dir, tmp_path):
         """Where those lead stays as it is."""
         outside = tmp_path / "outside"
         outside.write_text("precious")
@@ -162,9 +157,7 @@ class TestLinks:
         assert not any((run_dir / name).is_symlink() for name in names)
 
     @pytest.mark.parametrize("name", ["runs/00/policy.json", "runs/00/policy.safetensors"])
-    def test_a_policy_is_not_read_through_a_link(
-        self, cli: Any, runs: Path, tmp_path: Path, name: str
-    ) -> None:
+    def test_a_policy_is_not_read_through_a_link(self, cli, runs, tmp_path, name):
         """Not even one that stays in the folder."""
         (runs / name).rename(runs / "aside")
         (runs / name).symlink_to(runs / "aside")
@@ -173,9 +166,7 @@ class TestLinks:
         assert "there is a link on the way to it" in outcome.out
 
     @pytest.mark.parametrize("command", [("evaluate",), ("plot", "success", "--out")])
-    def test_nor_the_copy_of_the_task(
-        self, cli: Any, runs: Path, tmp_path: Path, command: tuple[str, ...]
-    ) -> None:
+    def test_nor_the_copy_of_the_task(self, cli, runs, tmp_path, command):
         """Where the user's file is gone and the copy is to serve."""
         secret = tmp_path / "secret.yaml"
         secret.write_text(f"password: {SECRET}\n")
@@ -187,7 +178,7 @@ class TestLinks:
         assert "task.yaml: cannot be read: a link leads out of the folder" in message
         assert SECRET not in message
 
-    def test_nor_a_result_or_its_policies(self, cli: Any, result: Path, tmp_path: Path) -> None:
+    def test_nor_a_result_or_its_policies(self, cli, result, tmp_path):
         """Of the folder that search-optimal wrote."""
         policies = tmp_path / "policies.json"
         policies.write_text(f'{{"schema": "{SECRET}"}}')
@@ -201,7 +192,7 @@ class TestLinks:
 
     @pytest.mark.slow(reason="runs a study; links in a folder of runs are in every run")
     @pytest.mark.usefixtures("_in_this_process")
-    def test_a_study_is_not_gone_on_with_through_links(self, cli: Any, tmp_path: Path) -> None:
+    def test_a_study_is_not_gone_on_with_through_links(self, cli, tmp_path):
         """Neither its runs nor its manifest."""
         out = ("--out", str(tmp_path / "study"))
         assert cli(*STUDY, *out).code in (0, 1)
@@ -219,7 +210,7 @@ class TestLinks:
 class TestPipesAndDevices:
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
     @pytest.mark.parametrize("name", thinned(READ, *READ_ALWAYS))
-    def test_no_reader_waits_for_a_pipe(self, cli: Any, run_dir: Path, name: str) -> None:
+    def test_no_reader_waits_for_a_pipe(self, cli, run_dir, name):
         """In any of the files, whoever reads."""
         (run_dir / name).unlink()
         os.mkfifo(run_dir / name)
@@ -233,7 +224,7 @@ class TestPipesAndDevices:
             assert len(outcome.err.splitlines()) <= 3
 
     @pytest.mark.parametrize("name", thinned(READ, *READ_ALWAYS))
-    def test_no_reader_reads_a_device_without_end(self, cli: Any, run_dir: Path, name: str) -> None:
+    def test_no_reader_reads_a_device_without_end(self, cli, run_dir, name):
         """Nor is it read through a link."""
         (run_dir / name).unlink()
         (run_dir / name).symlink_to("/dev/zero")
@@ -244,7 +235,7 @@ class TestPipesAndDevices:
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
     @pytest.mark.parametrize("name", ["result.json", "policies.json", "task.yaml"])
-    def test_nor_in_the_folder_of_a_result(self, cli: Any, result: Path, name: str) -> None:
+    def test_nor_in_the_folder_of_a_result(self, cli, result, name):
         """Whatever is made of it."""
         (result / name).unlink(missing_ok=True)
         os.mkfifo(result / name)
@@ -274,26 +265,24 @@ class TestBounds:
             (("solver",), "a" * 100_000, "solver: must have at most 4096 characters"),
         ],
     )
-    def test_a_manifest_is_bounded(
-        self, cli: Any, run_dir: Path, path: tuple[str, ...], value: Any, message: str
-    ) -> None:
+    def test_a_manifest_is_bounded(self, cli, run_dir, path, value, message):
         """What is beyond is named at once, whoever reads it."""
         changed(run_dir / "manifest.json", *path, to=value)
         told = refused(cli("evaluate", str(run_dir)))
         assert f"manifest.json: is damaged: {message}" in told
         assert len(told) < 500
 
-    def test_resume_knows_the_bounds_too(self, cli: Any, run_dir: Path) -> None:
+    def test_resume_knows_the_bounds_too(self, cli, run_dir):
         """Before it makes anything."""
         changed(run_dir / "manifest.json", "seeds", to=list(range(200_000)))
         assert "seeds: must have at most 1000 entries" in refused(resume(cli, run_dir))
 
-    def test_a_path_that_no_system_takes_is_nowhere(self, cli: Any, runs: Path) -> None:
+    def test_a_path_that_no_system_takes_is_nowhere(self, cli, runs):
         """A name may have 255 bytes; the copy serves."""
         changed(runs / "manifest.json", "task", "path", to=f"/{'a' * 4000}.yaml")
         assert 0 == cli("evaluate", str(runs), "--episodes", "1").code
 
-    def test_so_is_that_of_a_result(self, cli: Any, result: Path) -> None:
+    def test_so_is_that_of_a_result(self, cli, result):
         """Which is one message."""
         changed(result / "result.json", "origin", "file", to="a" * 100_000)
         message = refused(cli("verify", str(result)))
@@ -313,9 +302,7 @@ class TestBounds:
             ({"surplus": 1}, "unknown key 'surplus'"),
         ],
     )
-    def test_a_checkpoint_whose_hash_fits_may_be_wrong_all_the_same(
-        self, run_dir: Path, change: dict[str, Any], message: str
-    ) -> None:
+    def test_a_checkpoint_whose_hash_fits_may_be_wrong_all_the_same(self, run_dir, change, message):
         """Whoever makes one can make the hash."""
         from safetensors.numpy import save
 
@@ -353,15 +340,13 @@ class TestFilesOfTheReader:
     """A received document may name any file: its content is not told."""
 
     @pytest.fixture(autouse=True)
-    def _elsewhere(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def _elsewhere(self, tmp_path, monkeypatch):
         (tmp_path / "cwd").mkdir()
         monkeypatch.chdir(tmp_path / "cwd")
 
     @pytest.mark.parametrize("what", thinned(PRIVATE, "no YAML", "wrong keys"))
     @pytest.mark.parametrize("near", [False, True])
-    def test_evaluate_quotes_none_that_the_manifest_names(
-        self, cli: Any, runs: Path, tmp_path: Path, what: str, near: bool
-    ) -> None:
+    def test_evaluate_quotes_none_that_the_manifest_names(self, cli, runs, tmp_path, what, near):
         """Only where it is wrong, and how the user can see more."""
         secret = (runs.parent if near else tmp_path) / "private.yaml"
         secret.write_text(PRIVATE[what])
@@ -372,9 +357,7 @@ class TestFilesOfTheReader:
         assert SECRET not in message
 
     @pytest.mark.parametrize("what", thinned(PRIVATE, "no YAML", "wrong keys"))
-    def test_plot_takes_the_copy_instead(
-        self, cli: Any, runs: Path, tmp_path: Path, what: str
-    ) -> None:
+    def test_plot_takes_the_copy_instead(self, cli, runs, tmp_path, what):
         """The figure is of what was learned."""
         (tmp_path / "private.yaml").write_text(PRIVATE[what])
         changed(runs / "manifest.json", "task", "path", to=str(tmp_path / "private.yaml"))
@@ -384,9 +367,7 @@ class TestFilesOfTheReader:
 
     @pytest.mark.parametrize("what", thinned(PRIVATE, "no YAML", "wrong keys"))
     @pytest.mark.parametrize("command", thinned(("verify", "evaluate", "simulate"), "verify"))
-    def test_nor_one_that_a_result_names(
-        self, cli: Any, result: Path, tmp_path: Path, what: str, command: str
-    ) -> None:
+    def test_nor_one_that_a_result_names(self, cli, result, tmp_path, what, command):
         """Whoever loads it."""
         (tmp_path / "private.yaml").write_text(PRIVATE[what])
         changed(result / "result.json", "origin", "file", to=str(tmp_path / "private.yaml"))
@@ -394,9 +375,7 @@ class TestFilesOfTheReader:
         assert "is no sound task file here" in message
         assert SECRET not in message
 
-    def test_a_sound_task_that_is_another_is_not_quoted_either(
-        self, cli: Any, runs: Path, result: Path, tmp_path: Path
-    ) -> None:
+    def test_a_sound_task_that_is_another_is_not_quoted_either(self, cli, runs, result, tmp_path):
         """Unless the user names it."""
         private = tmp_path / "private.yaml"
         private.write_text(board_with_secret())
@@ -414,9 +393,7 @@ class TestFilesOfTheReader:
             assert "--task" in message
         assert "0.12345" in refused(cli("evaluate", str(runs), "--task", str(private)))
 
-    def test_what_the_manifest_changes_does_not_ask_a_file_for_its_keys(
-        self, cli: Any, runs: Path, tmp_path: Path
-    ) -> None:
+    def test_what_the_manifest_changes_does_not_ask_a_file_for_its_keys(self, cli, runs, tmp_path):
         """The hint after an unknown key names those that there are."""
         private = tmp_path / "private.yaml"
         private.write_text(f"kind: assembly\n{SECRET}: 1\n")
@@ -424,16 +401,14 @@ class TestFilesOfTheReader:
         changed(runs / "manifest.json", "task", "changes", to={"hunter": "1", "a.b.c": "1"})
         assert SECRET not in refused(cli("evaluate", str(runs)))
 
-    def test_one_that_the_user_names_is_quoted(self, cli: Any, runs: Path, tmp_path: Path) -> None:
+    def test_one_that_the_user_names_is_quoted(self, cli, runs, tmp_path):
         """As in any other command."""
         (tmp_path / "mine.yaml").write_text(PRIVATE["wrong keys"])
         outcome = cli("evaluate", str(runs), "--task", str(tmp_path / "mine.yaml"))
         assert SECRET in outcome.err
 
 
-def test_pieces_of_killed_programs_are_removed_by_the_next(
-    cli: Any, run_dir: Path, tmp_path: Path
-) -> None:
+def test_pieces_of_killed_programs_are_removed_by_the_next(cli, run_dir, tmp_path):
     """In the folders that a training has, and of the names that we give."""
     name = ".file.0123456789abcdef.tmp"
     ours = [run_dir / folder / name for folder in (".", "runs/00", "runs/01", "groups/0")]

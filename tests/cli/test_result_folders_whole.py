@@ -65,7 +65,7 @@ def killed_at(
 
 
 class TestTwoSearches:
-    def test_the_second_is_told_and_touches_nothing(self, cli: Any, tmp_path: Path) -> None:
+    def test_the_second_is_told_and_touches_nothing(self, cli, tmp_path):
         """While the first one searches."""
         folder = tmp_path / "run"
         folder.mkdir()
@@ -81,8 +81,8 @@ class TestTwoSearches:
         assert [] == names(folder)
 
     def test_the_lock_is_held_from_before_the_search_until_all_is_written(
-        self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, tmp_path, monkeypatch
+    ):
         """A second search at the last rename is refused, and the first result is whole."""
         folder = tmp_path / "run"
         seen: list[None] = []
@@ -101,7 +101,7 @@ class TestTwoSearches:
         assert 2 == len(seen)
         assert WHOLE == names(folder)
 
-    def test_of_two_at_once_one_succeeds(self, tmp_path: Path) -> None:
+    def test_of_two_at_once_one_succeeds(self, tmp_path):
         """However they meet."""
         from skillplan.cli import ResultFolder
         from skillplan.errors import OptionError
@@ -125,7 +125,7 @@ class TestTwoSearches:
         assert all("another search is" in one or "is not empty" in one for one in told)
         assert (folder / "plan.csv").read_text() == (folder / "result.json").read_text()
 
-    def test_a_finished_result_is_never_touched(self, cli: Any, solved_board: Path) -> None:
+    def test_a_finished_result_is_never_touched(self, cli, solved_board):
         """By a second search with the same folder."""
         before = {path: path.stat().st_mtime_ns for path in solved_board.iterdir()}
         outcome = search(cli, solved_board)
@@ -136,8 +136,8 @@ class TestTwoSearches:
 
 class TestKilledSearches:
     def test_wherever_it_is_killed_the_folder_is_whole_or_known_to_be_none(
-        self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, tmp_path, monkeypatch
+    ):
         """A killed one is told by those that read, and may be repeated into the same folder."""
         from skillplan.cli import ResultFolder
         from skillplan.records import check_finished
@@ -174,9 +174,7 @@ class TestKilledSearches:
 
     @pytest.mark.parametrize("command", ["verify", "evaluate", "plot", "simulate"])
     @pytest.mark.parametrize("left", [(), (".result.json.0123456789abcdef.tmp", "plan.csv")])
-    def test_who_reads_an_unfinished_folder_says_so(
-        self, cli: Any, tmp_path: Path, command: str, left: tuple[str, ...]
-    ) -> None:
+    def test_who_reads_an_unfinished_folder_says_so(self, cli, tmp_path, command, left):
         """In one message, and what to do."""
         folder = tmp_path / "run"
         folder.mkdir()
@@ -189,9 +187,7 @@ class TestKilledSearches:
         assert f"{folder}: {lacks}: the command that was to write there has not" in outcome.err
         assert "Repeat it with the same --out." in outcome.err
 
-    def test_the_command_is_repeated_into_it_and_leftovers_go(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_the_command_is_repeated_into_it_and_leftovers_go(self, cli, tmp_path):
         """Of the killed search."""
         folder = tmp_path / "run"
         folder.mkdir()
@@ -210,9 +206,7 @@ class TestKilledSearches:
             ("policies.json", ".plan.csv.00ff.tmp"),
         ],
     )
-    def test_what_no_killed_search_has_left_stays(
-        self, cli: Any, tmp_path: Path, left: tuple[str, ...]
-    ) -> None:
+    def test_what_no_killed_search_has_left_stays(self, cli, tmp_path, left):
         """A file of somebody else's may have the same name as one of ours."""
         for name in left:
             (tmp_path / name).write_text("expensive")
@@ -227,8 +221,8 @@ class TestFullDisks:
         "call", thinned(["fsync", "replace"], "replace", why="the other in every run")
     )
     def test_nothing_is_left_and_the_command_may_be_repeated(
-        self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
-    ) -> None:
+        self, cli, tmp_path, monkeypatch, call
+    ):
         """At any of the files; the message names it."""
         folder, told = tmp_path / "run", set()
         real = getattr(os, call)
@@ -252,8 +246,8 @@ class TestFullDisks:
         assert WHOLE == names(folder)
 
     def test_an_earlier_document_stays_where_there_is_no_room_for_the_next(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, tmp_path, monkeypatch
+    ):
         """Of what is resumed: old and new never stand side by side."""
         write_as_one(tmp_path, {"a.csv": "old", "result.json": "old"}, within=tmp_path)
 
@@ -267,9 +261,7 @@ class TestFullDisks:
         assert ["a.csv", "result.json"] == names(tmp_path)
         assert {"old"} == {path.read_text() for path in tmp_path.iterdir()}
 
-    def test_old_and_new_never_stand_side_by_side(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_old_and_new_never_stand_side_by_side(self, tmp_path, monkeypatch):
         """Wherever a program that resumes is killed: without the document, or all of one kind."""
         for nth in range(1, 60):
             folder = tmp_path / str(nth)
@@ -285,7 +277,7 @@ class TestFullDisks:
         assert "new" == found
 
 
-def test_a_study_writes_its_document_last(cli: Any, tmp_path: Path) -> None:
+def test_a_study_writes_its_document_last(cli, tmp_path):
     """And removes what a killed one has left."""
     out = ("--out", str(tmp_path / "study"))
     with studies_in_this_process():

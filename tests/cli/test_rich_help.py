@@ -16,13 +16,13 @@ def printed(before: str, *words: str) -> str:
 
 
 @pytest.mark.slow(reason="two processes; the help of every command in every run")
-def test_it_looks_as_with_all_of_rich() -> None:
+def test_it_looks_as_with_all_of_rich():
     """What is left out would have changed nothing."""
     whole = "import rich.markdown, rich.traceback, typer.rich_utils"
     assert printed(whole, "train", "--help") == printed("", "train", "--help")
 
 
-def test_what_was_left_out_is_there_for_others() -> None:
+def test_what_was_left_out_is_there_for_others():
     """A plugin that prints Markdown afterwards gets the real class."""
     code = (
         "from skillplan.cli import load_rich_utils\n"

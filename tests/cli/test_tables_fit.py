@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +64,7 @@ LONG = (
 
 
 @pytest.fixture
-def printed(monkeypatch: pytest.MonkeyPatch) -> list[Table]:
+def printed(monkeypatch):
     """All tables that a command prints for people, as they were before they got their width."""
     tables: list[Table] = []
 
@@ -78,20 +77,20 @@ def printed(monkeypatch: pytest.MonkeyPatch) -> list[Table]:
 
 
 @pytest.fixture
-def runs(tmp_path: Path) -> str:
+def runs(tmp_path):
     """Three runs on a copy of the board, of which two complete it."""
     return str(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS], copy=True))
 
 
 @pytest.fixture
-def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def learner(tmp_path, monkeypatch):
     """The name of a learner that is quick and exact."""
     with learner_installed(tmp_path / "site", monkeypatch) as name:
         yield name
 
 
 @pytest.fixture
-def result(cli: Any, tmp_path: Path) -> Callable[[str], str]:
+def result(cli, tmp_path):
     """Solves a task and returns the folder of its result."""
 
     def solve(task: str) -> str:
@@ -125,9 +124,7 @@ def fits(tables: list[Table], text: str, monkeypatch: pytest.MonkeyPatch) -> Non
         for name in COMMANDS
     ],
 )
-def test_no_line_is_wider_than_the_output(
-    cli: Any, printed: list[Table], monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_no_line_is_wider_than_the_output(cli, printed, monkeypatch, name):
     """Piped, and at 60, 80 and 120 columns."""
     code, words = COMMANDS[name]
     outcome = cli(*words)
@@ -136,9 +133,7 @@ def test_no_line_is_wider_than_the_output(
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_columns_counts_in_a_pipe_too(
-    cli: Any, monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
+def test_columns_counts_in_a_pipe_too(cli, monkeypatch, width):
     """Of a command as the user calls it."""
     monkeypatch.setenv("COLUMNS", str(width))
     assert widest(cli("chart", BOARD).out) <= width
@@ -149,40 +144,27 @@ def test_columns_counts_in_a_pipe_too(
     [BOARD, pytest.param(BENCH, marks=pytest.mark.slow(reason="a sheet; the board in every run"))],
 )
 @pytest.mark.parametrize("words", [(), ("--verbose",)])
-def test_verify_fits(
-    cli: Any,
-    result: Callable[[str], str],
-    printed: list[Table],
-    monkeypatch: pytest.MonkeyPatch,
-    task: str,
-    words: tuple[str, ...],
-) -> None:
+def test_verify_fits(cli, result, printed, monkeypatch, task, words):
     """In short and in full."""
     outcome = cli("verify", result(task), *words)
     fits(printed, outcome.out, monkeypatch)
 
 
-def test_train_and_evaluate_fit(
-    cli: Any, learner: str, tmp_path: Path, printed: list[Table], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_train_and_evaluate_fit(cli, learner, tmp_path, printed, monkeypatch):
     """With sequences of 15 actions beside seven figures."""
     words = ("--solver", learner, "--runs", "2", "--steps", "400")
     outcome = cli("train", BOARD, *words, "--out", str(tmp_path / "run"))
     fits(printed, outcome.out, monkeypatch)
 
 
-def test_evaluate_of_runs_fits(
-    cli: Any, runs: str, printed: list[Table], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_evaluate_of_runs_fits(cli, runs, printed, monkeypatch):
     """Beside what the paper has."""
     outcome = cli("evaluate", runs, "--episodes", "5")
     fits(printed, outcome.out, monkeypatch)
 
 
 @pytest.mark.slow(reason="two trainings; one that fits in every run")
-def test_several_trainings_side_by_side_fit(
-    cli: Any, runs: str, tmp_path: Path, printed: list[Table], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_trainings_side_by_side_fit(cli, runs, tmp_path, printed, monkeypatch):
     """However long the names of their folders are."""
     other = write_runs(tmp_path / ("o" * 90), BOARD, [SWITCHED], copy=True)
     outcome = cli("evaluate", runs, str(other), "--episodes", "5")
@@ -190,14 +172,14 @@ def test_several_trainings_side_by_side_fit(
 
 
 class TestVerifyInShort:
-    def test_a_valid_result_takes_six_lines(self, cli: Any, result: Callable[[str], str]) -> None:
+    def test_a_valid_result_takes_six_lines(self, cli, result):
         """What was replayed, calculated, proved again and not checked, and the verdict."""
         lines = cli("verify", result(BOARD)).out.splitlines()
         assert ["inverter-board:", "replay", "figures", "proof", "not", "verdict"] == [
             line.split()[0] for line in lines if line
         ]
 
-    def test_what_does_not_hold_is_listed(self, cli: Any, result: Callable[[str], str]) -> None:
+    def test_what_does_not_hold_is_listed(self, cli, result):
         """And nothing else is."""
         path = Path(result(BOARD)) / "result.json"
         text = re.sub(r'"gap": [^,]*', '"gap": 0.5', path.read_text("utf-8"), count=1)
@@ -208,17 +190,17 @@ class TestVerifyInShort:
         assert [["gap", "fails"]] == rows
         assert "NOT VALID: gap" in outcome.out
 
-    def test_verbose_lists_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
+    def test_verbose_lists_every_claim(self, cli, result):
         out = cli("verify", result(BOARD), "--verbose").out
         assert 9 == sum(" holds " in line for line in out.splitlines())
 
-    def test_markdown_holds_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
+    def test_markdown_holds_every_claim(self, cli, result):
         """As it did before there was a short form."""
         out = cli("verify", result(BOARD), "--format", "md").out
         assert 9 == out.count("| holds |")
 
 
-def test_explain_prints_evidence_as_a_list(cli: Any) -> None:
+def test_explain_prints_evidence_as_a_list(cli):
     """One line for each thing measured, under the stage that measured it."""
     words = ("--after", "0,1,10,11,8", "--collision", "aabb", "--set", "chart=[]")
     lines = cli("explain", BOARD, "place(transformer)", *words).out.splitlines()
@@ -228,9 +210,7 @@ def test_explain_prints_evidence_as_a_list(cli: Any) -> None:
     ]
 
 
-def test_sweep_heads_the_column_of_a_start_with_the_word(
-    cli: Any, printed: list[Table], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sweep_heads_the_column_of_a_start_with_the_word(cli, printed, monkeypatch):
     """Nine facts are no heading; Markdown names the state as before."""
     values = ("-O", "alpha=0.1,0.5", "-O", "episodes=500", "--runs", "2")
     with studies_in_this_process():

@@ -14,9 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,7 +29,7 @@ PATIENCE_S = 120
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _learner(tmp_path_factory):
     """A learner that is quick and exact, here and in child processes."""
     with (
         pytest.MonkeyPatch.context() as patch,
@@ -41,7 +39,7 @@ def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def kept(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def kept(_learner, tmp_path_factory):
     """The folder of a training that nothing happened to, for all tests."""
     folder = tmp_path_factory.mktemp("kept") / "run"
     with pytest.raises(SystemExit) as ended:
@@ -51,14 +49,14 @@ def kept(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run_dir(kept: Path, tmp_path: Path) -> Path:
+def run_dir(kept, tmp_path):
     """The same, to be changed freely."""
     shutil.copytree(kept, tmp_path / "run")
     return tmp_path / "run"
 
 
 class TestOutput:
-    def test_json_is_one_document_that_is_kept_too(self, cli: Any, tmp_path: Path) -> None:
+    def test_json_is_one_document_that_is_kept_too(self, cli, tmp_path):
         outcome = cli("train", BOARD, *QUICK, "--out", str(tmp_path / "a"), "--format", "json")
         assert (0, "derived from the task: horizon 20\n") == (outcome.code, outcome.err)
         document = outcome.document
@@ -68,15 +66,13 @@ class TestOutput:
         assert document["optimum"] == pytest.approx(1.86709, abs=1e-5)
         assert document == json.loads((tmp_path / "a" / "result.json").read_text())
 
-    def test_csv_has_a_row_for_every_run(self, cli: Any, tmp_path: Path) -> None:
+    def test_csv_has_a_row_for_every_run(self, cli, tmp_path):
         words = ("--out", str(tmp_path / "a"), "--format", "csv")
         rows = list(csv.DictReader(io.StringIO(cli("train", BOARD, *QUICK, *words).out)))
         assert ["0", "1", "2"] == [row["run"] for row in rows]
 
     @pytest.mark.slow(reason="two trainings; every run has the names of folders that are free")
-    def test_without_a_name_the_folder_is_the_next_free_one(
-        self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_a_name_the_folder_is_the_next_free_one(self, cli, tmp_path, monkeypatch):
         monkeypatch.chdir(tmp_path)
         for number in (1, 2):
             name = str(Path("runs") / f"inverter-board-tabular-{number}")
@@ -85,9 +81,7 @@ class TestOutput:
             assert (Path(name) / "result.json").is_file()
 
     @pytest.mark.slow(reason="a training; the other endings in every run")
-    def test_a_training_in_which_no_run_completes_ends_with_1(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_a_training_in_which_no_run_completes_ends_with_1(self, cli, tmp_path):
         words = ("-O", "mask=none", "-O", "epsilon=1", "--out", str(tmp_path / "a"))
         outcome = cli("train", BOARD, *QUICK, *words, "--format", "json")
         assert 1 == outcome.code
@@ -96,7 +90,7 @@ class TestOutput:
     @pytest.mark.slow(
         reason="a training on a terminal; every run shows the progress of a search there"
     )
-    def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
+    def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path):
         words = [*QUICK[:-4], "--steps", "800", "-O", "pause_s=0.001", "--out"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(tmp_path / "a")]
         main, terminal = pty.openpty()
@@ -128,8 +122,8 @@ class TestInterruption:
         "and a search hears Ctrl-C"
     )
     def test_ctrl_c_keeps_what_there_is_and_says_how_to_go_on(
-        self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path
-    ) -> None:
+        self, cli, kept, environment, tmp_path
+    ):
         """To the whole group, as a terminal sends it."""
         folder = tmp_path / "run"
         # A pause changes nothing but an option; both trainings have it.
@@ -162,12 +156,12 @@ class TestInterruption:
         assert same_run("metrics.jsonl", kept, folder)
         assert same_run("policy.safetensors", kept, folder)
 
-    def test_resume_needs_the_folder(self, cli: Any) -> None:
+    def test_resume_needs_the_folder(self, cli):
         outcome = cli("train", BOARD, *QUICK, "--resume")
         assert 2 == outcome.code
         assert "--resume needs --out DIR" in outcome.err
 
-    def test_without_time_left_it_can_go_on(self, cli: Any, kept: Path, tmp_path: Path) -> None:
+    def test_without_time_left_it_can_go_on(self, cli, kept, tmp_path):
         """Its folder is whole, and what it learns in the end is the same."""
         cut = str(tmp_path / "cut")
         outcome = cli("train", BOARD, *QUICK, "--out", cut, "--time-limit", "0.001")
@@ -176,7 +170,7 @@ class TestInterruption:
         assert 0 == cli("train", BOARD, *QUICK, "--out", cut, "--resume").code
         assert learned_bytes(kept) == learned_bytes(Path(cut))
 
-    def test_the_proof_has_a_limit_of_its_own(self, cli: Any, tmp_path: Path) -> None:
+    def test_the_proof_has_a_limit_of_its_own(self, cli, tmp_path):
         """The runs are done all the same."""
         words = ("--proof-time-limit", "1e-9", "--out", str(tmp_path / "a"), "--format", "json")
         outcome = cli("train", BOARD, *QUICK, *words)
@@ -200,8 +194,8 @@ class TestInterruption:
         ],
     )
     def test_sigkill_at_random_instants_changes_nothing(
-        self, cli: Any, environment: dict[str, str], tmp_path: Path, kills: int, steps: int
-    ) -> None:
+        self, cli, environment, tmp_path, kills, steps
+    ):
         """Of the whole group, so that processes for groups of runs are ended, too."""
         words = ["--solver", "tabular", "--runs", "6", "--steps", str(steps), "--checkpoint", "200"]
         words += ["-O", "pause_s=0.0005", "--proof-time-limit", "5"]
@@ -232,8 +226,8 @@ class TestInterruption:
 
     @pytest.mark.slow(reason="a killed program; one whose processes check is killed in every run")
     def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
-        self, cli: Any, environment: dict[str, str], tmp_path: Path
-    ) -> None:
+        self, cli, environment, tmp_path
+    ):
         words = ["--solver", "tabular", "--runs", "6", "--steps", "300", "--checkpoint", "100"]
         words += ["-O", "pause_s=0.002", "--out"]
         whole, cut = tmp_path / "whole", tmp_path / "cut"
@@ -271,9 +265,7 @@ class TestFaults:
             (("--physics", "kinematics"), "Did you mean 'kinematic'?"),
         ],
     )
-    def test_a_wrong_word_is_one_clear_error(
-        self, cli: Any, tmp_path: Path, words: tuple[str, ...], message: str
-    ) -> None:
+    def test_a_wrong_word_is_one_clear_error(self, cli, tmp_path, words, message):
         folder = tmp_path / "a"
         outcome = cli("train", BOARD, *QUICK, *words, "--out", str(folder))
         assert 2 == outcome.code
@@ -296,9 +288,7 @@ class TestFaults:
             ),
         ],
     )
-    def test_every_damaged_file_is_named_or_made_anew(
-        self, cli: Any, kept: Path, run_dir: Path, how: str
-    ) -> None:
+    def test_every_damaged_file_is_named_or_made_anew(self, cli, kept, run_dir, how):
         """Those that a training goes on from are named; those that it makes are made again."""
         whole = learned_bytes(kept)
         named = set()
@@ -345,8 +335,8 @@ class TestFaults:
         ],
     )
     def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(
-        self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
-    ) -> None:
+        self, cli, kept, environment, tmp_path, jobs
+    ):
         """Files may not grow beyond 16 KiB: at first all goes well."""
         folder = tmp_path / "run"
         words = ["train", BOARD, *QUICK, "--jobs", jobs, "--out", str(folder)]
@@ -366,17 +356,15 @@ class TestFaults:
         assert 0 == cli(*words, "--resume").code
         assert learned_bytes(kept) == learned_bytes(folder)
 
-    def test_a_run_that_fails_is_named_and_the_others_are_shown(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_a_run_that_fails_is_named_and_the_others_are_shown(self, cli, tmp_path):
         words = ("-O", "fails=1@250", "--out", str(tmp_path / "a"))
         outcome = cli("train", BOARD, *QUICK, *words)
         assert 0 == outcome.code
         assert "its values are not finite" in outcome.out
 
     def test_where_the_back_end_fails_everywhere_it_ends_with_3(
-        self, cli: Any, bursting_detector: str, tmp_path: Path
-    ) -> None:
+        self, cli, bursting_detector, tmp_path
+    ):
         words = ("--collision", bursting_detector, "--out", str(tmp_path / "a"))
         outcome = cli("train", BOARD, *QUICK, *words, "--format", "json")
         assert 3 == outcome.code
@@ -384,9 +372,7 @@ class TestFaults:
         assert "the simulator has gone away" in outcome.document["runs"][0]["reason"]
 
     @pytest.mark.slow(reason="a process that trains; the same from Python in every run")
-    def test_a_folder_in_use_is_not_written_to(
-        self, cli: Any, run_dir: Path, environment: dict[str, str]
-    ) -> None:
+    def test_a_folder_in_use_is_not_written_to(self, cli, run_dir, environment):
         words = ["--solver", "tabular", "--runs", "1", "-O", "pause_s=0.002", "--out"]
         folder = run_dir.parent / "busy"
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(folder)]

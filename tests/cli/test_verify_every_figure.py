@@ -99,13 +99,13 @@ def one_of_each(document: Any) -> list[Path_]:
 
 
 @pytest.fixture
-def run(solved_board: Path, tmp_path: Path) -> Path:
+def run(solved_board, tmp_path):
     """The inverter board by exact search, in a folder of its own."""
     return Path(shutil.copytree(solved_board, tmp_path / "run"))
 
 
 @pytest.fixture
-def chain(solved_corner: Path, tmp_path: Path) -> Path:
+def chain(solved_corner, tmp_path):
     """A chain on the bench, in a folder of its own."""
     return Path(shutil.copytree(solved_corner, tmp_path / "chain"))
 
@@ -130,7 +130,7 @@ def document_of(folder: Path, name: str = "result.json") -> Any:
         ("steps", 14, "duration_s"),
     ],
 )
-def test_a_changed_figure_is_noticed(run: Path, path: Path_) -> None:
+def test_a_changed_figure_is_noticed(run, path):
     """Those that once passed, of a board."""
     assert set() == unnoticed(run, "result.json", [path])
 
@@ -146,7 +146,7 @@ def test_a_changed_figure_is_noticed(run: Path, path: Path_) -> None:
         ("sequences", 0, "optimum"),
     ],
 )
-def test_a_changed_figure_of_a_chain_is_noticed(chain: Path, path: Path_) -> None:
+def test_a_changed_figure_of_a_chain_is_noticed(chain, path):
     """Those that once passed, of the bench."""
     document = document_of(chain)
     known = {tuple("*" if isinstance(k, int) else k for k in p) for p in leaves(document)}
@@ -155,7 +155,7 @@ def test_a_changed_figure_of_a_chain_is_noticed(chain: Path, path: Path_) -> Non
     assert set() == unnoticed(chain, "result.json", [path])
 
 
-def test_a_stage_with_a_skill_that_there_is_not_fails(cli: Any, chain: Path) -> None:
+def test_a_stage_with_a_skill_that_there_is_not_fails(cli, chain):
     """What follows from it is not grounded; that raised once."""
     document = document_of(chain)
     goals = next(part for part in document["stages"] if part["name"] == "goals")
@@ -167,7 +167,7 @@ def test_a_stage_with_a_skill_that_there_is_not_fails(cli: Any, chain: Path) -> 
 
 
 @pytest.mark.release(reason="225 verifications; test_a_changed_figure_is_noticed in every run")
-def test_every_leaf_of_a_board_is_checked_or_listed(run: Path) -> None:
+def test_every_leaf_of_a_board_is_checked_or_listed(run):
     """One at a time."""
     found = unnoticed(run, "result.json", leaves(document_of(run)))
     assert set() == {path for path in found if not SINGLE.fullmatch(path)}
@@ -180,14 +180,14 @@ def test_every_leaf_of_a_board_is_checked_or_listed(run: Path) -> None:
         pytest.param(1, marks=pytest.mark.release(reason="200 verifications of a chain")),
     ],
 )
-def test_every_leaf_of_a_chain_is_checked_or_listed(chain: Path, share: int) -> None:
+def test_every_leaf_of_a_chain_is_checked_or_listed(chain, share):
     """Of each kind of leaf one; of all kinds, or of every third."""
     found = unnoticed(chain, "result.json", one_of_each(document_of(chain))[::share])
     assert set() == {path for path in found if not CHAIN.fullmatch(path)}
 
 
 @pytest.mark.release(reason="15 verifications of a fleet, a second each")
-def test_every_leaf_of_a_fleet_is_checked_or_listed(cli: Any, tmp_path: Path) -> None:
+def test_every_leaf_of_a_fleet_is_checked_or_listed(cli, tmp_path):
     """Schedule, robots and bounds included."""
     folder = tmp_path / "fleet"
     words = (FLEET, "--format", "json", "--out", str(folder))
@@ -198,14 +198,14 @@ def test_every_leaf_of_a_fleet_is_checked_or_listed(cli: Any, tmp_path: Path) ->
 
 
 @pytest.fixture(scope="module")
-def solved_policy(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved_policy(solved, tmp_path_factory):
     """The board by value iteration, which stores its policy."""
     folder = tmp_path_factory.mktemp("policy") / "run"
     return Path(solved(folder, BOARD, "--solver", "value-iteration"))
 
 
 @pytest.mark.slow(reason="a dozen verifications; a changed choice of a policy in every run")
-def test_a_changed_leaf_of_policies_is_noticed(solved_policy: Path, tmp_path: Path) -> None:
+def test_a_changed_leaf_of_policies_is_noticed(solved_policy, tmp_path):
     """Headers, and a sample of the choices."""
     folder = Path(shutil.copytree(solved_policy, tmp_path / "run"))
     every = list(leaves(document_of(folder, "policies.json")))
@@ -214,7 +214,7 @@ def test_a_changed_leaf_of_policies_is_noticed(solved_policy: Path, tmp_path: Pa
     assert set() == unnoticed(folder, "policies.json", [*heads, *sample])
 
 
-def test_a_choice_on_the_way_of_the_plan_is_noticed(solved_policy: Path, tmp_path: Path) -> None:
+def test_a_choice_on_the_way_of_the_plan_is_noticed(solved_policy, tmp_path):
     """Though the other skill can be executed there, too."""
     folder = Path(shutil.copytree(solved_policy, tmp_path / "run"))
     document = document_of(folder, "policies.json")
@@ -241,7 +241,7 @@ def tampered_cells(file: Path, folder: Path, sample: int | None) -> list[str]:
     return found
 
 
-def test_a_changed_cell_beside_the_result_is_noticed(run: Path, chain: Path) -> None:
+def test_a_changed_cell_beside_the_result_is_noticed(run, chain):
     """In plan.csv, and in the timeline of a bench."""
     assert [] == tampered_cells(run / "plan.csv", run, 3)
     assert [] == tampered_cells(chain / "plan.csv", chain, 1)
@@ -249,15 +249,13 @@ def test_a_changed_cell_beside_the_result_is_noticed(run: Path, chain: Path) -> 
 
 
 @pytest.mark.slow(reason="a hundred verifications; a sample of cells is tried in every run")
-def test_every_cell_beside_the_result_is_checked(run: Path) -> None:
+def test_every_cell_beside_the_result_is_checked(run):
     """One at a time."""
     assert [] == tampered_cells(run / "plan.csv", run, None)
 
 
 @pytest.mark.parametrize("folder", ["run", "chain"])
-def test_a_result_of_an_older_version_without_the_later_keys_is_valid(
-    folder: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_result_of_an_older_version_without_the_later_keys_is_valid(folder, request):
     place: Path = request.getfixturevalue(folder)
     document = document_of(place)
     for row in (document, *document.get("sequences", ()), *document.get("stages", ())):
@@ -275,20 +273,20 @@ def test_a_result_of_an_older_version_without_the_later_keys_is_valid(
         ("simulation", {"engine": "mujoco", "complete": True}),
     ],
 )
-def test_a_claim_about_the_checks_that_was_made_up_fails(run: Path, key: str, value: Any) -> None:
+def test_a_claim_about_the_checks_that_was_made_up_fails(run, key, value):
     document = {**document_of(run), key: value}
     (run / "result.json").write_text(json.dumps(document), "utf-8")
     assert not accepted(run)
 
 
-def test_what_is_listed_as_unchecked_passes(run: Path) -> None:
+def test_what_is_listed_as_unchecked_passes(run):
     """The list is no longer than it must be."""
     for path in [("seed",), ("stats", "wall_s"), ("stats", "checks"), ("solver",)]:
         assert {".".join(path)} == unnoticed(run, "result.json", [path]) or path == ("solver",)
 
 
 class TestLimits:
-    def test_absurd_replans_are_refused(self, cli: Any, chain: Path) -> None:
+    def test_absurd_replans_are_refused(self, cli, chain):
         """A billion of them once hung it."""
         document = document_of(chain)
         document["replans"] = 10**9
@@ -297,7 +295,7 @@ class TestLimits:
         assert 2 == outcome.code
         assert "replans is 1000000000, and at most 100 are followed" in outcome.err
 
-    def test_replans_that_are_allowed_keep_the_time_limit(self, cli: Any, chain: Path) -> None:
+    def test_replans_that_are_allowed_keep_the_time_limit(self, cli, chain):
         """What does not follow is said."""
         document = document_of(chain)
         document["replans"] = 100
@@ -305,7 +303,7 @@ class TestLimits:
         outcome = cli("verify", str(chain), "--time-limit", "1")
         assert outcome.code in (1, 2)
 
-    def test_a_memory_limit_is_kept(self, cli: Any, run: Path) -> None:
+    def test_a_memory_limit_is_kept(self, cli, run):
         """Here there is none left for the replay: then nothing is valid."""
         outcome = cli("verify", str(run), "--memory-limit", "64MiB", "--format", "json")
         claims = {one["claim"]: one for one in outcome.document["claims"]}
@@ -314,7 +312,7 @@ class TestLimits:
 
 
 class TestWhatWasAsked:
-    def test_back_ends_and_options_are_named(self, cli: Any, run: Path) -> None:
+    def test_back_ends_and_options_are_named(self, cli, run):
         """With their versions."""
         document = cli("verify", str(run), "--format", "json").document
         asked = {one["name"]: one for one in document["asked"]}
@@ -323,9 +321,7 @@ class TestWhatWasAsked:
         assert not document["warm"]
         assert {"seed", "stats", "trace"} <= {one["key"] for one in document["not_checked"]}
 
-    def test_kept_verdicts_are_used_only_when_warm(
-        self, cli: Any, run: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_kept_verdicts_are_used_only_when_warm(self, cli, run, monkeypatch):
         """Nothing on disk is even opened."""
         from skillplan.pipeline import solving as pipeline
 

@@ -50,7 +50,7 @@ Forge = Callable[[Document], None]
 
 
 @pytest.fixture(scope="module")
-def slippery(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def slippery(solved, tmp_path_factory):
     """A board with chance, its optimum and its policy."""
     folder = tmp_path_factory.mktemp("slippery")
     (folder / "slippery.yaml").write_text(SLIPPERY, "utf-8")
@@ -58,14 +58,14 @@ def slippery(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def sop(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sop(solved, tmp_path_factory):
     """An instance of the sequential ordering problem."""
     folder = tmp_path_factory.mktemp("sop") / "run"
     return Path(solved(folder, str(ROOT / "configs/ESC12.sop")))
 
 
 @pytest.fixture
-def genuine(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+def genuine(request, tmp_path):
     """A copy of the result of a fixture."""
     return Path(shutil.copytree(request.getfixturevalue(request.param), tmp_path / "forged"))
 
@@ -94,18 +94,14 @@ a_chain = pytest.mark.parametrize("genuine", ["solved_corner"], indirect=True)
 class TestAChainOfNoParts:
     @every_kind
     @pytest.mark.parametrize("status", ["optimal", "infeasible", "unsolved"])
-    def test_it_is_refuted_for_every_kind_of_task(
-        self, cli: Any, genuine: Path, status: str
-    ) -> None:
+    def test_it_is_refuted_for_every_kind_of_task(self, cli, genuine, status):
         claims = FREE if status == "optimal" else NO_PLAN
         forge(genuine, lambda d: d.update(claims, status=status, sequences=[], stages=[]))
         code, verdict, outcomes = verify(cli, genuine)
         assert (1, "refuted", "fails") == (code, verdict, outcomes["parts"])
 
     @pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)
-    def test_a_single_task_has_no_parts_at_all(
-        self, cli: Any, genuine: Path, solved_corner: Path
-    ) -> None:
+    def test_a_single_task_has_no_parts_at_all(self, cli, genuine, solved_corner):
         """Parts of a valid chain make no valid result of another task."""
         chain = json.loads((solved_corner / "result.json").read_text("utf-8"))
         parts = {key: chain[key] for key in ("sequences", "stages", "replans")}
@@ -113,7 +109,7 @@ class TestAChainOfNoParts:
         assert (1, "refuted") == verify(cli, genuine)[:2]
 
     @a_chain
-    def test_a_chain_without_its_parts_is_no_single_task(self, cli: Any, genuine: Path) -> None:
+    def test_a_chain_without_its_parts_is_no_single_task(self, cli, genuine):
         forge(genuine, lambda d: [d.pop(key) for key in ("sequences", "stages", "replans")])
         assert (1, "refuted") == verify(cli, genuine)[:2]
 
@@ -164,9 +160,7 @@ def _reused_without_an_earlier_one(document: Document) -> None:
         _reused_without_an_earlier_one,
     ],
 )
-def test_parts_of_a_chain_that_are_missing_extra_or_moved_are_refuted(
-    cli: Any, genuine: Path, change: Forge
-) -> None:
+def test_parts_of_a_chain_that_are_missing_extra_or_moved_are_refuted(cli, genuine, change):
     forge(genuine, change)
     assert (1, "refuted") == verify(cli, genuine)[:2]
 
@@ -174,23 +168,19 @@ def test_parts_of_a_chain_that_are_missing_extra_or_moved_are_refuted(
 @pytest.mark.parametrize("genuine", ["slippery"], indirect=True)
 class TestChanceWithoutItsPolicy:
     @pytest.mark.parametrize("cost", [0.0, 0.5, 99.0])
-    def test_an_optimal_cost_is_compared_with_the_value_of_all_states(
-        self, cli: Any, genuine: Path, cost: float
-    ) -> None:
+    def test_an_optimal_cost_is_compared_with_the_value_of_all_states(self, cli, genuine, cost):
         (genuine / "policies.json").unlink()
         forge(genuine, lambda d: d.update(cost=cost, lower_bound=min(cost, d["lower_bound"])))
         code, verdict, outcomes = verify(cli, genuine)
         assert (1, "refuted", "fails") == (code, verdict, outcomes["cost"])
 
-    def test_a_cost_below_the_least_is_refuted_without_a_claim_of_optimality(
-        self, cli: Any, genuine: Path
-    ) -> None:
+    def test_a_cost_below_the_least_is_refuted_without_a_claim_of_optimality(self, cli, genuine):
         (genuine / "policies.json").unlink()
         change = {"status": "solved", "cost": 0.5, "lower_bound": None, "gap": None}
         forge(genuine, lambda d: d.update(change))
         assert (1, "refuted") == verify(cli, genuine)[:2]
 
-    def test_a_higher_cost_is_not_confirmed(self, cli: Any, genuine: Path) -> None:
+    def test_a_higher_cost_is_not_confirmed(self, cli, genuine):
         """Some policy may cost that much; which one was followed is unknown."""
         (genuine / "policies.json").unlink()
         change = {"status": "solved", "cost": 99.0, "lower_bound": None, "gap": None}
@@ -200,16 +190,14 @@ class TestChanceWithoutItsPolicy:
         assert (1, "not confirmed") == (code, verdict)
         assert "not checked" == outcomes["cost"] == outcomes["policies.json"]
 
-    def test_even_the_right_cost_is_not_confirmed(self, cli: Any, genuine: Path) -> None:
+    def test_even_the_right_cost_is_not_confirmed(self, cli, genuine):
         """The plan shows nominal outcomes only; off them there is nothing to execute."""
         (genuine / "policies.json").unlink()
         code, verdict, outcomes = verify(cli, genuine)
         assert (1, "not confirmed", "holds") == (code, verdict, outcomes["cost"])
         assert "not checked" == outcomes["policies.json"]
 
-    def test_a_file_without_policies_or_with_two_of_a_task_is_refuted(
-        self, cli: Any, genuine: Path
-    ) -> None:
+    def test_a_file_without_policies_or_with_two_of_a_task_is_refuted(self, cli, genuine):
         path = genuine / "policies.json"
         document = json.loads(path.read_text("utf-8"))
         for policies in ([], document["policies"] * 2):
@@ -220,7 +208,7 @@ class TestChanceWithoutItsPolicy:
 
 class TestAProofThatCannotBeRepeated:
     @pytest.fixture
-    def large(self, cli: Any, tmp_path: Path) -> Path:
+    def large(self, cli, tmp_path):
         """A board of which no method takes all states."""
         path = tmp_path / "large.yaml"
         words = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
@@ -251,9 +239,7 @@ class TestAProofThatCannotBeRepeated:
         }
         (folder / "forged" / "result.json").write_text(json.dumps(document), "utf-8")
 
-    def test_that_there_is_no_plan_is_not_confirmed(
-        self, cli: Any, large: Path, tmp_path: Path
-    ) -> None:
+    def test_that_there_is_no_plan_is_not_confirmed(self, cli, large, tmp_path):
         """Nothing else is claimed, so that nothing was checked."""
         self.claim(large, tmp_path, status="infeasible")
         words = ("--task", str(large), "--time-limit", "0.2")
@@ -261,9 +247,7 @@ class TestAProofThatCannotBeRepeated:
         assert (1, "not checked") == (code, outcomes["infeasible"])
         assert "valid" != verdict
 
-    def test_the_optimum_of_a_plan_that_holds_is_not_confirmed(
-        self, cli: Any, large: Path, tmp_path: Path
-    ) -> None:
+    def test_the_optimum_of_a_plan_that_holds_is_not_confirmed(self, cli, large, tmp_path):
         """The plan and its cost hold, and the summary names what was not checked."""
         folder = tmp_path / "run"
         words = ("--solver", "exact", "--time-limit", "0.5", "--out", str(folder))
@@ -283,15 +267,13 @@ class TestFilesBeside:
         [("solved_board", "plan.csv"), ("solved_corner", "timeline.csv")],
         indirect=["genuine"],
     )
-    def test_a_missing_table_is_named(self, cli: Any, genuine: Path, name: str) -> None:
+    def test_a_missing_table_is_named(self, cli, genuine, name):
         (genuine / name).unlink()
         code, verdict, outcomes = verify(cli, genuine)
         assert (0, "valid", "not checked") == (code, verdict, outcomes[name])
         assert f"valid, but for what was not checked: {name}" in cli("verify", str(genuine)).out
 
-    def test_missing_policies_are_named_though_the_plan_needs_none(
-        self, cli: Any, tmp_path: Path
-    ) -> None:
+    def test_missing_policies_are_named_though_the_plan_needs_none(self, cli, tmp_path):
         """The result says that its solver gave a policy."""
         folder = tmp_path / "run"
         cli("search-optimal", BOARD, "--solver", "value-iteration", "--out", str(folder))
@@ -301,15 +283,13 @@ class TestFilesBeside:
         assert (0, "not checked") == (code, outcomes["policies.json"])
 
     @pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)
-    def test_a_result_that_is_no_folder_of_its_own_needs_no_files(
-        self, cli: Any, genuine: Path, tmp_path: Path
-    ) -> None:
+    def test_a_result_that_is_no_folder_of_its_own_needs_no_files(self, cli, genuine, tmp_path):
         """What --format json printed, redirected."""
         alone = shutil.copy(genuine / "result.json", tmp_path / "printed.json")
         assert {"holds"} == set(verify(cli, Path(alone))[2].values())
 
 
-def test_options_that_made_another_task_of_the_file_are_shown(cli: Any, tmp_path: Path) -> None:
+def test_options_that_made_another_task_of_the_file_are_shown(cli, tmp_path):
     folder = tmp_path / "run"
     words = ("--set", "goal=[placed(pcb)]", "--collision", "aabb", "-O", "aabb.tolerance_m=0.001")
     assert 0 == cli("search-optimal", BOARD, *words, "--out", str(folder)).code
@@ -321,7 +301,7 @@ def test_options_that_made_another_task_of_the_file_are_shown(cli: Any, tmp_path
 @pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)
 class TestViewsOfAForgedResult:
     @pytest.fixture
-    def forged(self, genuine: Path) -> Path:
+    def forged(self, genuine):
         """A plan said to cost less than it does, with an auditor."""
         claims = {"cost": 0.1, "lower_bound": 0.1, "bound_method": "audited by TUEV"}
         forge(genuine, lambda d: d.update(claims))
@@ -332,18 +312,14 @@ class TestViewsOfAForgedResult:
         [("report", "{}", "--no-simulation", "--out", "page.html"), ("plot", "{}", "layout")],
         ids=["report", "plot"],
     )
-    def test_what_is_refuted_is_not_shown(
-        self, cli: Any, forged: Path, tmp_path: Path, words: tuple[str, ...]
-    ) -> None:
+    def test_what_is_refuted_is_not_shown(self, cli, forged, tmp_path, words):
         with contextlib.chdir(tmp_path):
             outcome = cli(*(word.format(forged) for word in words))
         assert (2, "") == (outcome.code, outcome.out)
         assert "is refuted: cost: the plan costs 1.867086014, claimed 0.1" in outcome.err
         assert {"forged"} == {path.name for path in tmp_path.iterdir()}
 
-    def test_what_cannot_be_verified_is_marked_on_the_page(
-        self, cli: Any, genuine: Path, tmp_path: Path
-    ) -> None:
+    def test_what_cannot_be_verified_is_marked_on_the_page(self, cli, genuine, tmp_path):
         forge(genuine, lambda d: d.update(bound_method="audited by TUEV"))
         page = tmp_path / "page.html"
         assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
@@ -352,8 +328,8 @@ class TestViewsOfAForgedResult:
         assert "audited by TUEV, says the result" in text
 
     def test_a_proof_that_was_not_repeated_is_a_claim_of_the_result(
-        self, cli: Any, genuine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, cli, genuine, tmp_path, monkeypatch
+    ):
         """As for a board that is too large for the time limit."""
         given_up = LeastCost("a method", why_not="too large")
         monkeypatch.setattr("skillplan.judge.claim_check._least_cost", lambda *_: given_up)
@@ -389,9 +365,7 @@ def nodes(value: Any, path: tuple[str | int, ...] = ()) -> list[tuple[str | int,
 @pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
-def test_no_value_in_any_place_ends_in_an_error_or_is_believed(
-    genuine: Path, data: st.DataObject
-) -> None:
+def test_no_value_in_any_place_ends_in_an_error_or_is_believed(genuine, data):
     """Replaced, removed, doubled or moved; unless it is listed as unchecked."""
     path = genuine / "result.json"
     original = json.loads(path.read_text("utf-8"))

@@ -40,7 +40,7 @@ def built(page: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def commands_page() -> str:
+def commands_page():
     """The page of all commands."""
     return built("commands.md")
 

@@ -27,7 +27,7 @@ def hashed() -> dict[str, str]:
     return {licences.canonical(name): version for name, version in found}
 
 
-def test_every_dependency_stands_with_its_licence() -> None:
+def test_every_dependency_stands_with_its_licence():
     """Those of the core and the plugins; what is installed states one."""
     page = generated_reference.filled((ROOT / "docs/reference/licences.md").read_text("utf-8"))
     rows = {
@@ -41,7 +41,7 @@ def test_every_dependency_stands_with_its_licence() -> None:
     assert [] == [name for name in direct if rows[name] in ("", "says none; see its files")]
 
 
-def test_the_list_of_hashes_has_the_versions_of_the_constraints() -> None:
+def test_the_list_of_hashes_has_the_versions_of_the_constraints():
     """All that is pinned of it, and all that the core and the plugins but torch name."""
     versions = pinned()
     assert {} == {
@@ -54,7 +54,7 @@ def test_the_list_of_hashes_has_the_versions_of_the_constraints() -> None:
     assert set() == named - set(hashed())
 
 
-def test_what_is_trusted_is_said_where_it_is_looked_for() -> None:
+def test_what_is_trusted_is_said_where_it_is_looked_for():
     """At the root, and among the explanations, with the same words for malice."""
     for path in ("SECURITY.md", "docs/explanation/trust.md"):
         text = " ".join((ROOT / path).read_text("utf-8").split())

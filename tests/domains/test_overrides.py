@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from skillplan.domains import overridden
 from skillplan.errors import OptionError, TaskError
-from skillplan.files import Document, parse
+from skillplan.files import parse
 from skillplan.pipeline import load_problem
 
 TEXT = """\
@@ -21,12 +20,12 @@ heads:
 
 
 @pytest.fixture
-def document() -> Document:
+def document():
     return parse(TEXT, "task.yaml")
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     file = tmp_path / "task.yaml"
     file.write_text(TEXT.replace("heads:\n", ""))
     return file
@@ -49,23 +48,21 @@ class TestValues:
             ("description", "a=b", "a=b"),
         ],
     )
-    def test_a_value_is_yaml_at_a_path(
-        self, document: Document, key: str, text: str, value: Any
-    ) -> None:
+    def test_a_value_is_yaml_at_a_path(self, document, key, text, value):
         """Mappings on the way are made where there are none."""
         here: Any = overridden(document, {key: text}).data
         for step in [step for step in key.split(".") if not step.isdigit()]:
             here = here[step]
         assert value == here
 
-    def test_the_file_s_own_content_stays_as_it_is(self, document: Document) -> None:
+    def test_the_file_s_own_content_stays_as_it_is(self, document):
         overridden(document, {"base.goals.0": "C1", "base.home": "C2"})
         assert {"home": "C66", "goals": ["C42", "C29"]} == document.data["base"]
 
-    def test_without_changes_nothing_is_copied(self, document: Document) -> None:
+    def test_without_changes_nothing_is_copied(self, document):
         assert document is overridden(document, {})
 
-    def test_the_task_is_the_one_so_described(self, path: Path) -> None:
+    def test_the_task_is_the_one_so_described(self, path):
         """Goal, start and hash; the same change written into the file gives the same."""
         changed = load_problem(path, None, {"base.goals.0": "C1", "base.home": "C20"})
         assert {"at(C20)"} == set(changed.tasks[0].initial)
@@ -92,25 +89,23 @@ class TestFaults:
         ],
         ids=lambda text: text[:24],
     )
-    def test_a_change_that_does_not_fit_is_told(
-        self, document: Document, key: str, text: str, message: str
-    ) -> None:
+    def test_a_change_that_does_not_fit_is_told(self, document, key, text, message):
         with pytest.raises(OptionError) as raised:
             overridden(document, {key: text})
         assert message in str(raised.value)
         assert len(str(raised.value)) < 400
 
-    def test_an_empty_list_has_no_index(self, tmp_path: Path) -> None:
+    def test_an_empty_list_has_no_index(self, tmp_path):
         document = parse("kind: swarmitfix\nbase: {goals: []}\n", "task.yaml")
         with pytest.raises(OptionError, match=r"base\.goals is an empty list"):
             overridden(document, {"base.goals.0": "C1"})
 
-    def test_a_key_that_the_schema_does_not_know_is_its_fault(self, path: Path) -> None:
+    def test_a_key_that_the_schema_does_not_know_is_its_fault(self, path):
         """Told like one of the file, with the nearest known key."""
         with pytest.raises(TaskError, match=r"base\.hoem: unknown key 'hoem'. Did you mean 'home'"):
             load_problem(path, None, {"base.hoem": "C1"})
 
-    def test_a_value_that_is_wrong_is_told_of_no_line(self, path: Path) -> None:
+    def test_a_value_that_is_wrong_is_told_of_no_line(self, path):
         """It does not stand in the file."""
         with pytest.raises(TaskError) as raised:
             load_problem(path, None, {"base.home": "C99"})
@@ -119,7 +114,7 @@ class TestFaults:
         assert "no position 'C99'" in issue.message
         assert issue.message.endswith("That is what --set says.")
 
-    def test_a_file_that_is_no_mapping_is_its_own_fault(self, tmp_path: Path) -> None:
+    def test_a_file_that_is_no_mapping_is_its_own_fault(self, tmp_path):
         path = tmp_path / "task.yaml"
         path.write_text("[1]\n")
         with pytest.raises(TaskError, match="must be a mapping"):

@@ -16,7 +16,7 @@ def faults(changes: dict[str, str]) -> list[str]:
     return str(caught.value).splitlines()
 
 
-def test_a_safe_height_out_of_reach_over_most_places_is_one_message_with_the_limit() -> None:
+def test_a_safe_height_out_of_reach_over_most_places_is_one_message_with_the_limit():
     (message,) = faults({"robot.safe_height_m": "0.9"})
     assert "robot.safe_height_m: 0.9 m is too high" in message
     limit_m = float(message.split("At ")[1].split(" m or less")[0])
@@ -24,11 +24,11 @@ def test_a_safe_height_out_of_reach_over_most_places_is_one_message_with_the_lim
     assert faults({"robot.safe_height_m": str(limit_m + 0.002)})
 
 
-def test_a_place_out_of_reach_at_the_safe_height_alone_names_both() -> None:
+def test_a_place_out_of_reach_at_the_safe_height_alone_names_both():
     (message,) = faults({"tools.screwdriver.holder_m": "[0.85, 0.0]"})
     assert "tools.screwdriver.holder_m: out of reach at robot.safe_height_m" in message
 
 
-def test_a_place_out_of_reach_at_any_height_does_not_blame_the_safe_height() -> None:
+def test_a_place_out_of_reach_at_any_height_does_not_blame_the_safe_height():
     (message,) = faults({"tools.screwdriver.holder_m": "[0.9, 0.0]"})
     assert "safe_height_m" not in message

@@ -27,7 +27,7 @@ def keys_of(kind: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_key_is_described(kind: str) -> None:
+def test_every_key_is_described(kind):
     """In words that begin small, as they go on in a message."""
     bare = [
         f"{model}.{key}"
@@ -38,7 +38,7 @@ def test_every_key_is_described(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_key_with_a_unit_in_its_name_has_it_in_its_description(kind: str) -> None:
+def test_a_key_with_a_unit_in_its_name_has_it_in_its_description(kind):
     """In brackets, as in the headings of tables."""
     without = [
         f"{model}.{key}"
@@ -50,7 +50,7 @@ def test_a_key_with_a_unit_in_its_name_has_it_in_its_description(kind: str) -> N
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_key_that_may_be_left_out_says_what_then(kind: str) -> None:
+def test_a_key_that_may_be_left_out_says_what_then(kind):
     """Where its default is no value of its own."""
     words = ("; left out: ", "; instead of ", "; or one of ")
     silent = [

@@ -1,7 +1,6 @@
 """Every kind of task has a starter: a commented file that is valid and is solved at once."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +23,7 @@ def schema_keys(kind: str) -> set[str]:
 
 
 @pytest.fixture(params=KINDS)
-def starter(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+def starter(request, tmp_path):
     """The starter of a kind, as a file of the user's."""
     path = tmp_path / f"{request.param}{registry.load('domain', request.param).starter_suffix}"
     path.write_text(starter_of(request.param), "utf-8")
@@ -32,11 +31,11 @@ def starter(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 class TestAStarter:
-    def test_is_valid_and_of_its_kind(self, starter: Path) -> None:
+    def test_is_valid_and_of_its_kind(self, starter):
         """Loading finds no fault, and another starter is of another kind."""
         assert load_problem(starter).kind == starter.stem
 
-    def test_solves_to_a_proved_optimum(self, starter: Path) -> None:
+    def test_solves_to_a_proved_optimum(self, starter):
         """The only task, or every task of the chain that a solver plans, has a proof."""
         problem = load_problem(starter)
         if problem.is_chain:
@@ -47,13 +46,13 @@ class TestAStarter:
             statuses = {solve(problem.task, "exact").status.value}
         assert statuses == {"optimal"}
 
-    def test_begins_with_the_line_that_editors_look_for(self, starter: Path) -> None:
+    def test_begins_with_the_line_that_editors_look_for(self, starter):
         """And the second says how to get the schema that it names."""
         first, second, *_ = starter.read_text("utf-8").splitlines()
         assert first == f"# yaml-language-server: $schema={starter.stem}.schema.json"
         assert f"skillplan schema {starter.stem} > {starter.stem}.schema.json" in second
 
-    def test_explains_every_key_where_it_first_stands(self, starter: Path) -> None:
+    def test_explains_every_key_where_it_first_stands(self, starter):
         """A comment on its line or on the one above; names of the user's own need none."""
         keys = schema_keys(starter.stem)
         told: set[str] = set()
@@ -68,12 +67,12 @@ class TestAStarter:
             above = line
         assert unexplained == []
 
-    def test_leaves_the_step_limit_to_the_default(self, starter: Path) -> None:
+    def test_leaves_the_step_limit_to_the_default(self, starter):
         """No newcomer has to count skills."""
         assert "step_limit" not in parse(starter.read_text("utf-8"), "starter").data
 
 
-def test_a_kind_without_a_starter_says_so() -> None:
+def test_a_kind_without_a_starter_says_so():
     """A plugin's domain need not ship one."""
 
     class Bare(Domain):

@@ -22,7 +22,7 @@ def observations_of_all_states(task: Task, kind: str) -> list[bytes]:
 
 
 class TestPaper:
-    def test_it_is_the_17_bits_of_figure_5(self, board_task: Task) -> None:
+    def test_it_is_the_17_bits_of_figure_5(self, board_task):
         observation = Observation.of(board_task, "paper")
         encoded = observation.encode(board_task.initial)
         assert 17 == observation.width == len(observation.features)
@@ -31,11 +31,11 @@ class TestPaper:
         assert FIG_5 == encoded.tolist()
         assert np.float32 == encoded.dtype
 
-    def test_the_320_states_of_the_board_look_like_268(self, board_task: Task) -> None:
+    def test_the_320_states_of_the_board_look_like_268(self, board_task):
         seen = observations_of_all_states(board_task, "paper")
         assert (320, 268) == (len(seen), len(set(seen)))
 
-    def test_of_a_task_that_lists_none_it_is_all_facts(self, lid_task: Task) -> None:
+    def test_of_a_task_that_lists_none_it_is_all_facts(self, lid_task):
         observation = Observation.of(lid_task.replace(observation=()), "paper")
         assert lid_task.facts.names == observation.features
         held = np.flatnonzero(observation.encode(lid_task.initial))
@@ -43,7 +43,7 @@ class TestPaper:
 
 
 class TestMarkov:
-    def test_it_adds_where_the_arm_stands(self, board_task: Task) -> None:
+    def test_it_adds_where_the_arm_stands(self, board_task):
         paper, markov = (Observation.of(board_task, kind) for kind in ("paper", "markov"))
         places = [name for name in board_task.facts.names if name.startswith("at(")]
         assert (*paper.features, *places) == markov.features
@@ -51,21 +51,21 @@ class TestMarkov:
         (there,) = np.flatnonzero(markov.encode(state)[17:])
         assert "at(switch_1.start)" == markov.features[17 + there]
 
-    def test_it_tells_all_states_of_the_board_apart(self, board_task: Task) -> None:
+    def test_it_tells_all_states_of_the_board_apart(self, board_task):
         seen = observations_of_all_states(board_task, "markov")
         assert (320, 320) == (len(seen), len(set(seen)))
 
-    def test_what_is_observed_already_is_not_observed_twice(self, board_task: Task) -> None:
+    def test_what_is_observed_already_is_not_observed_twice(self, board_task):
         blind = board_task.replace(observation=())
         assert blind.facts.names == Observation.of(blind, "markov").features
 
-    def test_where_a_base_walks_to_counts_as_its_place(self) -> None:
+    def test_where_a_base_walks_to_counts_as_its_place(self):
         task = base_task(37, 1)
         assert set(task.places) <= set(Observation.of(task, "markov").features)
 
 
 class TestLayout:
-    def test_it_adds_what_every_skill_would_cost_from_here(self, board_task: Task) -> None:
+    def test_it_adds_what_every_skill_would_cost_from_here(self, board_task):
         markov, layout = (Observation.of(board_task, kind) for kind in ("markov", "layout"))
         assert (*markov.features, *(f"cost({skill.name})" for skill in board_task.skills)) == (
             layout.features
@@ -78,7 +78,7 @@ class TestLayout:
                 if not skill.name.startswith("load"):
                     assert np.float32(skill.cost.at(state)) == cost > 0 or not skill.cost.at(state)
 
-    def test_a_cost_that_the_state_does_not_define_is_observed_as_0(self, board_task: Task) -> None:
+    def test_a_cost_that_the_state_does_not_define_is_observed_as_0(self, board_task):
         """As of loading a tool that is attached: there is no way from its holder to itself."""
         state, observation = board_task.initial, Observation.of(board_task, "layout")
         load = board_task.skill("load(gripper)")
@@ -95,18 +95,18 @@ class TestLayout:
         pytest.param("layout", marks=pytest.mark.slow(reason="two other kinds in every run")),
     ],
 )
-def test_every_state_lies_in_the_space(board_task: Task, kind: str) -> None:
+def test_every_state_lies_in_the_space(board_task, kind):
     observation = Observation.of(board_task, kind)
     assert (observation.width,) == observation.space.shape
     for state in graph_of(model_of(board_task), feasible_only=False):
         assert observation.space.contains(observation.encode(state))
 
 
-def test_an_unknown_kind_is_refused_with_the_nearest(board_task: Task) -> None:
+def test_an_unknown_kind_is_refused_with_the_nearest(board_task):
     with pytest.raises(OptionError, match=r"Unknown observation 'markow'\. Did you mean 'markov'"):
         Observation.of(board_task, "markow")
 
 
-def test_something_must_be_observed() -> None:
+def test_something_must_be_observed():
     with pytest.raises(ValueError, match="at least one feature"):
         Observation("paper", ())

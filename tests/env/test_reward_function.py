@@ -15,7 +15,7 @@ def paid(reward_function: RewardFunction, task: Task, **ended: bool) -> float:
     return reward_function.of_step(task.initial, task.skills[0].name, 3.0, **ends)
 
 
-def test_by_default_the_scheme_is_paid_to_the_letter(board_task: Task) -> None:
+def test_by_default_the_scheme_is_paid_to_the_letter(board_task):
     reward_function = RewardFunction.of(board_task, "reward")
     assert board_task.reward is reward_function.scheme
     assert -0.1 * 3.0 == pytest.approx(paid(reward_function, board_task))
@@ -24,7 +24,7 @@ def test_by_default_the_scheme_is_paid_to_the_letter(board_task: Task) -> None:
     assert -10.0 == reward_function.infeasible
 
 
-def test_the_objective_cost_pays_minus_every_cost_and_the_ends_beside_it(board_task: Task) -> None:
+def test_the_objective_cost_pays_minus_every_cost_and_the_ends_beside_it(board_task):
     reward_function = RewardFunction.of(board_task, "cost")
     assert -3.0 == paid(reward_function, board_task)
     assert 10.0 - 3.0 == paid(reward_function, board_task, goal=True)
@@ -33,7 +33,7 @@ def test_the_objective_cost_pays_minus_every_cost_and_the_ends_beside_it(board_t
 
 
 @pytest.mark.parametrize("objective", ["reward", "cost"])
-def test_without_a_scheme_costs_are_paid_and_10_or_minus_10_at_the_end(objective: str) -> None:
+def test_without_a_scheme_costs_are_paid_and_10_or_minus_10_at_the_end(objective):
     task = two_roads_task()
     reward_function = RewardFunction.of(task, objective)
     assert [-3.0, 7.0, -13.0] == [
@@ -44,7 +44,7 @@ def test_without_a_scheme_costs_are_paid_and_10_or_minus_10_at_the_end(objective
     assert -10.0 == reward_function.infeasible
 
 
-def test_a_scheme_without_a_figure_for_time_takes_that_of_the_infeasible() -> None:
+def test_a_scheme_without_a_figure_for_time_takes_that_of_the_infeasible():
     task = two_roads_task()
     reward = DistanceReward({task.facts.bit("a"): 1.0}, complete=1.0, infeasible=-4.0)
     reward_function = RewardFunction.of(task.replace(reward=reward), "cost")
@@ -55,6 +55,6 @@ def test_a_scheme_without_a_figure_for_time_takes_that_of_the_infeasible() -> No
     )
 
 
-def test_an_unknown_objective_is_refused_with_the_nearest(board_task: Task) -> None:
+def test_an_unknown_objective_is_refused_with_the_nearest(board_task):
     with pytest.raises(OptionError, match=r"Unknown objective 'costs'\. Did you mean 'cost'"):
         RewardFunction.of(board_task, "costs")

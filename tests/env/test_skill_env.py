@@ -12,13 +12,13 @@ from situations import fake_back_end, model_of, retry_task, two_roads_task
 from skillplan.env import SkillEnv
 from skillplan.errors import OptionError
 from skillplan.pipeline import make_model
-from skillplan.task import Task, Verdict
+from skillplan.task import Verdict
 
 LOAD_GRIPPER, LOAD_SCREWDRIVER = 12, 13
 
 
 @pytest.fixture
-def board(board_task: Task) -> SkillEnv:
+def board(board_task):
     env = SkillEnv(make_model(board_task))
     env.reset(seed=0)
     return env
@@ -27,9 +27,7 @@ def board(board_task: Task) -> SkillEnv:
 @pytest.mark.parametrize("mask", ["none", "applicable", "feasible"])
 @pytest.mark.parametrize("observation", ["paper", "markov", "layout"])
 @pytest.mark.parametrize("chance", [False, True], ids=["board", "under chance"])
-def test_gymnasium_has_nothing_to_say_against_it(
-    board_task: Task, chance: bool, observation: str, mask: str
-) -> None:
+def test_gymnasium_has_nothing_to_say_against_it(board_task, chance, observation, mask):
     """Its checker passes without a warning, which would be an error here."""
     task = retry_task(0.5) if chance else board_task
     env = gymnasium.make(
@@ -41,14 +39,14 @@ def test_gymnasium_has_nothing_to_say_against_it(
 class TestRewards:
     """Table II of the paper, one kind of ending after the other."""
 
-    def test_a_successful_skill_pays_minus_a_tenth_of_its_distance(self, board: SkillEnv) -> None:
+    def test_a_successful_skill_pays_minus_a_tenth_of_its_distance(self, board):
         _, reward, terminated, truncated, info = board.step(0)
         distance_m = board.model.task.skills[0].cost.at(board.model.initial)
         assert (distance_m, -0.1 * distance_m) == (info["cost"], reward)
         assert 0 < distance_m
         assert (False, False) == (terminated, truncated)
 
-    def test_completing_pays_10_and_ends_it(self, board: SkillEnv) -> None:
+    def test_completing_pays_10_and_ends_it(self, board):
         steps = [board.step(action) for action in OPTIMAL]
         assert [False] * 14 + [True] == [step[2] for step in steps]
         assert 10.0 == steps[-1][1]
@@ -61,8 +59,8 @@ class TestRewards:
         ids=["inapplicable", "infeasible"],
     )
     def test_what_cannot_be_executed_pays_minus_10_and_ends_it_where_it_is(
-        self, board: SkillEnv, actions: tuple[int, ...], stage: str
-    ) -> None:
+        self, board, actions, stage
+    ):
         before, *_ = board.reset()
         for action in actions[:-1]:
             before, *_ = board.step(action)
@@ -71,11 +69,11 @@ class TestRewards:
         assert stage == info["stage"]
         assert before.tolist() == after.tolist()
 
-    def test_a_repeated_tool_change_pays_minus_2_5(self, board: SkillEnv) -> None:
+    def test_a_repeated_tool_change_pays_minus_2_5(self, board):
         assert -2.5 != board.step(LOAD_SCREWDRIVER)[1]
         assert -2.5 == board.step(LOAD_GRIPPER)[1]
 
-    def test_the_20th_step_pays_minus_10_and_truncates(self, board: SkillEnv) -> None:
+    def test_the_20th_step_pays_minus_10_and_truncates(self, board):
         """Also where it would be a repeated tool change."""
         changes = [LOAD_SCREWDRIVER, LOAD_GRIPPER] * 10
         steps = [board.step(action) for action in changes]
@@ -83,7 +81,7 @@ class TestRewards:
         assert -10.0 == steps[-1][1]
         assert not any(step[2] for step in steps)
 
-    def test_the_step_that_completes_it_is_never_too_late(self, board_task: Task) -> None:
+    def test_the_step_that_completes_it_is_never_too_late(self, board_task):
         env = SkillEnv(make_model(board_task.replace(step_limit=len(OPTIMAL))))
         env.reset()
         *_, last = (env.step(action) for action in OPTIMAL)
@@ -91,7 +89,7 @@ class TestRewards:
 
 
 class TestInfo:
-    def test_it_carries_the_verdict_its_reason_and_its_facts(self, board: SkillEnv) -> None:
+    def test_it_carries_the_verdict_its_reason_and_its_facts(self, board):
         *_, info = board.step(1)
         assert {
             "skill": "place(pcb)",
@@ -101,13 +99,13 @@ class TestInfo:
             "facts": ["not held(pcb)"],
         }.items() <= info.items()
 
-    def test_of_a_feasible_skill_there_is_no_reason(self, board: SkillEnv) -> None:
+    def test_of_a_feasible_skill_there_is_no_reason(self, board):
         *_, info = board.step(0)
         assert ("feasible", "") == (info["verdict"], info["reason"])
         assert ["at_start(pcb)", "tool(gripper)", "hand_free"] == info["facts"]
         assert "held(pcb)" in info["state"]
 
-    def test_what_no_back_end_can_decide_is_not_executed(self) -> None:
+    def test_what_no_back_end_can_decide_is_not_executed(self):
         task = two_roads_task()
         env = SkillEnv(model_of(task, fake_back_end(task, Verdict.unknown("too dark to see"))))
         env.reset()
@@ -115,7 +113,7 @@ class TestInfo:
         assert ("unknown", "too dark to see") == (info["verdict"], info["reason"])
         assert (-10.0, True) == (reward, terminated)
 
-    def test_its_mask_is_what_the_action_space_samples_by(self, board: SkillEnv) -> None:
+    def test_its_mask_is_what_the_action_space_samples_by(self, board):
         _, info = board.reset(seed=3)
         allowed = set(np.flatnonzero(info["action_mask"]).tolist())
         board.action_space.seed(0)
@@ -125,7 +123,7 @@ class TestInfo:
 
 class TestMasks:
     @pytest.mark.parametrize("mask", ["none", "applicable", "feasible"])
-    def test_they_say_what_the_model_says(self, board_task: Task, mask: str) -> None:
+    def test_they_say_what_the_model_says(self, board_task, mask):
         env, model = SkillEnv(make_model(board_task), mask=mask), make_model(board_task)
         _, info = env.reset()
         state = model.initial
@@ -141,19 +139,19 @@ class TestMasks:
             state = board_task.skills[action].prediction.apply(state)
 
     @pytest.mark.parametrize(("mask", "asked"), [("applicable", 0), ("feasible", 2)])
-    def test_only_that_of_the_feasible_asks_back_ends(self, mask: str, asked: int) -> None:
+    def test_only_that_of_the_feasible_asks_back_ends(self, mask, asked):
         task = two_roads_task()
         back_end = fake_back_end(task)
         SkillEnv(model_of(task, back_end), mask=mask).reset()
         assert asked == len(back_end.asked)
 
-    def test_an_unknown_one_is_refused(self, board_task: Task) -> None:
+    def test_an_unknown_one_is_refused(self, board_task):
         with pytest.raises(OptionError, match=r"Unknown mask 'feasable'\. Did you mean 'feasible'"):
             SkillEnv(make_model(board_task), mask="feasable")
 
 
 class TestChance:
-    def test_a_seed_gives_the_same_outcomes_again(self) -> None:
+    def test_a_seed_gives_the_same_outcomes_again(self):
         env = SkillEnv(model_of(retry_task(0.3)))
 
         def lengths() -> list[int]:
@@ -170,7 +168,7 @@ class TestChance:
         assert lengths() == first
         assert 5 < len(set(first))
 
-    def test_outcomes_come_as_often_as_they_are_probable(self) -> None:
+    def test_outcomes_come_as_often_as_they_are_probable(self):
         env = SkillEnv(model_of(retry_task(0.3)))
         env.reset(seed=5)
         done = 0
@@ -181,22 +179,22 @@ class TestChance:
 
 
 class TestMisuse:
-    def test_a_step_before_the_first_reset_is_refused(self, board_task: Task) -> None:
+    def test_a_step_before_the_first_reset_is_refused(self, board_task):
         with pytest.raises(gymnasium.error.ResetNeeded, match="no running episode"):
             SkillEnv(make_model(board_task)).step(0)
 
-    def test_a_step_beyond_the_end_is_refused(self, board: SkillEnv) -> None:
+    def test_a_step_beyond_the_end_is_refused(self, board):
         board.step(1)
         with pytest.raises(gymnasium.error.ResetNeeded, match="no running episode"):
             board.step(0)
 
     @pytest.mark.parametrize("action", [-1, 16, 0.0, "pick(pcb)"])
-    def test_an_action_that_does_not_exist_is_refused(self, board: SkillEnv, action: int) -> None:
+    def test_an_action_that_does_not_exist_is_refused(self, board, action):
         with pytest.raises(gymnasium.error.InvalidAction, match="Actions are 0 to 15"):
             board.step(action)
 
 
-def test_it_is_rendered_as_one_line(board_task: Task) -> None:
+def test_it_is_rendered_as_one_line(board_task):
     env = SkillEnv(make_model(board_task), render_mode="ansi")
     env.reset()
     env.step(0)

@@ -143,9 +143,7 @@ class TestAgreement:
         st.sampled_from(["paper", "markov", "layout"]),
         st.integers(0, 2**32),
     )
-    def test_a_random_walk_is_what_the_model_says_step_by_step(
-        self, task: Task, mask: str, kind: str, seed: int
-    ) -> None:
+    def test_a_random_walk_is_what_the_model_says_step_by_step(self, task, mask, kind, seed):
         env = SkillVectorEnv(make_model(task), 3, observation=kind, mask=mask)
         reference = make_model(task)
         observation = Observation.of(task, kind)
@@ -172,7 +170,7 @@ class TestAgreement:
 
     @pytest.mark.slow(reason="many episodes; the suite of environments in every run")
     @given(any_task, st.integers(0, 2**32))
-    def test_a_place_is_the_single_environment_of_its_seed(self, task: Task, seed: int) -> None:
+    def test_a_place_is_the_single_environment_of_its_seed(self, task, seed):
         env, single = SkillVectorEnv(make_model(task), 2), SkillEnv(make_model(task))
         obs, infos = env.reset(seed=[seed + 99, seed])
         alone, info = single.reset(seed=seed)
@@ -204,7 +202,7 @@ def allowed(model: SkillModel, state: State, mask: str) -> list[int]:
 class TestRewards:
     """Table II of the paper at several places in one step, each ending in its own way."""
 
-    def test_every_kind_of_ending_pays_its_figure(self, board_task: Task) -> None:
+    def test_every_kind_of_ending_pays_its_figure(self, board_task):
         env = SkillVectorEnv(make_model(board_task), 4, mask="none")
         env.reset(seed=0)
         changes = [LOAD_SCREWDRIVER, LOAD_GRIPPER] * 10
@@ -228,9 +226,7 @@ class TestRewards:
         assert all(-0.1 < reward < 0 for reward in paid[2][:-1])
         assert -10.0 == paid[3][-1]
 
-    def test_the_objective_cost_adds_up_to_10_minus_the_cost_of_the_plan(
-        self, board_task: Task
-    ) -> None:
+    def test_the_objective_cost_adds_up_to_10_minus_the_cost_of_the_plan(self, board_task):
         env = SkillVectorEnv(make_model(board_task), 1, objective="cost")
         env.reset(seed=0)
         rewards, costs = zip(
@@ -242,7 +238,7 @@ class TestRewards:
 
 
 class TestEpisodes:
-    def test_the_next_one_begins_in_the_step_that_ends_one(self, board_task: Task) -> None:
+    def test_the_next_one_begins_in_the_step_that_ends_one(self, board_task):
         env = SkillVectorEnv(make_model(board_task), 2)
         first, begun = env.reset(seed=0)
         obs, _, terminated, _, infos = env.step(np.array([0, 1]))
@@ -256,7 +252,7 @@ class TestEpisodes:
         assert begun["action_mask"][1].tolist() == infos["action_mask"][1].tolist()
         assert AutoresetMode.SAME_STEP is env.metadata["autoreset_mode"]
 
-    def test_where_nothing_is_allowed_any_action_ends_it_as_infeasible(self) -> None:
+    def test_where_nothing_is_allowed_any_action_ends_it_as_infeasible(self):
         facts = Facts(("stuck", "done"))
         fall = make_skill(facts, "fall", forbids=("stuck",), add=("stuck",))
         task = make_task(facts, [fall], goal=("done",))
@@ -269,7 +265,7 @@ class TestEpisodes:
             assert (-10.0, True, INFEASIBLE) == (rewards[0], terminated[0], infos["end"][0])
             assert infos["action_mask"].any()
 
-    def test_what_was_returned_is_never_changed_later(self, board_task: Task) -> None:
+    def test_what_was_returned_is_never_changed_later(self, board_task):
         env = SkillVectorEnv(make_model(board_task), 4)
         _, infos = env.reset(seed=0)
         kept = [(arrays, [a.copy() for a in arrays]) for arrays in trace(env, infos, 60, 1)]
@@ -279,8 +275,8 @@ class TestEpisodes:
 class TestIndependence:
     @given(chancy_tasks(), st.integers(1, 6), st.integers(0, 2**32))
     def test_a_place_depends_neither_on_its_neighbours_nor_on_their_number(
-        self, task: Task, number: int, seed: int
-    ) -> None:
+        self, task, number, seed
+    ):
         alone = SkillVectorEnv(make_model(task), 1, observation="paper")
         among = SkillVectorEnv(make_model(task), number, observation="paper")
         place = seed % number
@@ -298,7 +294,7 @@ class TestIndependence:
             found = [array[[place]] for array in (*arrays, *beside.values())]
             assert same(expected, found)
 
-    def test_without_a_seed_a_reset_goes_on_with_the_random_numbers_there_are(self) -> None:
+    def test_without_a_seed_a_reset_goes_on_with_the_random_numbers_there_are(self):
         env = SkillVectorEnv(model_of(retry_task(0.5)), 8)
         ways = []
         for seed in (3, None, 3, None):
@@ -310,9 +306,7 @@ class TestIndependence:
 class TestRestoring:
     @pytest.mark.slow(reason="trainings that go on in every run")
     @given(chancy_tasks(), st.integers(0, 60), st.integers(0, 2**32))
-    def test_it_goes_on_bit_for_bit_also_amid_episodes_and_chance(
-        self, task: Task, steps: int, seed: int
-    ) -> None:
+    def test_it_goes_on_bit_for_bit_also_amid_episodes_and_chance(self, task, steps, seed):
         env = SkillVectorEnv(make_model(task), 4)
         _, infos = env.reset(seed=seed)
         for *_, mask, _, _, _, _ in trace(env, infos, steps, seed):
@@ -330,7 +324,7 @@ class TestRestoring:
         assert kept == json.dumps(begun)
         assert env.state() == fresh.state()
 
-    def test_a_family_goes_on_with_the_boards_it_would_have_drawn(self) -> None:
+    def test_a_family_goes_on_with_the_boards_it_would_have_drawn(self):
         models = [model_of(two_roads_task().replace(name=name)) for name in ("one", "other")]
         env, fresh = SkillVectorEnv(models, 5), SkillVectorEnv(models, 5)
         _, infos = env.reset(seed=1)
@@ -340,7 +334,7 @@ class TestRestoring:
         for _ in zip(trace(env, infos, 50, 2), trace(fresh, again, 50, 2), strict=True):
             assert env.state() == fresh.state()
 
-    def test_facts_beyond_64_bits_are_kept(self) -> None:
+    def test_facts_beyond_64_bits_are_kept(self):
         facts = Facts(tuple(f"f{i}" for i in range(100)))
         skills = [make_skill(facts, "end", add=("f99",)), make_skill(facts, "go", add=("f0",))]
         task = make_task(facts, skills, initial=("f70",), goal=("f99",))
@@ -368,7 +362,7 @@ class TestRestoring:
             ),
         ],
     )
-    def test_what_is_no_such_state_is_refused_and_changes_nothing(self, change, message) -> None:
+    def test_what_is_no_such_state_is_refused_and_changes_nothing(self, change, message):
         env = SkillVectorEnv(model_of(two_roads_task()), 2)
         env.reset(seed=0)
         before, broken = env.state(), env.state()
@@ -379,7 +373,7 @@ class TestRestoring:
 
 
 class TestLaziness:
-    def test_the_model_is_asked_once_about_a_skill_in_a_state(self, board_task: Task) -> None:
+    def test_the_model_is_asked_once_about_a_skill_in_a_state(self, board_task):
         """However often and at however many places it is tried."""
         model = CountingModel(make_model(board_task).feasibility)
         env = SkillVectorEnv(model, 32)
@@ -395,7 +389,7 @@ class TestLaziness:
         assert tried == set(model.asked)
         assert len(tried) > 500
 
-    def test_back_ends_are_asked_only_about_what_is_tried(self) -> None:
+    def test_back_ends_are_asked_only_about_what_is_tried(self):
         task = two_roads_task()
         back_end = fake_back_end(task)
         env = SkillVectorEnv(model_of(task, back_end), 3)
@@ -404,9 +398,7 @@ class TestLaziness:
         env.step(np.array([0, 0, 0]))
         assert ["to_a"] == [skill for skill, _ in back_end.asked]
 
-    def test_the_mask_of_the_feasible_asks_once_about_all_that_is_applicable(
-        self, board_task: Task
-    ) -> None:
+    def test_the_mask_of_the_feasible_asks_once_about_all_that_is_applicable(self, board_task):
         """In every state that was entered, but not in the goal; without trying any of it."""
         model = CountingModel(make_model(board_task).feasibility)
         env = SkillVectorEnv(model, 16, mask="feasible")
@@ -428,7 +420,7 @@ class TestLaziness:
 
 
 class TestFamily:
-    def test_every_episode_draws_one_of_the_models(self) -> None:
+    def test_every_episode_draws_one_of_the_models(self):
         models = [model_of(two_roads_task().replace(name=name)) for name in ("a", "b", "c")]
         env = SkillVectorEnv(models, 2)
         env.reset(seed=0)
@@ -439,7 +431,7 @@ class TestFamily:
         counts = np.bincount(drawn, minlength=3)
         assert counts.min() > 90
 
-    def test_boards_of_other_layouts_tell_themselves_apart_by_their_costs(self) -> None:
+    def test_boards_of_other_layouts_tell_themselves_apart_by_their_costs(self):
         content = config_content("inverter_board")
         content.pop("expect")
         boards = []
@@ -452,7 +444,7 @@ class TestFamily:
         blind = SkillVectorEnv(env.models, 20, observation="markov")
         assert 1 == len(np.unique(blind.reset(seed=0)[0], axis=0))
 
-    def test_models_that_do_not_fit_each_other_are_refused(self, board_task: Task) -> None:
+    def test_models_that_do_not_fit_each_other_are_refused(self, board_task):
         two_roads = two_roads_task()
         renamed = [dataclasses.replace(two_roads.skills[0], name="up"), *two_roads.skills[1:]]
         others = {
@@ -468,26 +460,26 @@ class TestFamily:
 
 
 class TestMisuse:
-    def test_something_must_be_done_somewhere(self) -> None:
+    def test_something_must_be_done_somewhere(self):
         with pytest.raises(ValueError, match="at least one model and one place"):
             SkillVectorEnv([], 1)
         with pytest.raises(ValueError, match="at least one model and one place"):
             SkillVectorEnv(model_of(two_roads_task()), 0)
 
-    def test_nothing_goes_before_the_first_reset(self) -> None:
+    def test_nothing_goes_before_the_first_reset(self):
         env = SkillVectorEnv(model_of(two_roads_task()), 1)
         with pytest.raises(gymnasium.error.ResetNeeded, match="must be reset"):
             env.step(np.array([0]))
         with pytest.raises(gymnasium.error.ResetNeeded, match="must be reset"):
             env.state()
 
-    def test_there_is_one_seed_for_every_place(self) -> None:
+    def test_there_is_one_seed_for_every_place(self):
         env = SkillVectorEnv(model_of(two_roads_task()), 2)
         with pytest.raises(ValueError, match="2 places, but 3 seeds"):
             env.reset(seed=[1, 2, 3])
 
     @pytest.mark.parametrize("actions", [[0], [0, 4], [-1, 0], [0.0, 1.0], [[0, 1]]])
-    def test_there_is_one_existing_action_for_every_place(self, actions: list) -> None:
+    def test_there_is_one_existing_action_for_every_place(self, actions):
         env = SkillVectorEnv(model_of(two_roads_task()), 2)
         env.reset(seed=0)
         before = env.state()
@@ -495,7 +487,7 @@ class TestMisuse:
             env.step(np.array(actions))
         assert before == env.state()
 
-    def test_a_back_end_that_fails_leaves_every_place_where_it_was(self) -> None:
+    def test_a_back_end_that_fails_leaves_every_place_where_it_was(self):
         def answer(skill, state):
             if skill.name == "to_b":
                 raise OSError("no answer")

@@ -80,7 +80,7 @@ def plan_of(handover: Handover) -> list[str]:
 
 
 class TestInBehaviorTreeCpp:
-    def test_the_plan_is_done_at_its_cost(self, board: Handover) -> None:
+    def test_the_plan_is_done_at_its_cost(self, board):
         """Every skill once, in order, and the goal holds."""
         cell = Cell(board)
         assert "SUCCESS" == cell.run(tree_of(board))
@@ -89,41 +89,41 @@ class TestInBehaviorTreeCpp:
         assert set(board.task.goal.requires) <= cell.facts
         assert [] == cell.recovered
 
-    def test_a_failure_is_recovered_from_and_the_skill_tried_again(self, board: Handover) -> None:
+    def test_a_failure_is_recovered_from_and_the_skill_tried_again(self, board):
         """The plan comes to its end all the same."""
         cell = Cell(board, {"pick(clock)": 1})
         assert "SUCCESS" == cell.run(tree_of(board))
         assert (plan_of(board), ["pick(clock)"]) == (cell.done, cell.recovered)
 
-    def test_two_failures_of_a_skill_end_the_plan(self, board: Handover) -> None:
+    def test_two_failures_of_a_skill_end_the_plan(self, board):
         """Unless more attempts are asked for; what is behind it is not done."""
         cell = Cell(board, {"pick(clock)": 2})
         assert "FAILURE" == cell.run(tree_of(board))
         assert plan_of(board)[:10] == cell.done
         assert "SUCCESS" == Cell(board, {"pick(clock)": 2}).run(tree_of(board, attempts=3))
 
-    def test_a_skill_that_is_done_already_is_passed_over(self, board: Handover) -> None:
+    def test_a_skill_that_is_done_already_is_passed_over(self, board):
         """Where somebody stopped behind the first one, the tree goes on with the second."""
         cell = Cell(board)
         cell.facts = set(board.skills[0].after)
         assert "SUCCESS" == cell.run(tree_of(board))
         assert plan_of(board)[1:] == cell.done
 
-    def test_hostile_names_arrive_as_they_are(self) -> None:
+    def test_hostile_names_arrive_as_they_are(self):
         """Quotes, brackets, line breaks and control characters."""
         handover = solved_lid(hostile_task())
         cell = Cell(handover)
         assert "SUCCESS" == cell.run(tree_of(handover))
         assert plan_of(handover) == cell.done
 
-    def test_a_grasp_that_may_fail_is_tried_again(self) -> None:
+    def test_a_grasp_that_may_fail_is_tried_again(self):
         """That is what a tree can say of chance."""
         handover = solved_lid(chance_task())
         assert "SUCCESS" == Cell(handover, {"pick(fuse)": 1}).run(tree_of(handover))
         assert BehaviourTreeExporter().notes(handover)
 
 
-def test_every_node_has_a_model_with_its_ports(board: Handover) -> None:
+def test_every_node_has_a_model_with_its_ports(board):
     """So that Groot shows what each takes."""
     root = parse_xml(tree_of(board).encode())
     (models,) = root.all("TreeNodesModel")
@@ -135,7 +135,7 @@ def test_every_node_has_a_model_with_its_ports(board: Handover) -> None:
 
 
 @pytest.mark.parametrize("text", ["a\\u0041", "{x}", "\x00\n\t", "\ud800", "plain é 漢", "\\"])
-def test_what_xml_cannot_hold_is_written_by_number_and_read_back(text: str) -> None:
+def test_what_xml_cannot_hold_is_written_by_number_and_read_back(text):
     """And what would name an entry of the blackboard."""
     assert text == unescape_text(escape_text(text))
     assert not escape_text(text).startswith("{")

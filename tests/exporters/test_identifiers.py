@@ -1,7 +1,5 @@
 """Names as identifiers: unique, reversible, the same every time."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -12,7 +10,7 @@ from skillplan.exporters import Identifiers, quoted
 
 
 @given(st.lists(st.text(max_size=80), unique=True, max_size=20))
-def test_every_name_has_its_own_and_is_found_by_it(names: list[str]) -> None:
+def test_every_name_has_its_own_and_is_found_by_it(names):
     """Whatever the names are."""
     made = Identifiers(names, {"end", "x"})
     assert [made.name_of(made[name].upper()) for name in names] == names
@@ -21,7 +19,7 @@ def test_every_name_has_its_own_and_is_found_by_it(names: list[str]) -> None:
         assert made[name] not in {"end", "x"}
 
 
-def test_names_that_become_the_same_are_numbered_in_order() -> None:
+def test_names_that_become_the_same_are_numbered_in_order():
     """A name that looks like a number of another is no exception."""
     made = Identifiers(["a-b", "A B", "a_b_2", "1"])
     assert ["a_b", "a_b_2", "a_b_2_2", "x_1"] == [made[name] for name in made]
@@ -29,7 +27,7 @@ def test_names_that_become_the_same_are_numbered_in_order() -> None:
 
 
 @given(st.text())
-def test_a_quoted_name_stays_on_its_line_and_in_its_comment(name: str) -> None:
+def test_a_quoted_name_stays_on_its_line_and_in_its_comment(name):
     """And is that name when it is read as JSON."""
     text = quoted(name)
     assert text.isascii()

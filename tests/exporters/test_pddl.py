@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -40,7 +39,7 @@ SEEDS = [(parts, seed) for seed, parts in enumerate((6, 7, 8, 9, 10, 12, 14, 16,
 
 
 @pytest.fixture(scope="session")
-def planner() -> None:
+def planner():
     """Fast Downward, where it is installed."""
     try:
         fast_downward.driver()
@@ -117,9 +116,7 @@ def bridge_content() -> Any:
 
 
 class TestTheTexts:
-    def test_there_is_an_action_a_skill_with_where_the_robot_stands_alone(
-        self, board: Handover
-    ) -> None:
+    def test_there_is_an_action_a_skill_with_where_the_robot_stands_alone(self, board):
         """The chart is written out, and no list of a type is empty."""
         domain = PlanningTask(board).domain()
         assert 16 == domain.count("(:action ")
@@ -130,7 +127,7 @@ class TestTheTexts:
         )
         assert not re.search(r"forall|exists|\(or |\(when |\(either |\( - ", domain)
 
-    def test_no_name_means_two_things(self, board: Handover) -> None:
+    def test_no_name_means_two_things(self, board):
         """A type, a predicate and an action of one name are an error to many planners."""
         domain = PlanningTask(board).domain()
         types = re.search(r"\(:types (.*) - object\)", domain)
@@ -139,9 +136,7 @@ class TestTheTexts:
         names += re.findall(r"(?m)^    \((\w+)[ )]", domain.partition("(:functions")[0])
         assert len(names) == len(set(names))
 
-    def test_costs_are_whole_micrometres_and_the_file_says_by_how_much_they_are_off(
-        self, board: Handover
-    ) -> None:
+    def test_costs_are_whole_micrometres_and_the_file_says_by_how_much_they_are_off(self, board):
         """The plan costs 1.867086 m."""
         made = PlanningTask(board)
         assert made.plan().endswith("; cost = 1867086 (general cost)\n")
@@ -149,16 +144,16 @@ class TestTheTexts:
         assert "; Costs are in whole micrometres, rounded to the nearest." in made.domain()
         assert "; Order of operations: the task's hand-made chart." in made.domain()
 
-    def test_every_name_stands_beside_its_identifier(self, board: Handover) -> None:
+    def test_every_name_stands_beside_its_identifier(self, board):
         """So that whoever reads the file knows what was meant."""
         assert ';   pick_switch_1 = "pick(switch_1)"\n' in PlanningTask(board).domain()
 
-    def test_a_time_is_in_whole_microseconds(self) -> None:
+    def test_a_time_is_in_whole_microseconds(self):
         """Of the task's own figures, where the chart judges and nobody tells times."""
         made = PlanningTask(handed("inverter_time"))
         assert "whole microseconds" in made.domain()
 
-    def test_a_matrix_of_whole_numbers_is_not_rounded(self) -> None:
+    def test_a_matrix_of_whole_numbers_is_not_rounded(self):
         """And a node that cannot be reached from another has no cost from there."""
         model = make_model(load_problem(CONFIGS / "br17.10.sop").task, Setup())
         made = PlanningTask(handed_over(model, Setup(), None))
@@ -171,9 +166,7 @@ class TestConditionsAndCosts:
 
     @settings(max_examples=examples(200, 10))
     @given(content=crowded_assemblies(odd_turns=False), seed=st.integers(0, 2**32))
-    def test_in_every_state_actions_and_model_agree_on_verdict_and_cost(
-        self, content: Any, seed: int
-    ) -> None:
+    def test_in_every_state_actions_and_model_agree_on_verdict_and_cost(self, content, seed):
         """One action at least where the skill is feasible, each at its cost; else none."""
         task, rng = assembly(content), random.Random(seed)
         by_boxes = AabbDetector(task, AabbDetector.Options(check_support=rng.random() < 0.7))
@@ -199,13 +192,13 @@ class TestConditionsAndCosts:
                 costs = [cost for place, cost in one.origins.items() if place in state]
                 assert [model.cost(state, skill)] == (costs or [one.constant])
 
-    def test_which_tool_is_put_back_decides_what_a_change_costs(self) -> None:
+    def test_which_tool_is_put_back_decides_what_a_change_costs(self):
         """Also in a rack of equal pitch, where the shortest way is the same for two tools."""
         domain = PlanningTask(handed_over(model_of(rack_task()), BY_CHART, None)).domain()
         loads = set(re.findall(r"\(:action (load_b\S*)", domain))
         assert {"load_b-tool_a", "load_b-tool_c"} == loads
 
-    def test_a_choice_of_supports_is_an_action_each(self) -> None:
+    def test_a_choice_of_supports_is_an_action_each(self):
         """A plate stays up on any two of three posts that are not on one side."""
         task = assembly(bridge_content())
         made = PlanningTask(handed_over(make_model(task, BY_BOXES), BY_BOXES, None))
@@ -216,7 +209,7 @@ class TestConditionsAndCosts:
         assert [{"post_0", "post_2"}, {"post_0", "post_1"}] == posts
         assert made.left_out == ""
 
-    def test_an_action_names_its_skill_without_asking_back_ends(self) -> None:
+    def test_an_action_names_its_skill_without_asking_back_ends(self):
         """Whatever tells the actions of a skill apart stands behind a hyphen."""
         names = ActionNames(rack_task())
         assert "load(b)" == names.skill_of("LOAD_B-TOOL_A")
@@ -224,21 +217,21 @@ class TestConditionsAndCosts:
 
 
 class TestWhatPddlCannotSay:
-    def test_chance(self) -> None:
+    def test_chance(self):
         """With what to do instead."""
         with pytest.raises(
             OptionError, match=r"pick\(switch_1\) is left to chance.*grasp_failure=0"
         ):
             exported(PddlExporter(), handed("inverter_grasps"))
 
-    def test_costs_that_planners_add_up_wrongly(self) -> None:
+    def test_costs_that_planners_add_up_wrongly(self):
         """They have 32 bits; whole numbers are handed over as they are."""
         with pytest.raises(NoActionCosts, match="32 bits"):
             scale_of([200.5], "m", 20)
         assert scale_of([3.0, 4.0], "", 20).exact
 
     @pytest.mark.parametrize("small", [4e-7, 1.9e-5])
-    def test_costs_that_rounding_may_hide_unless_that_is_accepted(self, small: float) -> None:
+    def test_costs_that_rounding_may_hide_unless_that_is_accepted(self, small):
         """Twenty skills may be off by ten microseconds, and two plans against each other by 20."""
         with pytest.raises(NoActionCosts, match=r"plans could change places.*accept_rounding=true"):
             scale_of([1.5, small, 0.0], "s", 20)
@@ -250,9 +243,7 @@ class TestFastDownward:
     """An optimal planner that shares nothing with us."""
 
     @pytest.mark.parametrize("limit", [6, 5])
-    def test_proves_the_step_limit_if_it_is_part_of_the_task(
-        self, planner: None, limit: int
-    ) -> None:
+    def test_proves_the_step_limit_if_it_is_part_of_the_task(self, planner, limit):
         """The rack takes six skills; in five there is no plan."""
         model = make_model(rack_task().replace(step_limit=limit), BY_CHART)
         counted = PlanningTask(handed_over(model, BY_CHART, None), count_steps=True)
@@ -261,9 +252,7 @@ class TestFastDownward:
         assert (limit == 5) == answer.unsolvable
 
     @pytest.mark.parametrize("seeds", seed_blocks(3, 20, 200, reason="three boards in every run"))
-    def test_proves_what_exact_search_proves_with_one_to_four_tools(
-        self, planner: None, tmp_path: Path, seeds: range
-    ) -> None:
+    def test_proves_what_exact_search_proves_with_one_to_four_tools(self, planner, tmp_path, seeds):
         """The exported plan costs what the result costs, and no plan costs less."""
         for seed in seeds:
             path = tmp_path / "board.yaml"
@@ -277,28 +266,28 @@ class TestFastDownward:
                 agrees(solved(task, setup))
 
     @pytest.mark.slow(reason="a planner of others; verify runs it in every run")
-    def test_proves_the_board(self, planner: None, board: Handover) -> None:
+    def test_proves_the_board(self, planner, board):
         """1.867086 m, with the same skills."""
         agrees(board)
 
     @pytest.mark.slow(reason="seconds a config; the board in every run")
     @pytest.mark.parametrize("name", CHARTED)
-    def test_proves_every_config_that_goes_by_its_chart(self, planner: None, name: str) -> None:
+    def test_proves_every_config_that_goes_by_its_chart(self, planner, name):
         """To within half a micrometre a skill."""
         agrees(best(name))
 
     @pytest.mark.slow(reason="seconds a config; the board in every run")
-    def test_proves_least_times_by_the_chart(self, planner: None) -> None:
+    def test_proves_least_times_by_the_chart(self, planner):
         """In whole microseconds, of the task's own figures."""
         agrees(solved(load_problem(CONFIGS / "inverter_time.yaml").task))
 
     @pytest.mark.slow(reason="up to half a minute a board; the inverter board in every run")
     @pytest.mark.parametrize(("parts", "seed"), SEEDS)
-    def test_proves_boards_made_at_random(self, planner: None, parts: int, seed: int) -> None:
+    def test_proves_boards_made_at_random(self, planner, parts, seed):
         """Of 6 to 20 parts."""
         agrees(solved(generated(parts, seed)))
 
-    def test_that_is_not_installed_is_a_message(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_that_is_not_installed_is_a_message(self, monkeypatch):
         """It says which extra has it."""
         monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
         with pytest.raises(OptionError, match=r"pip install 'skillplan\[planner\]'"):
@@ -307,7 +296,7 @@ class TestFastDownward:
 
 @pytest.mark.slow(reason="unified-planning takes seconds to import; texts are read in every run")
 @pytest.mark.filterwarnings("ignore")
-def test_a_validator_takes_the_plan_and_refuses_a_wrong_order(board: Handover) -> None:
+def test_a_validator_takes_the_plan_and_refuses_a_wrong_order(board):
     """Unified-planning reads domain, problem and plan, and knows what the plan costs."""
     io: Any = pytest.importorskip("unified_planning.io", reason="unified-planning: skillplan[test]")
     shortcuts: Any = pytest.importorskip("unified_planning.shortcuts")

@@ -1,9 +1,6 @@
 """Plans read back: the formats by their content, and whatever is wrong in one message."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +10,6 @@ from skillplan.exporters import (
     MAX_BYTES,
     BehaviourTreeExporter,
     CsvExporter,
-    Exporter,
-    Handover,
     PddlExporter,
     read_plan,
 )
@@ -29,7 +24,7 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]>' + TREE.format
 
 
 @pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
-def test_what_is_exported_is_read_back(board: Handover, tmp_path: Path, exporter: Exporter) -> None:
+def test_what_is_exported_is_read_back(board, tmp_path, exporter):
     """Names of files do not matter; of the lid task with hostile names, too."""
     for handover in (board, solved_lid(hostile_task())):
         files = exporter.files(handover)
@@ -42,9 +37,7 @@ def test_what_is_exported_is_read_back(board: Handover, tmp_path: Path, exporter
 @pytest.mark.slow(reason="seconds a config; the board in every run")
 @pytest.mark.parametrize("config", CHARTED)
 @pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
-def test_what_is_read_back_costs_exactly_what_it_did(
-    tmp_path: Path, exporter: Exporter, config: str
-) -> None:
+def test_what_is_read_back_costs_exactly_what_it_did(tmp_path, exporter, config):
     """Of every config that goes by its chart."""
     handover = best(config)
     assert handover.plan is not None
@@ -55,7 +48,7 @@ def test_what_is_read_back_costs_exactly_what_it_did(
     assert handover.plan.cost == replay(handover.model, found).cost
 
 
-def test_a_result_and_a_list_are_read_as_json(board: Handover, tmp_path: Path) -> None:
+def test_a_result_and_a_list_are_read_as_json(board, tmp_path):
     """By names or numbers."""
     names = [one.skill.name for one in board.skills]
     numbers = [one.step.action for one in board.skills]
@@ -65,16 +58,14 @@ def test_a_result_and_a_list_are_read_as_json(board: Handover, tmp_path: Path) -
         assert names == [skill.name for skill in found]
 
 
-def test_a_planner_may_write_in_capitals(board: Handover, tmp_path: Path) -> None:
+def test_a_planner_may_write_in_capitals(board, tmp_path):
     """Names of PDDL are the same in both."""
     (tmp_path / "plan").write_text("; found\n(PICK_PCB LOCATION_HOME)\n\n; cost = 1\n")
     found = given_plan(f"@{tmp_path / 'plan'}", board.task)
     assert ["pick(pcb)"] == [skill.name for skill in found]
 
 
-def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(
-    board: Handover, tmp_path: Path
-) -> None:
+def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(board, tmp_path):
     """Whatever nodes are around the skills."""
     inner = '<BehaviorTree ID="two"><Do skill="place(pcb)"/></BehaviorTree>'
     text = TREE.format('<Sequence><Inverter><Do skill="pick(pcb)"/></Inverter><SubTree ID="two"/>')
@@ -118,9 +109,7 @@ def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(
         (("<a>" * 100).encode(), r":1: its elements lie more than 64 deep; keep the plan alone"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(
-    board: Handover, tmp_path: Path, content: bytes, message: str
-) -> None:
+def test_what_is_wrong_is_said_with_its_line(board, tmp_path, content, message):
     """And what to give instead; no entity is followed."""
     path = tmp_path / "plan"
     path.write_bytes(content)
@@ -129,7 +118,7 @@ def test_what_is_wrong_is_said_with_its_line(
     assert str(raised.value).startswith(str(path))
 
 
-def test_what_is_too_large_or_no_file_is_not_read(board: Handover, tmp_path: Path) -> None:
+def test_what_is_too_large_or_no_file_is_not_read(board, tmp_path):
     """By its size alone."""
     path = tmp_path / "plan"
     with path.open("wb") as file:

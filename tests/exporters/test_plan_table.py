@@ -21,7 +21,7 @@ def rows(handover: Handover) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
 
 
-def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board: Handover) -> None:
+def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
     """Costs add up to the plan's, and times one after another; 12 digits hide binary noise."""
     found = rows(board)
     assert board.plan is not None
@@ -42,7 +42,7 @@ def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board: Handover)
     assert all(row["from"] == before["to"] for before, row in pairwise(found))
 
 
-def test_a_spreadsheet_computes_nothing_of_a_name() -> None:
+def test_a_spreadsheet_computes_nothing_of_a_name():
     """What it would take for a formula is marked as text, and numbers stay numbers."""
     found = rows(solved_lid(hostile_task()))
     assert "'=1+1\n,'\"" in {row["skill"] for row in found}
@@ -51,6 +51,6 @@ def test_a_spreadsheet_computes_nothing_of_a_name() -> None:
 
 
 @given(st.text())
-def test_what_is_marked_is_read_back(text: str) -> None:
+def test_what_is_marked_is_read_back(text):
     """Whatever a name begins with."""
     assert text == read_cell(_text(text))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import pytest
 
@@ -17,7 +16,7 @@ def text_of(handover: Handover) -> str:
     return text
 
 
-def test_there_is_a_step_of_the_case_for_every_skill(board: Handover) -> None:
+def test_there_is_a_step_of_the_case_for_every_skill(board):
     """In order, with the number that the task gives it, and how long it should take."""
     text = text_of(board)
     numbers = [int(one) for one in re.findall(r"SkillNumber := (\d+);", text)]
@@ -28,7 +27,7 @@ def test_there_is_a_step_of_the_case_for_every_skill(board: Handover) -> None:
     assert "LAST_STEP : INT := 15;" in text
 
 
-def test_every_step_waits_for_its_answer_and_for_the_answer_before_to_go(board: Handover) -> None:
+def test_every_step_waits_for_its_answer_and_for_the_answer_before_to_go(board):
     """Done leads to the next step, an error to where one may retry the same."""
     steps = re.split(r"(?m)^    \d+: //", text_of(board))[1:]
     for number, step in enumerate(steps, start=1):
@@ -39,7 +38,7 @@ def test_every_step_waits_for_its_answer_and_for_the_answer_before_to_go(board: 
     assert "IF Retry THEN\n            StepNumber := ErrorStep;" in text_of(board)
 
 
-def test_no_name_ends_a_text_or_a_comment() -> None:
+def test_no_name_ends_a_text_or_a_comment():
     """Quotes and dollar signs are escaped, what is not ASCII is written as numbers."""
     text = text_of(solved_lid(hostile_task()))
     assert text.isascii()
@@ -55,12 +54,12 @@ class TestBlark:
     """A parser of IEC 61131-3 that is not ours."""
 
     @pytest.fixture(scope="class")
-    def parse(self) -> Any:
+    def parse(self):
         blark = pytest.importorskip("blark.parse", reason="blark is not installed: skillplan[test]")
         return blark.parse_source_code
 
     @pytest.mark.filterwarnings("ignore")
-    def test_reads_it_whatever_names_it_has_and_refuses_broken_text(self, parse: Any) -> None:
+    def test_reads_it_whatever_names_it_has_and_refuses_broken_text(self, parse):
         """So that being read means something."""
         text = text_of(solved_lid(hostile_task()))
         assert parse(text).exception is None

@@ -24,7 +24,7 @@ from skillplan.files import (
 )
 
 
-def test_what_was_there_is_replaced(tmp_path: Path) -> None:
+def test_what_was_there_is_replaced(tmp_path):
     """By text or bytes, and nothing else is left in the folder."""
     path = tmp_path / "file"
     write_whole(path, "früher")
@@ -34,7 +34,7 @@ def test_what_was_there_is_replaced(tmp_path: Path) -> None:
     assert [path] == list(tmp_path.iterdir())
 
 
-def test_a_failure_leaves_the_old_content_and_nothing_beside(tmp_path: Path) -> None:
+def test_a_failure_leaves_the_old_content_and_nothing_beside(tmp_path):
     """Half of the new content had been written."""
     path = tmp_path / "file"
     path.write_text("old")
@@ -50,9 +50,7 @@ def test_a_failure_leaves_the_old_content_and_nothing_beside(tmp_path: Path) -> 
     assert [path] == list(tmp_path.iterdir())
 
 
-def test_a_failure_to_force_it_to_disk_leaves_the_old_content(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_to_force_it_to_disk_leaves_the_old_content(tmp_path, monkeypatch):
     """What is not on disk takes nothing's place."""
     path = tmp_path / "file"
     path.write_text("old")
@@ -67,9 +65,7 @@ def test_a_failure_to_force_it_to_disk_leaves_the_old_content(
     assert [path] == list(tmp_path.iterdir())
 
 
-def test_file_and_folder_are_forced_to_disk_in_this_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_and_folder_are_forced_to_disk_in_this_order(tmp_path, monkeypatch):
     """The file before it takes the other's place, the folder afterwards."""
     seen: list[str] = []
     sync, replace = os.fsync, os.replace
@@ -93,9 +89,7 @@ def test_file_and_folder_are_forced_to_disk_in_this_order(
     assert ["file", "replace", "folder"] == seen
 
 
-def test_file_systems_that_cannot_sync_folders_do_not_matter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_systems_that_cannot_sync_folders_do_not_matter(tmp_path, monkeypatch):
     """But a disk that fails does."""
 
     def failing(number: int) -> None:
@@ -111,9 +105,7 @@ def test_file_systems_that_cannot_sync_folders_do_not_matter(
         sync_folder(tmp_path)
 
 
-def test_nothing_that_is_there_is_taken_for_the_temporary_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_that_is_there_is_taken_for_the_temporary_file(tmp_path, monkeypatch):
     """A link of its name least of all: where it leads is not written to."""
     (tmp_path / "precious").write_text("precious")
     name = tmp_path / ".file.00.tmp"
@@ -125,7 +117,7 @@ def test_nothing_that_is_there_is_taken_for_the_temporary_file(
     assert name.is_symlink()
 
 
-def test_two_temporary_files_have_two_names(tmp_path: Path) -> None:
+def test_two_temporary_files_have_two_names(tmp_path):
     """So that two programs may replace one file; the last one wins."""
     path = tmp_path / "file"
     with replacing(path) as first, replacing(path) as second:
@@ -134,14 +126,14 @@ def test_two_temporary_files_have_two_names(tmp_path: Path) -> None:
     assert b"first" == path.read_bytes()
 
 
-def test_a_long_name_leaves_room_for_the_temporary_file(tmp_path: Path) -> None:
+def test_a_long_name_leaves_room_for_the_temporary_file(tmp_path):
     """A name may have 255 bytes."""
     path = tmp_path / ("ä" * 127)
     write_whole(path, "content")
     assert "content" == path.read_text()
 
 
-def test_a_link_is_replaced_itself(tmp_path: Path) -> None:
+def test_a_link_is_replaced_itself(tmp_path):
     """What it leads to stays as it is."""
     (tmp_path / "target").write_text("target")
     (tmp_path / "link").symlink_to("target")
@@ -151,7 +143,7 @@ def test_a_link_is_replaced_itself(tmp_path: Path) -> None:
     assert not (tmp_path / "link").is_symlink()
 
 
-def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path: Path) -> None:
+def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path):
     """Of a folder that somebody else has sent."""
     folder, outside = tmp_path / "folder", tmp_path / "outside"
     folder.mkdir()
@@ -162,7 +154,7 @@ def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path: Path) -> 
     assert [] == list(outside.iterdir())
 
 
-def test_no_folder_is_made_through_such_a_link(tmp_path: Path) -> None:
+def test_no_folder_is_made_through_such_a_link(tmp_path):
     """Within the folder it is."""
     folder, outside = tmp_path / "folder", tmp_path / "outside"
     folder.mkdir()
@@ -175,7 +167,7 @@ def test_no_folder_is_made_through_such_a_link(tmp_path: Path) -> None:
     assert (folder / "groups" / "0").is_dir()
 
 
-def test_the_mode_of_a_new_file_is_the_users_choice(tmp_path: Path) -> None:
+def test_the_mode_of_a_new_file_is_the_users_choice(tmp_path):
     """Not that of a private temporary file."""
     before = os.umask(0o027)
     try:
@@ -197,14 +189,12 @@ def test_the_mode_of_a_new_file_is_the_users_choice(tmp_path: Path) -> None:
         ("thesis.tmp", None, False),
     ],
 )
-def test_what_a_killed_program_left_is_known_by_its_name(
-    name: str, of: str | None, expected: bool
-) -> None:
+def test_what_a_killed_program_left_is_known_by_its_name(name, of, expected):
     """That of earlier versions, with the number of a process, too; a user's files are not."""
     assert expected == is_unfinished(name, of)
 
 
-def test_what_is_being_written_has_such_a_name(tmp_path: Path) -> None:
+def test_what_is_being_written_has_such_a_name(tmp_path):
     """Until it has taken its place."""
     with written_beside(tmp_path / "video.mp4") as temporary:
         assert is_unfinished(temporary.name, "video.mp4")
@@ -212,7 +202,7 @@ def test_what_is_being_written_has_such_a_name(tmp_path: Path) -> None:
 
 
 @pytest.fixture(params=["links", "no links"])
-def _system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def _system(request, monkeypatch):
     """A file system with hard links, and one without."""
     if request.param == "no links":
 
@@ -224,7 +214,7 @@ def _system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.usefixtures("_system")
 class TestNewFiles:
-    def test_it_is_there_whole_and_nothing_beside_it(self, tmp_path: Path) -> None:
+    def test_it_is_there_whole_and_nothing_beside_it(self, tmp_path):
         """As where another is replaced."""
         path = tmp_path / "file"
         write_new(path, "früher")
@@ -232,7 +222,7 @@ class TestNewFiles:
         assert [path] == list(tmp_path.iterdir())
 
     @pytest.mark.parametrize("dangling", [False, True])
-    def test_what_is_there_stays(self, tmp_path: Path, dangling: bool) -> None:
+    def test_what_is_there_stays(self, tmp_path, dangling):
         """Be it a link that leads nowhere."""
         path = tmp_path / "file"
         if dangling:
@@ -244,7 +234,7 @@ class TestNewFiles:
         assert [path] == list(tmp_path.iterdir())
         assert path.is_symlink() if dangling else "old" == path.read_text()
 
-    def test_one_of_many_programs_writes_it(self, tmp_path: Path) -> None:
+    def test_one_of_many_programs_writes_it(self, tmp_path):
         """All begin at once; the others are told, and the file is that of the one."""
         path = tmp_path / "file"
         gate = threading.Barrier(8)

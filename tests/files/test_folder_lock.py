@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -23,7 +22,7 @@ sys.stdin.read()
 """
 
 
-def test_a_second_writer_is_refused_in_words_until_the_first_lets_go(tmp_path: Path) -> None:
+def test_a_second_writer_is_refused_in_words_until_the_first_lets_go(tmp_path):
     """And no file is made in the folder."""
     first = FolderLock(tmp_path, "study")
     with pytest.raises(OptionError, match="another study is writing there just now"):
@@ -33,7 +32,7 @@ def test_a_second_writer_is_refused_in_words_until_the_first_lets_go(tmp_path: P
     FolderLock(tmp_path, "study").release()
 
 
-def test_a_lock_of_a_killed_process_does_not_block(tmp_path: Path) -> None:
+def test_a_lock_of_a_killed_process_does_not_block(tmp_path):
     """While it lived it did."""
     words = [sys.executable, "-c", HOLDER, str(tmp_path)]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
@@ -45,9 +44,7 @@ def test_a_lock_of_a_killed_process_does_not_block(tmp_path: Path) -> None:
         FolderLock(tmp_path, "training", patience_s=20).release()
 
 
-def test_where_there_are_no_locks_nobody_is_kept_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_there_are_no_locks_nobody_is_kept_out(tmp_path, monkeypatch):
     """Neither every system nor every file system has them."""
 
     def none(descriptor: int, *, blocking: bool) -> bool:

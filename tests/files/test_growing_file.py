@@ -1,15 +1,11 @@
 """Files that grow by whole records."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from skillplan.files import GrowingFile
 
 
-def test_records_are_appended_and_what_was_there_stays(tmp_path: Path) -> None:
+def test_records_are_appended_and_what_was_there_stays(tmp_path):
     """Each is on its way to the disk at once, without a buffer."""
     path = tmp_path / "lines"
     path.write_bytes(b"one\n")
@@ -20,7 +16,7 @@ def test_records_are_appended_and_what_was_there_stays(tmp_path: Path) -> None:
     file.close()
 
 
-def test_it_goes_on_where_it_was_cut(tmp_path: Path) -> None:
+def test_it_goes_on_where_it_was_cut(tmp_path):
     """A piece of a record is gone."""
     file = GrowingFile(tmp_path / "lines", tmp_path)
     file.append(b"one\ntw")
@@ -31,7 +27,7 @@ def test_it_goes_on_where_it_was_cut(tmp_path: Path) -> None:
     assert b"one\nthree\n" == (tmp_path / "lines").read_bytes()
 
 
-def test_a_link_out_of_the_folder_is_neither_cut_nor_appended_to(tmp_path: Path) -> None:
+def test_a_link_out_of_the_folder_is_neither_cut_nor_appended_to(tmp_path):
     """Of a folder that somebody else has sent."""
     (tmp_path / "precious").write_text("precious")
     folder = tmp_path / "folder"

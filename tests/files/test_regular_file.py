@@ -12,7 +12,7 @@ from skillplan.files import RefusedFile, open_regular, read_bytes, real_path_wit
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A folder with a file, beside a file that is nobody's business."""
     made = tmp_path / "mine"
     (made / "deep").mkdir(parents=True)
@@ -22,13 +22,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 class TestLimits:
-    def test_a_file_of_just_the_limit_is_read(self, tmp_path: Path) -> None:
+    def test_a_file_of_just_the_limit_is_read(self, tmp_path):
         """Whole."""
         path = tmp_path / "file"
         path.write_bytes(b"x" * 1000)
         assert b"x" * 1000 == read_bytes(path, 1000)
 
-    def test_one_byte_more_is_refused_in_words(self, tmp_path: Path) -> None:
+    def test_one_byte_more_is_refused_in_words(self, tmp_path):
         """With the limit."""
         path = tmp_path / "file"
         path.write_bytes(b"x" * 1001)
@@ -37,7 +37,7 @@ class TestLimits:
         assert "large" == refused.value.why
         assert "it is larger than the 1,000 bytes that it may have" == refused.value.strerror
 
-    def test_a_huge_file_is_refused_unread(self, tmp_path: Path) -> None:
+    def test_a_huge_file_is_refused_unread(self, tmp_path):
         """By its size: a terabyte without content costs nothing."""
         path = tmp_path / "file"
         path.touch()
@@ -45,7 +45,7 @@ class TestLimits:
         with pytest.raises(RefusedFile, match="larger"):
             read_bytes(path, 1000)
 
-    def test_a_file_that_does_not_tell_its_size_is_read_to_its_end(self) -> None:
+    def test_a_file_that_does_not_tell_its_size_is_read_to_its_end(self):
         """As those of the process file system."""
         path = Path("/proc/self/status")
         if not path.exists():
@@ -55,7 +55,7 @@ class TestLimits:
         with pytest.raises(RefusedFile, match="larger"):
             read_bytes(path, 10)
 
-    def test_an_empty_file_is_empty(self, tmp_path: Path) -> None:
+    def test_an_empty_file_is_empty(self, tmp_path):
         """Even where nothing may be read."""
         path = tmp_path / "file"
         path.touch()
@@ -63,7 +63,7 @@ class TestLimits:
 
 
 class TestKinds:
-    def test_a_pipe_is_refused_and_not_waited_for(self, tmp_path: Path) -> None:
+    def test_a_pipe_is_refused_and_not_waited_for(self, tmp_path):
         """Nobody writes into it."""
         path = tmp_path / "pipe"
         os.mkfifo(path)
@@ -71,14 +71,14 @@ class TestKinds:
             read_bytes(path, 10)
 
     @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "/dev/tty"])
-    def test_a_device_is_refused(self, device: str) -> None:
+    def test_a_device_is_refused(self, device):
         """One of them never ends."""
         if not Path(device).exists():
             pytest.skip("there is no such device")
         with pytest.raises(RefusedFile, match="it is no regular file"):
             read_bytes(device, 10)
 
-    def test_a_socket_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_socket_is_refused(self, tmp_path, monkeypatch):
         """As it is no regular file."""
         monkeypatch.chdir(tmp_path)
         with socket.socket(socket.AF_UNIX) as listening:
@@ -86,42 +86,42 @@ class TestKinds:
             with pytest.raises(RefusedFile, match="it is no regular file"):
                 read_bytes("socket", 10)
 
-    def test_a_folder_is_refused(self, tmp_path: Path) -> None:
+    def test_a_folder_is_refused(self, tmp_path):
         """In words of its own."""
         with pytest.raises(RefusedFile, match="it is a folder"):
             read_bytes(tmp_path, 10)
 
-    def test_a_link_to_a_device_is_refused(self, tmp_path: Path) -> None:
+    def test_a_link_to_a_device_is_refused(self, tmp_path):
         """What counts is what is opened."""
         path = tmp_path / "link"
         path.symlink_to("/dev/zero")
         with pytest.raises(RefusedFile, match="it is no regular file"):
             read_bytes(path, 10)
 
-    def test_a_pipe_is_not_appended_to(self, tmp_path: Path) -> None:
+    def test_a_pipe_is_not_appended_to(self, tmp_path):
         """Nor is one waited for that nobody reads."""
         path = tmp_path / "pipe"
         os.mkfifo(path)
         with pytest.raises(RefusedFile, match="it is no regular file"):
             open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
 
-    def test_what_is_missing_is_missing(self, tmp_path: Path) -> None:
+    def test_what_is_missing_is_missing(self, tmp_path):
         """That error is Python's."""
         with pytest.raises(FileNotFoundError):
             read_bytes(tmp_path / "none", 10)
 
-    def test_a_name_that_no_file_can_have_is_an_error_of_the_system(self) -> None:
+    def test_a_name_that_no_file_can_have_is_an_error_of_the_system(self):
         """So that whoever reads needs to know of one kind of error only."""
         with pytest.raises(OSError, match="null"):
             read_bytes("a\0b", 10)
 
 
 class TestFolders:
-    def test_a_file_in_the_folder_is_read(self, folder: Path) -> None:
+    def test_a_file_in_the_folder_is_read(self, folder):
         """However deep."""
         assert b"mine" == read_bytes(folder / "deep" / "file", 10, within=folder)
 
-    def test_a_link_that_stays_in_the_folder_is_refused_as_well(self, folder: Path) -> None:
+    def test_a_link_that_stays_in_the_folder_is_refused_as_well(self, folder):
         """To a file and to a folder: what writes to one file must not change another."""
         (folder / "link").symlink_to("deep/file")
         (folder / "way").symlink_to("deep", target_is_directory=True)
@@ -131,34 +131,30 @@ class TestFolders:
         assert folder / "deep" / "file" == real_path_within(folder / "link", folder)
 
     @pytest.mark.parametrize("target", ["../secret", "/dev/zero"])
-    def test_a_link_that_leads_out_of_the_folder_is_refused(
-        self, folder: Path, target: str
-    ) -> None:
+    def test_a_link_that_leads_out_of_the_folder_is_refused(self, folder, target):
         """Whether it is relative or not."""
         (folder / "link").symlink_to(target)
         with pytest.raises(RefusedFile, match="a link leads out of the folder"):
             read_bytes(folder / "link", 10, within=folder)
 
-    def test_a_folder_that_is_such_a_link_is_refused(self, folder: Path) -> None:
+    def test_a_folder_that_is_such_a_link_is_refused(self, folder):
         """The file itself is none."""
         (folder / "out").symlink_to("..", target_is_directory=True)
         with pytest.raises(RefusedFile, match="a link leads out of the folder"):
             read_bytes(folder / "out" / "secret", 10, within=folder)
 
-    def test_so_are_two_dots(self, folder: Path) -> None:
+    def test_so_are_two_dots(self, folder):
         """Without any link."""
         with pytest.raises(RefusedFile):
             read_bytes(folder / ".." / "secret", 10, within=folder)
 
-    def test_the_folder_may_be_a_link_itself(self, folder: Path) -> None:
+    def test_the_folder_may_be_a_link_itself(self, folder):
         """What the user named is the folder."""
         (folder.parent / "alias").symlink_to("mine", target_is_directory=True)
         alias = folder.parent / "alias"
         assert b"mine" == read_bytes(alias / "deep" / "file", 10, within=alias)
 
-    def test_a_link_put_there_after_the_look_is_not_followed(
-        self, folder: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_link_put_there_after_the_look_is_not_followed(self, folder, monkeypatch):
         """Every step of the path is opened without following links."""
         real = os.path.realpath
         (folder / "deep" / "file").unlink()
@@ -172,14 +168,14 @@ class TestFolders:
         with pytest.raises(OSError, match="symbolic links"):
             read_bytes(folder / "deep" / "file", 10, within=folder)
 
-    def test_nothing_is_made_outside_the_folder(self, folder: Path) -> None:
+    def test_nothing_is_made_outside_the_folder(self, folder):
         """Not even where the link's target is missing."""
         (folder / "link").symlink_to("../new")
         with pytest.raises(RefusedFile, match="a link leads out of the folder"):
             open_regular(folder / "link", os.O_WRONLY | os.O_CREAT, within=folder)
         assert not (folder.parent / "new").exists()
 
-    def test_a_neighbour_whose_name_begins_alike_is_outside(self, folder: Path) -> None:
+    def test_a_neighbour_whose_name_begins_alike_is_outside(self, folder):
         """Names are compared by steps, not by letters."""
         other = folder.with_name("mine-too")
         other.mkdir()

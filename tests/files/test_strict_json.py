@@ -1,10 +1,7 @@
 """What JSON is accepted."""
 
-from __future__ import annotations
-
 import json
 import time
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -24,7 +21,7 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
-def test_what_is_written_is_read(value: Any) -> None:
+def test_what_is_written_is_read(value):
     """As text and as bytes."""
     text = json.dumps(value)
     assert value == parse_json(text)
@@ -45,14 +42,14 @@ def test_what_is_written_is_read(value: Any) -> None:
         ("9" * 5000, "is too large"),
     ],
 )
-def test_what_the_standard_library_lets_pass_is_refused(text: str | bytes, words: str) -> None:
+def test_what_the_standard_library_lets_pass_is_refused(text, words):
     """As is what is no JSON at all."""
     with pytest.raises(ValueError, match=words):
         parse_json(text)
 
 
 @pytest.mark.parametrize("pair", ["[]", '{"a":}'], ids=["lists", "objects"])
-def test_the_depth_is_limited(pair: str) -> None:
+def test_the_depth_is_limited(pair):
     """The deepest that is allowed is read, one level more is not."""
     opening, closing = pair[:-1], pair[-1]
     inside = "[]" if pair == "[]" else "{}"
@@ -65,7 +62,7 @@ def test_the_depth_is_limited(pair: str) -> None:
             parse_json(text)
 
 
-def test_brackets_within_strings_do_not_count() -> None:
+def test_brackets_within_strings_do_not_count():
     """Nor do quotes that are escaped."""
     value = ["[" * 500, '"[' * 500, "\\", "{" * 500]
     assert value == parse_json(json.dumps(value))
@@ -76,7 +73,7 @@ def test_brackets_within_strings_do_not_count() -> None:
     ["[" * 2_000_000, '{"a":' * 400_000, '"' + '\\"' * 1_000_000, "][" * 1_000_000],
     ids=["open lists", "open objects", "an open string", "brackets that do not pair"],
 )
-def test_hostile_texts_are_refused_soon(text: str) -> None:
+def test_hostile_texts_are_refused_soon(text):
     """However they are made, in the time that their size takes."""
     begin_s = time.perf_counter()
     with pytest.raises(ValueError):  # noqa: PT011
@@ -84,6 +81,6 @@ def test_hostile_texts_are_refused_soon(text: str) -> None:
     assert time.perf_counter() - begin_s < 5
 
 
-def test_a_mark_of_the_byte_order_is_passed_over() -> None:
+def test_a_mark_of_the_byte_order_is_passed_over():
     """Editors put it there."""
     assert {"a": 1} == parse_json(b'\xef\xbb\xbf{"a": 1}')

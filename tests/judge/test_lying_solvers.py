@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ def cheapest() -> tuple[tuple[str, ...], float]:
 
 class TestPlainValues:
     @pytest.mark.parametrize("claimed", [0.0, math.nan, math.inf, -1.0])
-    def test_a_wrong_cost_is_refuted(self, claimed: float) -> None:
+    def test_a_wrong_cost_is_refuted(self, claimed):
         """The referee replays the plan and adds its costs up itself."""
         skills, _ = cheapest()
         lie = solver_that(lambda solver, model: Solution(Plan(skills, claimed)))
@@ -30,7 +29,7 @@ class TestPlainValues:
         assert "wrong" == result.status
         assert "the solver says its plan costs" in result.reason
 
-    def test_a_false_bound_proves_nothing(self) -> None:
+    def test_a_false_bound_proves_nothing(self):
         """A bound below the cost of the plan does not prove it to be the best."""
         skills, cost = cheapest()
         lie = solver_that(lambda solver, model: Solution(Plan(skills, cost), cost / 2, True))
@@ -38,7 +37,7 @@ class TestPlainValues:
         assert "wrong" == result.status
         assert f"with the bound {cost / 2!r}" in result.reason
 
-    def test_numbers_of_numpy_become_those_of_python(self) -> None:
+    def test_numbers_of_numpy_become_those_of_python(self):
         """The messages and the JSON document show plain figures."""
         skills, cost = cheapest()
         honest = solver_that(
@@ -57,7 +56,7 @@ class TestPlainValues:
             (lambda: Solution(trace={"figure": math.nan}), "its trace is not JSON"),
         ],
     )
-    def test_what_is_no_claim_is_a_failure(self, solution: Any, words: str) -> None:
+    def test_what_is_no_claim_is_a_failure(self, solution, words):
         """The solver has failed, in words."""
         from skillplan.errors import SolverError
 

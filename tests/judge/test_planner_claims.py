@@ -39,7 +39,7 @@ def answer(cost: int = MICROMETRES) -> PlannerAnswer:
     return PlannerAnswer(cost, tuple(one.skill.name for one in best("inverter_board").skills))
 
 
-def test_an_optimum_within_the_rounding_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_optimum_within_the_rounding_holds(monkeypatch):
     """Half a micrometre a skill."""
     plan = best("inverter_board").plan
     assert plan is not None
@@ -47,14 +47,14 @@ def test_an_optimum_within_the_rounding_holds(monkeypatch: pytest.MonkeyPatch) -
     assert (Outcome.HOLDS, True) == (claim.outcome, "rounded by at most 7.5e-06" in claim.detail)
 
 
-def test_rounding_hides_no_better_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounding_hides_no_better_plan(monkeypatch):
     """An optimum that is 5 um too dear is within the rounding, and the planner's plan is not."""
     claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 + 5e-6)
     assert (Outcome.FAILS, True) == (claim.outcome, claim.contradiction)
     assert "its plan costs 1.86708" in claim.detail
 
 
-def test_a_cost_that_no_plan_has_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cost_that_no_plan_has_fails(monkeypatch):
     claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 - 1e-5)
     assert (Outcome.FAILS, True) == (claim.outcome, "no plan costs so little" in claim.detail)
 
@@ -62,21 +62,19 @@ def test_a_cost_that_no_plan_has_fails(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("bound", "outcome"), [(1.8, Outcome.HOLDS), (1.9, Outcome.FAILS), (None, Outcome.HOLDS)]
 )
-def test_a_search_that_was_ended_answers_for_its_bound_alone(
-    monkeypatch: pytest.MonkeyPatch, bound: float | None, outcome: Outcome
-) -> None:
+def test_a_search_that_was_ended_answers_for_its_bound_alone(monkeypatch, bound, outcome):
     """That the planner finds a plan and the search did not is no contradiction."""
     assert outcome is judged(monkeypatch, answer(), status="unsolved", lower_bound=bound).outcome
 
 
-def test_a_plan_refutes_that_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_refutes_that_there_is_none(monkeypatch):
     claim = judged(monkeypatch, answer(), status="infeasible")
     assert Outcome.FAILS is claim.outcome
 
 
 def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_not_hold(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """The files state the task as the model does, so that one of the two is wrong."""
     wrong = PlannerAnswer(MICROMETRES - 1000, answer().skills[::-1])
     claim = judged(monkeypatch, wrong, status="optimal", cost=MICROMETRES / 1e6)
@@ -84,9 +82,7 @@ def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_
     assert "its plan fails at fasten(screw_2): needs tool(screwdriver)" in claim.detail
 
 
-def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch):
     """A verdict that is not known may be either."""
     asked: list[object] = []
     monkeypatch.setattr(fast_downward, "driver", lambda: Path())

@@ -58,42 +58,40 @@ def walks(draw: st.DrawFn) -> Task:
 
 
 @given(st.floats(0.01, 1.0), st.floats(0.0, 10.0))
-def test_trying_until_it_works_costs_the_inverse_of_the_probability(
-    probability: float, cost: float
-) -> None:
+def test_trying_until_it_works_costs_the_inverse_of_the_probability(probability, cost):
     """However often it stays where it is."""
     assert least(retry_task(probability, cost)) == pytest.approx(cost / probability)
 
 
-def test_without_chance_it_is_the_cost_of_the_cheapest_way() -> None:
+def test_without_chance_it_is_the_cost_of_the_cheapest_way():
     """Of two roads the longer one."""
     assert least(two_roads_task()) == pytest.approx(3.0)
 
 
-def test_a_start_that_is_the_goal_costs_nothing() -> None:
+def test_a_start_that_is_the_goal_costs_nothing():
     """Whatever else could be done."""
     assert least(make_task(Facts(("done",)), [], initial=("done",), goal=("done",))) == 0.0
 
 
-def test_a_fall_back_is_paid_for() -> None:
+def test_a_fall_back_is_paid_for():
     """x0 = 1 + x1 and x1 = 2 + x0 / 4, so that x0 = 4."""
     moves = [(0, 1.0, [(1.0, 1)]), (1, 2.0, [(0.75, 2), (0.25, 0)])]
     assert least(walk_of(moves, 3)) == pytest.approx(4.0)
 
 
-def test_a_circle_that_costs_nothing_is_no_way_to_the_goal() -> None:
+def test_a_circle_that_costs_nothing_is_no_way_to_the_goal():
     """To go round for ever is free, and ends nowhere."""
     moves = [(0, 0.0, [(1.0, 1)]), (1, 0.0, [(1.0, 0)]), (1, 3.0, [(1.0, 2)])]
     assert least(walk_of(moves, 3)) == pytest.approx(3.0)
 
 
-def test_what_may_end_astray_is_no_way_to_the_goal_either() -> None:
+def test_what_may_end_astray_is_no_way_to_the_goal_either():
     """The cheap move misses one time in ten for good, so that the expensive one counts."""
     moves = [(0, 1.0, [(0.9, 2), (0.1, 1)]), (0, 7.0, [(1.0, 2)])]
     assert least(walk_of(moves, 3)) == pytest.approx(7.0)
 
 
-def test_where_nothing_is_certain_to_arrive_it_is_infinite() -> None:
+def test_where_nothing_is_certain_to_arrive_it_is_infinite():
     """Nor where nothing leads to the goal at all."""
     assert least(walk_of([(0, 1.0, [(0.9, 2), (0.1, 1)])], 3)) == math.inf
     assert least(walk_of([(0, 1.0, [(1.0, 1)])], 3)) == math.inf
@@ -101,7 +99,7 @@ def test_where_nothing_is_certain_to_arrive_it_is_infinite() -> None:
 
 @given(task=walks())
 @settings(max_examples=examples(150))
-def test_it_is_the_least_of_all_policies(task: Task) -> None:
+def test_it_is_the_least_of_all_policies(task):
     """Of those that always do the same in the same place, evaluated one by one."""
     options = [
         [skill for skill in task.skills if fact in str(skill.precondition)] or [None]
@@ -115,14 +113,14 @@ def test_it_is_the_least_of_all_policies(task: Task) -> None:
     assert least(task) == pytest.approx(min(values), rel=1e-9, abs=1e-9)
 
 
-def test_a_model_that_is_too_large_is_refused() -> None:
+def test_a_model_that_is_too_large_is_refused():
     """Rather than half looked at."""
     assert least(two_roads_task(), 4) is not None
     with pytest.raises(ModelTooLarge, match="more than 3 reachable states"):
         least(two_roads_task(), 3)
 
 
-def test_values_that_do_not_come_to_rest_say_nothing() -> None:
+def test_values_that_do_not_come_to_rest_say_nothing():
     """Two places between which one is thrown to and fro ten thousand times."""
     moves = [(0, 1.0, [(1.0, 1)]), (1, 1.0, [(1e-4, 2), (1 - 1e-4, 0)])]
     assert least(walk_of(moves, 3)) is None

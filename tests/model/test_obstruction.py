@@ -17,7 +17,7 @@ def lid_with(**changes: Any) -> Task:
     return ground(AssemblyConfig.model_validate(content), "")
 
 
-def test_the_skill_that_fails_everywhere_is_named_with_its_reason() -> None:
+def test_the_skill_that_fails_everywhere_is_named_with_its_reason():
     fuse = {**lid_content()["parts"]["fuse"], "goal_m": [0.57, 0.0]}
     model = make_model(lid_with(fuse=fuse), Setup(collision=("aabb",), with_chart=False))
     said = obstruction(model)
@@ -27,17 +27,17 @@ def test_the_skill_that_fails_everywhere_is_named_with_its_reason() -> None:
     )
 
 
-def test_only_what_the_goal_lacks_is_named() -> None:
+def test_only_what_the_goal_lacks_is_named():
     said = obstruction(make_model(shut_box_task()))
     assert said is not None
     assert said.startswith("place(fuse)")
     assert "load(" not in said
 
 
-def test_where_every_skill_succeeds_somewhere_none_is_blamed() -> None:
+def test_where_every_skill_succeeds_somewhere_none_is_blamed():
     assert obstruction(make_model(lid_task(), Setup(collision=("aabb",)))) is None
 
 
-def test_a_task_with_too_many_states_is_not_gone_through() -> None:
+def test_a_task_with_too_many_states_is_not_gone_through():
     model = make_model(shut_box_task(), Setup(collision=("precedence",)))
     assert obstruction(model, most_states=2) is None

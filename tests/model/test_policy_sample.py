@@ -1,7 +1,5 @@
 """The expected cost of a policy from roll-outs, against closed forms."""
 
-from __future__ import annotations
-
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task
@@ -9,7 +7,7 @@ from skillplan.model import evaluate_policy, policy_value, sample_policy
 from skillplan.task import Facts, Verdict
 
 
-def test_the_mean_of_roll_outs_comes_with_its_interval() -> None:
+def test_the_mean_of_roll_outs_comes_with_its_interval():
     """Of a geometric distribution: mean 8, standard deviation 2 * 12 ** 0.5."""
     task = retry_task(0.25, 2.0)
     sample = sample_policy(model_of(task), lambda state: task.skills[0], seed=3)
@@ -20,7 +18,7 @@ def test_the_mean_of_roll_outs_comes_with_its_interval() -> None:
     assert sample.steps == sample.duration_s == pytest.approx(sample.cost / 2)
 
 
-def test_the_same_seed_gives_the_same_roll_outs() -> None:
+def test_the_same_seed_gives_the_same_roll_outs():
     task = retry_task(0.5)
     one, two, other = (
         sample_policy(model_of(task), lambda state: task.skills[0], seed) for seed in (1, 1, 2)
@@ -29,7 +27,7 @@ def test_the_same_seed_gives_the_same_roll_outs() -> None:
     assert one != other
 
 
-def test_a_policy_that_says_nothing_or_what_is_infeasible_is_told_so() -> None:
+def test_a_policy_that_says_nothing_or_what_is_infeasible_is_told_so():
     task = retry_task(0.5)
     silent = sample_policy(model_of(task), lambda state: None)
     assert silent is not None
@@ -44,7 +42,7 @@ def test_a_policy_that_says_nothing_or_what_is_infeasible_is_told_so() -> None:
     assert "it is shut" in (failed.problem or "")
 
 
-def test_a_policy_that_never_arrives_is_given_up() -> None:
+def test_a_policy_that_never_arrives_is_given_up():
     facts = Facts(("done",))
     task = make_task(facts, [make_skill(facts, "wait")], goal=("done",))
     sample = sample_policy(model_of(task), lambda state: task.skills[0], roll_outs=2)
@@ -52,7 +50,7 @@ def test_a_policy_that_never_arrives_is_given_up() -> None:
     assert sample.problem == "the policy takes more than 400 skills"
 
 
-def test_sweeps_give_what_equations_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sweeps_give_what_equations_do(monkeypatch):
     """Of a chain too large for them."""
     task = retry_task(0.3, 1.5)
     solved = evaluate_policy(model_of(task), lambda state: task.skills[0])

@@ -17,7 +17,6 @@ from skillplan.task import (
     Grasp,
     GraspKind,
     Motion,
-    Point,
     Pose,
     Route,
     Task,
@@ -71,14 +70,14 @@ def place_of(**changes: object) -> Visit:
     return replace(visit, **changes)
 
 
-def test_straight_down_is_one_stretch_and_one_back() -> None:
+def test_straight_down_is_one_stretch_and_one_back():
     motion = motion_of(place_of())
     assert motion.is_vertical
     assert motion.approach == motion.retreat[::-1]
     assert motion.tip[2] - motion.grasp_tip[2] == pytest.approx(0.001)
 
 
-def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_too() -> None:
+def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_too():
     along = unit((-1.0, 0.0, 0.0))
     across = Grasp(GraspKind.JAWS, (0.0, 0.0, 0.01), AXES["y"], 0.06)
     motion = motion_of(place_of(along=along, insert_m=0.08, grasp=across))
@@ -88,7 +87,7 @@ def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_
     assert motion.retreat == (tip, entry, above)
 
 
-def test_what_goes_in_from_the_side_is_not_dragged_over_what_it_will_lie_on() -> None:
+def test_what_goes_in_from_the_side_is_not_dragged_over_what_it_will_lie_on():
     """And what goes in from below is not dropped."""
     motion = motion_of(place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08))
     assert motion.drop_m == 0.0003
@@ -96,14 +95,14 @@ def test_what_goes_in_from_the_side_is_not_dragged_over_what_it_will_lie_on() ->
     assert motion_of(place_of(along=(0.0, 0.0, 1.0), insert_m=0.08)).drop_m == 0.0
 
 
-def test_the_hand_is_turned_with_the_part() -> None:
+def test_the_hand_is_turned_with_the_part():
     motion = motion_of(place_of(pose=LEVEL, grasp=BY_ITS_END))
     assert motion.points == pytest.approx((-1.0, 0.0, 0.0), abs=1e-9)
     assert not motion.points_down
     assert motion.grasp_tip == pytest.approx(LEVEL.apply(BY_ITS_END.tip))
 
 
-def test_jaws_that_close_along_the_insertion_go_back_as_they_point() -> None:
+def test_jaws_that_close_along_the_insertion_go_back_as_they_point():
     """Else one of them would take the part along."""
     sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)
     crossing = replace(sideways, grasp=replace(BY_ITS_END, closing=AXES["y"], width_m=0.06))
@@ -121,8 +120,8 @@ turns = st.tuples(*[st.floats(-math.pi, math.pi)] * 3)
 
 @given(directions, turns, st.floats(0.01, 0.3))
 def test_from_any_side_the_tip_ends_where_the_part_is_held_at_its_goal(
-    direction: Point, rpy_rad: Point, insert_m: float
-) -> None:
+    direction, rpy_rad, insert_m
+):
     along = unit(direction)
     pose = Pose.turned((0.5, 0.1, 0.05), rpy_rad)
     motion = motion_of(place_of(pose=pose, along=along, insert_m=insert_m, grasp=BY_ITS_END))
@@ -138,7 +137,7 @@ def test_from_any_side_the_tip_ends_where_the_part_is_held_at_its_goal(
 
 
 @given(turns)
-def test_above_a_target_nothing_of_the_load_is_below_the_safe_height(rpy_rad: Point) -> None:
+def test_above_a_target_nothing_of_the_load_is_below_the_safe_height(rpy_rad):
     pose = Pose.turned((0.5, 0.1, 0.05), rpy_rad)
     motion = motion_of(place_of(pose=pose, grasp=BY_ITS_END), drop_height_m=0.0)
     body = assembly(BAR).scene.body("bar")
@@ -147,9 +146,7 @@ def test_above_a_target_nothing_of_the_load_is_below_the_safe_height(rpy_rad: Po
 
 
 @given(height_m=st.floats(0, 0.1), head_mm=st.floats(0.5, 20))
-def test_a_bit_fetches_a_screw_by_its_head_that_stands_on_the_feeder(
-    height_m: float, head_mm: float
-) -> None:
+def test_a_bit_fetches_a_screw_by_its_head_that_stands_on_the_feeder(height_m, head_mm):
     """As parts stand on theirs: otherwise the head would be in whatever bears the feeder."""
     task = assembly(fetching_board(height_m, head_mm=(6.0, head_mm)))
     state = task.facts.of("placed(plate)", "hand_free", "tool(screwdriver)", "at(home)")

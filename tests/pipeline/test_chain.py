@@ -32,27 +32,27 @@ def problem(stem: str, **changes: str) -> Problem:
 
 
 @pytest.fixture(scope="module")
-def polygonal() -> Problem:
+def polygonal():
     return problem("swarmitfix_polygonal")
 
 
 @pytest.fixture(scope="module")
-def curve() -> Problem:
+def curve():
     return problem("swarmitfix_open_curve")
 
 
 @pytest.fixture(scope="module")
-def curve_by_exact(curve: Problem) -> ChainResult:
+def curve_by_exact(curve):
     return solve_chain(curve, "exact")
 
 
 @pytest.fixture(scope="module")
-def curve_by_csp(curve: Problem) -> ChainResult:
+def curve_by_csp(curve):
     return solve_chain(curve, "csp")
 
 
 @pytest.fixture
-def four_goals(tmp_path: Path) -> Problem:
+def four_goals(tmp_path):
     """Four ways, of which two lead to one goal and one leads nowhere."""
     path = tmp_path / "goals.yaml"
     path.write_text(GOALS)
@@ -67,9 +67,7 @@ def solvers_of(chain: ChainResult) -> dict[str, set[str]]:
 
 
 class TestLevels:
-    def test_they_are_solved_in_the_order_of_the_hierarchy(
-        self, curve_by_exact: ChainResult
-    ) -> None:
+    def test_they_are_solved_in_the_order_of_the_hierarchy(self, curve_by_exact):
         chain = curve_by_exact
         stages = [part.task.stage for part in chain.parts]
         assert ["heads"] * 3 + ["goals"] + ["base"] * (len(stages) - 4) == stages
@@ -77,7 +75,7 @@ class TestLevels:
         assert (True, "base", True) == (chain.complete, chain.stage, chain.proved_by_level)
 
     @pytest.mark.slow(reason="a bench more; levels by search in every run")
-    def test_a_plan_by_rule_is_judged_but_not_searched(self, polygonal: Problem) -> None:
+    def test_a_plan_by_rule_is_judged_but_not_searched(self, polygonal):
         """The goals are the domain's own; the referee holds them against the proved optimum."""
         chain = solve_chain(polygonal, "exact")
         assert {"goals": {"rule"}, "base": {"exact"}} == solvers_of(chain)
@@ -85,7 +83,7 @@ class TestLevels:
         assert goals.result.cost == goals.optimum == chain.cost
 
     @pytest.mark.slow(reason="a large workpiece twice; with a choice of rules in test_goal_choice")
-    def test_a_rule_that_is_not_the_best_leaves_a_gap(self) -> None:
+    def test_a_rule_that_is_not_the_best_leaves_a_gap(self):
         """Every way is proved, but not that other goals would not take fewer steps."""
         start = {"base.home": "C78"}
         greedy = {**start, "base.goal_choice": "nearest-centroid"}
@@ -98,9 +96,7 @@ class TestLevels:
         assert (True, False) == (best.proved_by_level, chain.proved_by_level)
         assert all(part.result.status is Status.OPTIMAL for part in chain.main)
 
-    def test_what_a_level_planned_is_what_the_next_stands_on(
-        self, curve_by_exact: ChainResult, curve_by_csp: ChainResult
-    ) -> None:
+    def test_what_a_level_planned_is_what_the_next_stands_on(self, curve_by_exact, curve_by_csp):
         """Other goals than the rule's are where the base then goes."""
         chain = curve_by_csp
         (goals,) = [part for part in chain.parts if part.task.stage == "goals"]
@@ -108,19 +104,17 @@ class TestLevels:
         assert chosen == [part.ends[1] for part in chain.main]
         assert chosen != [part.ends[1] for part in curve_by_exact.main]
 
-    def test_a_single_task_is_a_chain_of_one(self) -> None:
+    def test_a_single_task_is_a_chain_of_one(self):
         chain = solve_chain(problem("swarmitfix_fleet"), "fleet")
         assert (1, 36.0) == (len(chain.parts), chain.cost)
 
 
 class TestSolvers:
-    def test_a_solver_for_one_stage_leaves_the_others_to_exact_search(
-        self, curve_by_csp: ChainResult
-    ) -> None:
+    def test_a_solver_for_one_stage_leaves_the_others_to_exact_search(self, curve_by_csp):
         assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"exact"}} == solvers_of(curve_by_csp)
 
     @pytest.mark.slow(reason="solves a bench; from the command line in every run")
-    def test_every_stage_may_have_a_solver_of_its_own(self, curve: Problem) -> None:
+    def test_every_stage_may_have_a_solver_of_its_own(self, curve):
         spec = "base=policy-iteration,goals=csp"
         assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"policy-iteration"}} == solvers_of(
             solve_chain(curve, spec)
@@ -128,16 +122,16 @@ class TestSolvers:
         assert ("policy-iteration", "csp") == solver_names(spec)
         assert ("exact",) == solver_names("exact")
 
-    def test_an_unknown_stage_is_named(self) -> None:
+    def test_an_unknown_stage_is_named(self):
         with pytest.raises(OptionError, match="No stage 'bases' in this task"):
             solvers_by_stage("bases=exact", ["heads", "goals", "base"])
 
-    def test_an_unknown_solver_of_a_stage_is_named(self) -> None:
+    def test_an_unknown_solver_of_a_stage_is_named(self):
         with pytest.raises(PluginError, match="exat"):
             solvers_by_stage("base=exat", ["base"])
 
     @pytest.mark.slow(reason="solves a sheet by several solvers; one for every stage in every run")
-    def test_several_solvers_run_one_after_the_other(self, polygonal: Problem) -> None:
+    def test_several_solvers_run_one_after_the_other(self, polygonal):
         """With a stop each, and none after one that the user has interrupted."""
         names = ["exact", "policy-iteration"]
         chains = solve_chain_with_all(polygonal, names)
@@ -155,7 +149,7 @@ class TestSolvers:
 
 class TestPolicies:
     @pytest.mark.slow(reason="learns a bench; a policy of one way in every run")
-    def test_a_policy_answers_later_ways_to_the_same_goal(self, polygonal: Problem) -> None:
+    def test_a_policy_answers_later_ways_to_the_same_goal(self, polygonal):
         """Learned once for C17, C37, C60 and C15 each, from wherever the base comes."""
         chain = solve_chain(polygonal, "policy-iteration")
         goals = [part.ends[1] for part in chain.main]
@@ -165,7 +159,7 @@ class TestPolicies:
         ]
         assert (17.0, Status.OPTIMAL) == (chain.cost, chain.status)
 
-    def test_a_stored_policy_is_judged_anew_from_the_other_start(self, four_goals: Problem) -> None:
+    def test_a_stored_policy_is_judged_anew_from_the_other_start(self, four_goals):
         """Its cost is that of the way it leads from there."""
         chain = solve_chain(four_goals, "policy-iteration")
         assert [False, True, False, True] == [part.reused for part in chain.parts]
@@ -173,20 +167,20 @@ class TestPolicies:
         assert [2, 0, 1, 1] == [part.optimum for part in chain.parts]
         assert ["C29", "C42"] == chain.parts[3].path
 
-    def test_the_effort_of_a_stored_policy_counts_once(self, four_goals: Problem) -> None:
+    def test_the_effort_of_a_stored_policy_counts_once(self, four_goals):
         chain = solve_chain(four_goals, "policy-iteration")
         learned = [part.result for part in chain.parts if not part.reused]
         assert sum(result.wall_s for result in learned) == chain.wall_s
         assert sum(result.expanded or 0 for result in learned) == chain.iterations
 
-    def test_a_learner_is_held_against_the_proved_optimum(self, four_goals: Problem) -> None:
+    def test_a_learner_is_held_against_the_proved_optimum(self, four_goals):
         """It proves nothing itself; exact search stands beside it."""
         chain = solve_chain(four_goals, "sarsa", Setup(options={"sarsa": {"episodes": "3000"}}))
         assert [2, 0, 1, 1] == [part.optimum for part in chain.parts]
         assert chain.complete
         assert 4.0 == chain.lower_bound
 
-    def test_the_same_seed_learns_the_same(self, four_goals: Problem) -> None:
+    def test_the_same_seed_learns_the_same(self, four_goals):
         setup = Setup(options={"sarsa": {"episodes": "500"}})
         one, other = (solve_chain(four_goals, "sarsa", setup, seed=5) for _ in range(2))
         assert [part.path for part in one.parts] == [part.path for part in other.parts]
@@ -194,14 +188,14 @@ class TestPolicies:
 
 
 class TestFailure:
-    def test_what_is_not_solved_ends_the_chain(self, polygonal: Problem) -> None:
+    def test_what_is_not_solved_ends_the_chain(self, polygonal):
         """With the reason, and without a cost."""
         chain = solve_chain(polygonal, "csp", Setup(options={"csp": {"replans": "0"}}))
         assert (1, 17, 0) == (len(chain.parts), chain.expected, chain.replans)
         assert (Status.UNSOLVED, None, None) == (chain.status, chain.cost, chain.makespan)
         assert chain.reason.startswith("goals: nothing that ")
 
-    def test_a_solver_may_ask_for_finer_plans_above_it(self, polygonal: Problem) -> None:
+    def test_a_solver_may_ask_for_finer_plans_above_it(self, polygonal):
         """As often as its option says; the heads of the account are then the finer ones."""
         setup = Setup(options={"csp": {"replans": "2"}})
         chain = solve_chain(polygonal, "csp", setup)
@@ -209,13 +203,13 @@ class TestFailure:
         heads = chain.document()["heads"]
         assert 3 * 16 == sum(not head["inserted"] for head in heads)
 
-    def test_a_time_limit_is_for_the_whole_chain(self, polygonal: Problem) -> None:
+    def test_a_time_limit_is_for_the_whole_chain(self, polygonal):
         chain = solve_chain(polygonal, "exact", stop=Stop(time_limit_s=1e-6))
         assert Status.UNSOLVED is chain.status
         assert "time limit" in chain.reason
         assert len(chain.parts) < chain.expected
 
-    def test_an_interruption_leaves_what_was_solved(self, four_goals: Problem) -> None:
+    def test_an_interruption_leaves_what_was_solved(self, four_goals):
         stop = Stop()
         stop.interrupted = True
         chain = solve_chain(four_goals, "exact", stop=stop)

@@ -43,7 +43,7 @@ def timeless(document: Any) -> Any:
         ),
     ],
 )
-def test_rows_are_those_of_solvers_in_turn(file: Path, solvers: list[str]) -> None:
+def test_rows_are_those_of_solvers_in_turn(file, solvers):
     """But for seconds: plans, bounds, counts and figures of the search, in the given order."""
     problem = load_problem(file)
     in_turn = compare_solvers(problem, solvers)
@@ -68,7 +68,7 @@ def started(monkeypatch: pytest.MonkeyPatch, then: Callable[[Any], None]) -> lis
     return made
 
 
-def test_a_process_goes_on_with_the_next_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_goes_on_with_the_next_solver(monkeypatch):
     """Two processes for four rows; every solver starts with a cold cache of verdicts."""
     made = started(monkeypatch, lambda worker: None)
     rows = compare_solvers(load_problem(BOARD), ["exact", "exact", "exact", "exact"], jobs=2)
@@ -77,9 +77,7 @@ def test_a_process_goes_on_with_the_next_solver(monkeypatch: pytest.MonkeyPatch)
     assert rows[0].checks > 0  # type: ignore[union-attr]
 
 
-def test_with_more_processes_than_solvers_each_may_use_all(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_with_more_processes_than_solvers_each_may_use_all(monkeypatch):
     """Then they run in turn, here."""
     made = started(monkeypatch, lambda worker: None)
     rows = compare_solvers(load_problem(BOARD), ["exact", "value-iteration"], jobs=3)
@@ -87,9 +85,7 @@ def test_with_more_processes_than_solvers_each_may_use_all(
     assert made == []
 
 
-def test_a_solver_whose_process_is_killed_has_failed_and_the_others_go_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_solver_whose_process_is_killed_has_failed_and_the_others_go_on(monkeypatch):
     """The row says by which signal."""
 
     def kill(worker: Any) -> None:
@@ -103,7 +99,7 @@ def test_a_solver_whose_process_is_killed_has_failed_and_the_others_go_on(
     assert "its process ended by signal 9" in rows[0].reason  # type: ignore[union-attr]
 
 
-def test_wrong_input_that_a_process_meets_is_the_user_s_to_repair() -> None:
+def test_wrong_input_that_a_process_meets_is_the_user_s_to_repair():
     """As in turn: no row, but an error."""
     setup = Setup(options={"exact": {"no_such_option": 1}})
     terms = Terms(load_problem(BOARD), setup)
@@ -111,7 +107,7 @@ def test_wrong_input_that_a_process_meets_is_the_user_s_to_repair() -> None:
         rows_side_by_side(terms, ["exact", "exact"], 2, {}, Stop())
 
 
-def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other() -> None:
+def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other():
     """Rows of those that have not begun are missing."""
     stop = Stop()
     terms = Terms(load_problem(OPEN), Setup())
@@ -123,7 +119,7 @@ def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other() -
     assert all(row.interrupted for row in rows)  # type: ignore[union-attr]
 
 
-def test_limits_hold_for_each() -> None:
+def test_limits_hold_for_each():
     """Time counts from the beginning of each search."""
     problem = load_problem(OPEN)
     rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 2.0})

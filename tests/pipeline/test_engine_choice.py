@@ -13,7 +13,7 @@ from skillplan.testing import lid_task
 
 
 @pytest.fixture
-def install(monkeypatch: pytest.MonkeyPatch):
+def install(monkeypatch):
     """Have engines of these names installed, and no others."""
 
     def only(*names: str) -> None:
@@ -44,7 +44,7 @@ def test_auto_without_an_engine_says_what_to_install(install):
         Setup("auto")
 
 
-def test_an_arm_looks_the_same_whichever_engine_moved_it() -> None:
+def test_an_arm_looks_the_same_whichever_engine_moved_it():
     """One engine brings meshes of the arm, and they are of the arm, not of the engine."""
     pytest.importorskip("pybullet_data")
     pytest.importorskip("skillplan_pybullet")

@@ -1,10 +1,7 @@
 """From a task file to an environment, by the name that Gymnasium knows it by."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -13,7 +10,6 @@ import pytest
 from situations import CONFIGS
 from skillplan.env import SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError, PluginError, TaskError
-from skillplan.task import Task
 
 BOARD = CONFIGS / "inverter_board.yaml"
 NAME = "skillplan/Task-v0"
@@ -38,7 +34,7 @@ class TestRegistration:
             ),
         ],
     )
-    def test_a_fresh_interpreter_finds_it(self, imports: str, name: str) -> None:
+    def test_a_fresh_interpreter_finds_it(self, imports, name):
         """By the module that registers it, or once Gymnasium and skillplan are there."""
         code = f"import {imports}; print(gymnasium.make({name!r}, task={str(BOARD)!r}).unwrapped)"
         done = subprocess.run(
@@ -46,12 +42,12 @@ class TestRegistration:
         )
         assert ("", f"<SkillEnv<{NAME}>>\n") == (done.stderr, done.stdout)
 
-    def test_skillplan_alone_does_not_load_gymnasium(self) -> None:
+    def test_skillplan_alone_does_not_load_gymnasium(self):
         code = "import skillplan, sys; print('gymnasium' in sys.modules)"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert "False\n" == done.stdout
 
-    def test_many_places_at_once_are_made_by_the_same_name(self) -> None:
+    def test_many_places_at_once_are_made_by_the_same_name(self):
         envs = gymnasium.make_vec(NAME, num_envs=3, task=BOARD, observation="paper", mask="none")
         assert isinstance(envs, SkillVectorEnv)
         obs, infos = envs.reset(seed=0)
@@ -59,7 +55,7 @@ class TestRegistration:
         assert envs.observation_space.contains(obs)
         assert infos["action_mask"].all()
 
-    def test_gymnasium_can_vectorise_it_by_itself(self, board_task: Task) -> None:
+    def test_gymnasium_can_vectorise_it_by_itself(self, board_task):
         """Slower, with the same observations and rewards."""
         ours = gymnasium.make_vec(NAME, num_envs=2, task=board_task)
         theirs = gymnasium.make_vec(NAME, num_envs=2, task=board_task, vectorization_mode="sync")
@@ -72,7 +68,7 @@ class TestRegistration:
 
 
 class TestArguments:
-    def test_back_ends_and_their_options_are_chosen_as_on_the_command_line(self) -> None:
+    def test_back_ends_and_their_options_are_chosen_as_on_the_command_line(self):
         env = gymnasium.make(
             NAME,
             task=str(BOARD),
@@ -86,14 +82,14 @@ class TestArguments:
         (aabb,) = [one for one in env.model.feasibility.back_ends if one.name == "aabb"]
         assert 0.003 == aabb.options.tolerance_m  # type: ignore[attr-defined]
 
-    def test_by_default_they_are_those_of_the_task_file(self, board_task: Task) -> None:
+    def test_by_default_they_are_those_of_the_task_file(self, board_task):
         for task in (BOARD, board_task):
             env = gymnasium.make(NAME, task=task).unwrapped
             assert isinstance(env, SkillEnv)
             names = {back_end.name for back_end in env.model.feasibility.back_ends}
             assert {"kinematic", "precedence"} == names
 
-    def test_the_observation_mask_and_objective_arrive(self) -> None:
+    def test_the_observation_mask_and_objective_arrive(self):
         env = gymnasium.make(NAME, task=BOARD, observation="layout", mask="none", objective="cost")
         _, info = env.reset(seed=0)
         _, reward, *_, after = env.step(0)
@@ -101,20 +97,20 @@ class TestArguments:
         assert -after["cost"] == reward
         assert "cost(pick(pcb))" in env.unwrapped.features  # type: ignore[attr-defined]
 
-    def test_an_option_of_who_takes_no_part_is_refused(self) -> None:
+    def test_an_option_of_who_takes_no_part_is_refused(self):
         with pytest.raises(OptionError, match="No plugin 'aabb' takes part in this environment"):
             gymnasium.make(NAME, task=BOARD, options={"aabb": {}})
 
-    def test_an_unknown_back_end_is_refused(self) -> None:
+    def test_an_unknown_back_end_is_refused(self):
         with pytest.raises(PluginError, match="kinematik"):
             gymnasium.make(NAME, task=BOARD, physics="kinematik")
 
-    def test_a_file_with_faults_is_refused_with_all_of_them(self, tmp_path: Path) -> None:
+    def test_a_file_with_faults_is_refused_with_all_of_them(self, tmp_path):
         path = tmp_path / "task.yaml"
         path.write_text("kind: assembly\nname: board\n", "utf-8")
         with pytest.raises(TaskError, match="parts"):
             gymnasium.make(NAME, task=path)
 
-    def test_a_chain_of_tasks_is_refused(self) -> None:
+    def test_a_chain_of_tasks_is_refused(self):
         with pytest.raises(TaskError):
             gymnasium.make(NAME, task=CONFIGS / "swarmitfix_polygonal.yaml")

@@ -68,7 +68,7 @@ GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
 
 
 class TestTheDerivedOrder:
-    def test_of_the_board_has_no_cycle(self) -> None:
+    def test_of_the_board_has_no_cycle(self):
         """By the default detector, although the file leaves geometry out, and without a warning."""
         found = preview(BOARD)
         (order,) = found.orders
@@ -80,7 +80,7 @@ class TestTheDerivedOrder:
         assert order.pairs > 0
         assert found.warnings == ()
 
-    def test_names_a_cycle_with_the_file(self, tmp_path: Path) -> None:
+    def test_names_a_cycle_with_the_file(self, tmp_path):
         """Nothing else in the file is wrong."""
         problem = loaded(tmp_path, CIRCULAR)
         found = preview(problem, collision=("aabb",))
@@ -92,14 +92,14 @@ class TestTheDerivedOrder:
         )
         assert found.document()["precedence"][0]["cycle"] == list(found.orders[0].cycle)
 
-    def test_is_that_of_the_detectors_named(self) -> None:
+    def test_is_that_of_the_detectors_named(self):
         """Except the chart's own, of which an order says nothing."""
         (order,) = preview(BOARD, collision=("aabb", "precedence")).orders
         assert order.back_ends == ("kinematic", "aabb")
         (order,) = preview(BOARD, collision=("precedence",)).orders
         assert order.back_ends == ("kinematic", GEOMETRIC)
 
-    def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch):
         """A preview is instant; with a detector named it takes its time."""
         monkeypatch.setattr(stage, "MOST_COMPONENTS", 3)
         large = DerivedOrder("inverter-board", (), not_derived="so many components")
@@ -107,7 +107,7 @@ class TestTheDerivedOrder:
         assert preview(BOARD).document()["precedence"] == []
         assert preview(BOARD, collision=("aabb",)).orders[0].pairs > 0
 
-    def test_of_hollow_parts_waits_to_be_asked_for(self, tmp_path: Path) -> None:
+    def test_of_hollow_parts_waits_to_be_asked_for(self, tmp_path):
         """Boxes about them fill what others go into, and true meshes take minutes."""
         (tmp_path / "channel.obj").write_bytes((MESHES / "channel.obj").read_bytes())
         problem = loaded(tmp_path, HOLLOW)
@@ -116,25 +116,23 @@ class TestTheDerivedOrder:
         assert order.back_ends == ("kinematic", "swept")
 
     @pytest.mark.parametrize("name", ["ESC12.sop", "swarmitfix_triangular.yaml"])
-    def test_is_none_where_nothing_has_a_shape(self, name: str) -> None:
+    def test_is_none_where_nothing_has_a_shape(self, name):
         """A matrix and a bench have no bodies to collide."""
         assert preview(load_problem(CONFIGS / name)).orders == ()
 
-    def test_of_an_unknown_detector_is_refused(self) -> None:
+    def test_of_an_unknown_detector_is_refused(self):
         """With its name, as everywhere."""
         with pytest.raises(PluginError, match="'aab'"):
             preview(BOARD, collision=("aab",))
 
-    def test_takes_the_options_of_back_ends(self) -> None:
+    def test_takes_the_options_of_back_ends(self):
         """And refuses those that they do not have."""
         with pytest.raises(OptionError, match="'aabb' has no option"):
             preview(BOARD, collision=("aabb",), options={"aabb": {"colour": 1}})
 
 
 class TestGrasps:
-    def test_wider_than_a_real_hand_opens_are_told_of_at_the_key_to_change(
-        self, tmp_path: Path
-    ) -> None:
+    def test_wider_than_a_real_hand_opens_are_told_of_at_the_key_to_change(self, tmp_path):
         """Along the chosen axis, with the axis that fits; or suction where none does."""
         problem = loaded(tmp_path, WIDE)
         assert problem.hints == (
@@ -163,6 +161,6 @@ LARGE = {"drawer_module", "gear_unit", "inverter_grasps", "inverter_time", "mini
     ],
     ids=lambda path: path.stem,
 )
-def test_the_shipped_files_have_nothing_to_warn_of(path: Path) -> None:
+def test_the_shipped_files_have_nothing_to_warn_of(path):
     """Whatever geometry says of them, it says nothing against them."""
     assert preview(load_problem(path)).warnings == ()

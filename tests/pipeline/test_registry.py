@@ -244,8 +244,8 @@ def test_the_built_ins_check_their_options(kind, name, option, value):
     ],
 )
 def test_a_plugin_of_this_project_that_is_missing_is_named_with_its_distribution(
-    monkeypatch: pytest.MonkeyPatch, kind: str, name: str, distribution: str
-) -> None:
+    monkeypatch, kind, name, distribution
+):
     monkeypatch.setattr(registry, "_providers", lambda _: {})
     with pytest.raises(PluginError, match=f"is not installed: pip install {distribution}, or in"):
         registry.load(kind, name)

@@ -58,14 +58,14 @@ BLOCKED = ("a_to_b",)
 ALL_WAYS = ("finish",)
 
 
-def test_what_a_screen_refuses_is_not_executed() -> None:
+def test_what_a_screen_refuses_is_not_executed():
     found = Screened(BLOCKED, BLOCKED)
     assert found.solve(audit=0).status is Status.OPTIMAL
     assert found.executed
     assert not set(BLOCKED) & set(found.executed)
 
 
-def test_a_sample_of_it_is_executed_after_the_search() -> None:
+def test_a_sample_of_it_is_executed_after_the_search():
     found = Screened(BLOCKED, BLOCKED)
     result = found.solve()
     assert result.status is Status.OPTIMAL
@@ -73,7 +73,7 @@ def test_a_sample_of_it_is_executed_after_the_search() -> None:
     assert found.executed[-1:] == list(BLOCKED)
 
 
-def test_where_geometry_leaves_no_plan_only_a_sample_is_executed() -> None:
+def test_where_geometry_leaves_no_plan_only_a_sample_is_executed():
     found = Screened(ALL_WAYS, ALL_WAYS)
     result = found.solve()
     assert result.status is Status.INFEASIBLE
@@ -85,9 +85,7 @@ def test_where_geometry_leaves_no_plan_only_a_sample_is_executed() -> None:
 @pytest.mark.parametrize(
     ("screened", "status"), [(BLOCKED, Status.SOLVED), (ALL_WAYS, Status.UNSOLVED)]
 )
-def test_what_an_engine_grants_takes_the_proof_of_a_search(
-    screened: tuple[str, ...], status: Status
-) -> None:
+def test_what_an_engine_grants_takes_the_proof_of_a_search(screened, status):
     """The screen, the skill and the remedy are named."""
     result = Screened(screened).solve()
     assert (result.status, result.lower_bound) == (status, None)
@@ -96,7 +94,7 @@ def test_what_an_engine_grants_takes_the_proof_of_a_search(
     assert "--no-screening leaves it to engine" in result.reason
 
 
-def test_how_long_skills_take_is_left_to_the_engine() -> None:
+def test_how_long_skills_take_is_left_to_the_engine():
     found = Screened(())
     type(found.screen).duration_s = lambda self, skill, state: 100.0
     result = found.solve()
@@ -105,7 +103,7 @@ def test_how_long_skills_take_is_left_to_the_engine() -> None:
     assert result.makespan_s < 100.0
 
 
-def test_without_a_screen_nothing_is_executed_twice() -> None:
+def test_without_a_screen_nothing_is_executed_twice():
     found = Screened(())
     found.screen.screens = False
     result = found.solve()

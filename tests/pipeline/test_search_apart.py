@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
@@ -85,7 +83,7 @@ class Stubborn(Solver):
 
 
 @pytest.fixture
-def stubborn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], str]]:
+def stubborn(tmp_path, monkeypatch):
     """Install a solver whose `solve` is some lines of Python, here and in other processes."""
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
@@ -114,9 +112,7 @@ def best_of(task: Any) -> tuple[tuple[str, ...], float]:
 
 
 @pytest.mark.slow(reason="waits for the limit; every run ends one that holds too much memory")
-def test_one_that_never_polls_is_ended_and_its_incumbent_counts(
-    stubborn: Callable[[str], str],
-) -> None:
+def test_one_that_never_polls_is_ended_and_its_incumbent_counts(stubborn):
     """Soon after the limit, with the last plan and bound that it reported."""
     skills, cost = best_of(lid_task())
     name = stubborn(
@@ -136,7 +132,7 @@ def test_one_that_never_polls_is_ended_and_its_incumbent_counts(
 
 
 @pytest.mark.slow(reason="waits for a process to be ended; every run has one that is")
-def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], str]) -> None:
+def test_one_that_swallows_every_error_is_ended_too(stubborn):
     """Though it queries the model for ever."""
     name = stubborn(
         """
@@ -152,7 +148,7 @@ def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], st
 
 
 @pytest.mark.slow(reason="fills memory; limits of time in every run")
-def test_memory_is_measured_from_outside(stubborn: Callable[[str], str]) -> None:
+def test_memory_is_measured_from_outside(stubborn):
     """What it allocates in one go, without ever looking, ends it; its incumbent counts."""
     skills, cost = best_of(lid_task())
     # The limit is for this process, too, in which other tests have run.
@@ -170,7 +166,7 @@ def test_memory_is_measured_from_outside(stubborn: Callable[[str], str]) -> None
     assert result.reason.startswith("memory limit")
 
 
-def test_one_that_hears_the_request_returns_what_it_has(stubborn: Callable[[str], str]) -> None:
+def test_one_that_hears_the_request_returns_what_it_has(stubborn):
     """An interruption reaches its stop in the other process."""
     skills, cost = best_of(lid_task())
     name = stubborn(
@@ -188,7 +184,7 @@ def test_one_that_hears_the_request_returns_what_it_has(stubborn: Callable[[str]
     assert result.interrupted
 
 
-def test_what_it_finds_and_proves_in_time_is_judged_as_ever(stubborn: Callable[[str], str]) -> None:
+def test_what_it_finds_and_proves_in_time_is_judged_as_ever(stubborn):
     """Plan, proof, trace and what it queried come back."""
     skills, cost = best_of(lid_task())
     name = stubborn(
@@ -204,15 +200,13 @@ def test_what_it_finds_and_proves_in_time_is_judged_as_ever(stubborn: Callable[[
     assert result.checks
 
 
-def test_without_a_limit_it_stays_here(stubborn: Callable[[str], str]) -> None:
+def test_without_a_limit_it_stays_here(stubborn):
     """A process costs time."""
     name = stubborn('return Solution(trace={"where": os.getpid()})')
     assert os.getpid() == solve(lid_task(), name).trace["where"]
 
 
-def test_one_that_says_it_polls_stays_here(
-    stubborn: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_that_says_it_polls_stays_here(stubborn, monkeypatch):
     """It is spared the process."""
     name = stubborn('return Solution(trace={"where": os.getpid()})')
     monkeypatch.setattr(registry.load("solver", name), "polls", True)
@@ -220,7 +214,7 @@ def test_one_that_says_it_polls_stays_here(
 
 
 @pytest.mark.slow(reason="imports every plugin; each is imported by tests of its own")
-def test_all_that_come_with_skillplan_poll() -> None:
+def test_all_that_come_with_skillplan_poll():
     """None of them needs a process of its own."""
     for name in registry.names("solver"):
         solver: type[Solver] = registry.load("solver", name)
@@ -245,9 +239,7 @@ def test_all_that_come_with_skillplan_poll() -> None:
         ),
     ],
 )
-def test_what_goes_wrong_there_is_said_here(
-    stubborn: Callable[[str], str], body: str, words: str
-) -> None:
+def test_what_goes_wrong_there_is_said_here(stubborn, body, words):
     """The solver has failed, in words that name it."""
     with pytest.raises(SolverError, match=words):
         solve(lid_task(), stubborn(body), stop=Stop(time_limit_s=60))
@@ -275,9 +267,7 @@ class TestWhatItsSearchRestedOn:
             ),
         ],
     )
-    def test_is_asked_again_here(
-        self, stubborn: Callable[[str], str], detector: str, words: str
-    ) -> None:
+    def test_is_asked_again_here(self, stubborn, detector, words):
         """A detector that names too few facts, or changes its mind, is found out."""
         name = stubborn(WALKS + "return Solution()")
         with pytest.raises(BackEndError, match=words):
@@ -290,7 +280,7 @@ class TestWhatItsSearchRestedOn:
             )
 
     @pytest.mark.slow(reason="waits for a process to be ended; one that ends in every run")
-    def test_is_asked_again_where_it_was_ended(self, stubborn: Callable[[str], str]) -> None:
+    def test_is_asked_again_where_it_was_ended(self, stubborn):
         """What it last told comes with what that rests on."""
         name = stubborn(
             WALKS
@@ -303,15 +293,13 @@ while True:
         with pytest.raises(BackEndError, match=r"should have named .*placed"):
             solve(lid_task(), name, asking("TooFew"), stop=Stop(time_limit_s=3), audit=64)
 
-    def test_is_not_asked_again_where_nobody_wants_it(self, stubborn: Callable[[str], str]) -> None:
+    def test_is_not_asked_again_where_nobody_wants_it(self, stubborn):
         """The size is that of `--audit`."""
         name = stubborn(WALKS + "return Solution()")
         stop = Stop(time_limit_s=60)
         assert "unsolved" == solve(lid_task(), name, asking("TooFew"), stop=stop, audit=0).status
 
-    def test_has_refusals_of_screens_that_are_executed_here(
-        self, stubborn: Callable[[str], str]
-    ) -> None:
+    def test_has_refusals_of_screens_that_are_executed_here(self, stubborn):
         """As many as of a search in this process; one that is granted takes the proof back."""
         skills, cost = best_of(lid_task())
         name = stubborn(WALKS + f"return Solution(Plan({skills!r}, {cost!r}), {cost!r}, True)")
@@ -332,7 +320,7 @@ def asking(*detectors: str) -> FakeSetup:
     return FakeSetup(make=lambda task: [getattr(stubborn_solver, one)(task) for one in detectors])
 
 
-def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:
+def test_no_exception_handler_of_a_solver_catches_a_stop():
     """It is none of what `except Exception` stands for, and no back end's failure."""
     assert not issubclass(SearchStopped, Exception)
     assert not issubclass(SearchStopped, BackEndError)
@@ -340,9 +328,7 @@ def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:
 
 
 @pytest.mark.slow(reason="waits for a process to be ended; every run has one that is")
-def test_a_bound_that_rests_on_unknown_verdicts_is_none(
-    stubborn: Callable[[str], str],
-) -> None:
+def test_a_bound_that_rests_on_unknown_verdicts_is_none(stubborn):
     """What was queried is told with the bound, so that an ended process leaves no false proof."""
     name = stubborn(
         """

@@ -19,7 +19,7 @@ BARE = Setup()
 
 
 @pytest.fixture
-def roads() -> Task:
+def roads():
     """A short road of 4 to the goal, and a long one of 10."""
     facts = Facts(["here", "there"])
     short = make_skill(facts, "short", requires=["here"], add=["there"], cost=4.0)
@@ -41,7 +41,7 @@ def evaluation(task: Task, skill: str, **claim: Any) -> Evaluation:
     return Evaluation(task, [task.skill(skill)], walked, best)
 
 
-def test_an_optimum_gives_a_deviation_and_no_further_words(roads: Task) -> None:
+def test_an_optimum_gives_a_deviation_and_no_further_words(roads):
     proved = evaluation(roads, "long", found=Plan(("short",)), lower_bound=4.0, proved=True)
     assert (4.0, pytest.approx(1.5)) == (proved.optimum, proved.deviation)
     notes = "\n".join(evaluation_table(proved).notes)
@@ -49,7 +49,7 @@ def test_an_optimum_gives_a_deviation_and_no_further_words(roads: Task) -> None:
     assert "bound" not in notes
 
 
-def test_a_bound_gives_a_gap_and_what_was_found_is_told(roads: Task) -> None:
+def test_a_bound_gives_a_gap_and_what_was_found_is_told(roads):
     open_ = evaluation(roads, "long", found=Plan(("short",)), lower_bound=3.0)
     document = open_.document()
     assert (None, None) == (document["optimum"], document["deviation"])
@@ -64,7 +64,7 @@ def test_a_bound_gives_a_gap_and_what_was_found_is_told(roads: Task) -> None:
     assert "found      a plan of 4.00000" in notes
 
 
-def test_a_plan_that_is_no_better_is_not_mentioned(roads: Task) -> None:
+def test_a_plan_that_is_no_better_is_not_mentioned(roads):
     open_ = evaluation(roads, "short", found=Plan(("short",)), lower_bound=3.0)
     notes = evaluation_table(open_).notes
     assert not any(note.startswith("found") for note in notes)
@@ -72,14 +72,14 @@ def test_a_plan_that_is_no_better_is_not_mentioned(roads: Task) -> None:
 
 
 @pytest.mark.parametrize("claim", [{}, {"lower_bound": None}])
-def test_without_a_bound_there_is_no_gap(roads: Task, claim: dict[str, Any]) -> None:
+def test_without_a_bound_there_is_no_gap(roads, claim):
     """Whether nothing was asked, or nothing answered."""
     unknown = evaluation(roads, "short", **claim)
     assert (None, None) == (unknown.document()["lower_bound"], unknown.document()["gap"])
     assert not any(note.startswith("bound") for note in evaluation_table(unknown).notes)
 
 
-def test_what_nobody_has_proved_nobody_is_named_for() -> None:
+def test_what_nobody_has_proved_nobody_is_named_for():
     """Stopped before anything was bounded."""
     task = instance("ESC07").task
     stop = Stop()
@@ -88,6 +88,6 @@ def test_what_nobody_has_proved_nobody_is_named_for() -> None:
     assert (None, "") == (best.lower_bound, best.bound_method)
 
 
-def test_a_sequence_that_is_no_plan_has_no_gap(roads: Task) -> None:
+def test_a_sequence_that_is_no_plan_has_no_gap(roads):
     nothing = Evaluation(roads, [], replay(make_model(roads), []), None)
     assert (None, None) == (nothing.gap, nothing.deviation)

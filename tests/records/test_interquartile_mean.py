@@ -1,7 +1,5 @@
 """The interquartile mean of runs: the middle half, and how far resampled runs move it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,24 +10,24 @@ from skillplan.records import interquartile_mean, mean
 figures = st.floats(-1e6, 1e6, allow_nan=False)
 
 
-def test_nothing_has_no_mean() -> None:
+def test_nothing_has_no_mean():
     assert interquartile_mean([]) is None
 
 
-def test_one_run_gives_no_interval() -> None:
+def test_one_run_gives_no_interval():
     one = interquartile_mean([0.25])
     assert one is not None
     assert (0.25, None, None) == (one.value, one.low, one.high)
 
 
-def test_a_quarter_of_the_runs_is_left_out_at_either_end() -> None:
+def test_a_quarter_of_the_runs_is_left_out_at_either_end():
     """Of ten runs two; the figure of the middle six."""
     one = interquartile_mean([100.0, -50.0, 3.0, 1.0, 2.0, 4.0, 5.0, 6.0, -9.0, 77.0])
     assert one is not None
     assert 3.5 == one.value
 
 
-def test_one_run_that_went_astray_does_not_decide() -> None:
+def test_one_run_that_went_astray_does_not_decide():
     """As it does for the mean."""
     runs = [0.0] * 9
     steady, moved = interquartile_mean([*runs, 1e6]), mean([*runs, 1e6])
@@ -39,14 +37,14 @@ def test_one_run_that_went_astray_does_not_decide() -> None:
     assert 1e5 == moved.value
 
 
-def test_fewer_than_four_runs_all_count() -> None:
+def test_fewer_than_four_runs_all_count():
     one = interquartile_mean([0.0, 3.0, 6.0])
     assert one is not None
     assert 3.0 == one.value
 
 
 @given(st.lists(figures, min_size=2, max_size=12))
-def test_the_interval_lies_among_the_runs_and_holds_the_figure(runs: list[float]) -> None:
+def test_the_interval_lies_among_the_runs_and_holds_the_figure(runs):
     one = interquartile_mean(runs)
     assert one is not None
     assert one.low is not None
@@ -60,13 +58,13 @@ def test_the_interval_lies_among_the_runs_and_holds_the_figure(runs: list[float]
         lambda x: st.permutations(x).map(lambda y: (x, y))
     )
 )
-def test_neither_order_nor_repetition_changes_it(pair: tuple[list[float], list[float]]) -> None:
+def test_neither_order_nor_repetition_changes_it(pair):
     """The resamples are always the same."""
     assert interquartile_mean(pair[0]) == interquartile_mean(pair[1])
 
 
 @pytest.mark.slow(reason="300 bootstraps; single intervals in every run")
-def test_the_interval_holds_the_true_figure_as_often_as_it_says() -> None:
+def test_the_interval_holds_the_true_figure_as_often_as_it_says():
     """Of 300 sets of ten normal runs at least 85 %: a bootstrap of ten runs is a bit narrow."""
     draws = np.random.default_rng(5).normal(size=(300, 10))
     found = [interquartile_mean(runs) for runs in draws.tolist()]

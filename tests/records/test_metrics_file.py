@@ -1,7 +1,5 @@
 """What runs note: lines that come back as they were, and damage that is named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -27,7 +25,7 @@ GOOD = metrics_line(Episode(0, 7, "complete", (0, 1), 1.5, 10.0, True))
 
 
 @given(st.lists(EPISODES, max_size=8), st.dictionaries(st.text(min_size=1), FINITE, max_size=4))
-def test_every_line_comes_back_as_it_was(episodes: list[Episode], figures: dict[str, float]):
+def test_every_line_comes_back_as_it_was(episodes, figures):
     episodes.sort(key=lambda one: one.step)
     figures = {name: value for name, value in figures.items() if name not in ("kind", "step")}
     record = FiguresRecord(10**9, figures)
@@ -36,22 +34,22 @@ def test_every_line_comes_back_as_it_was(episodes: list[Episode], figures: dict[
     assert RunMetrics(tuple(episodes), (record,)) == parse_metrics(lines, Path("a"), 3)
 
 
-def test_figures_that_are_not_finite_are_left_out() -> None:
+def test_figures_that_are_not_finite_are_left_out():
     line = metrics_line(FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")}))
     (found,) = parse_metrics([line], Path("a"), 0).figures
     assert FiguresRecord(5, {"q": 1.0}) == found
 
 
-def test_an_episode_whose_cost_is_not_finite_is_refused() -> None:
+def test_an_episode_whose_cost_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="JSON"):
         metrics_line(Episode(0, 7, "complete", (0, 1), float("nan"), 10.0, True))
 
 
-def test_a_run_that_has_noted_nothing_has_no_metrics(tmp_path: Path) -> None:
+def test_a_run_that_has_noted_nothing_has_no_metrics(tmp_path):
     assert RunMetrics() == read_metrics(tmp_path / "metrics.jsonl", 0)
 
 
-def test_a_piece_of_a_line_at_the_end_is_left_out(tmp_path: Path) -> None:
+def test_a_piece_of_a_line_at_the_end_is_left_out(tmp_path):
     """Wherever the line is cut, and where only its end is missing."""
     for length in range(1, len(GOOD) + 1):
         path = tmp_path / f"{length}.jsonl"
@@ -80,7 +78,7 @@ def test_a_piece_of_a_line_at_the_end_is_left_out(tmp_path: Path) -> None:
         (GOOD, "[" * 5_000),
     ],
 )
-def test_another_damaged_line_is_named(tmp_path: Path, old: str, new: str) -> None:
+def test_another_damaged_line_is_named(tmp_path, old, new):
     path = tmp_path / "metrics.jsonl"
     bad = GOOD.replace(old, new)
     assert bad != GOOD

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ def content_for(task: Task, **changes: Any) -> dict[str, Any]:
 
 
 @pytest.fixture
-def stored(board_task: Task, tmp_path: Path) -> Path:
+def stored(board_task, tmp_path):
     """The JSON file of a policy for the board."""
     width = Observation.of(board_task, "markov").width
     network = a_network(width, 8, len(board_task.skills))
@@ -55,7 +54,7 @@ def stored(board_task: Task, tmp_path: Path) -> Path:
     return tmp_path / "policy.json"
 
 
-def test_what_is_read_acts_as_what_was_written(board_task: Task, tmp_path: Path) -> None:
+def test_what_is_read_acts_as_what_was_written(board_task, tmp_path):
     width = Observation.of(board_task, "markov").width
     network = a_network(width, 8, 8, len(board_task.skills))
     write_network(tmp_path, "last", network, **content_for(board_task, kept="last", cost=None))
@@ -67,9 +66,7 @@ def test_what_is_read_acts_as_what_was_written(board_task: Task, tmp_path: Path)
     assert found.misfit(board_task, Observation.of(board_task, "markov")) is None
 
 
-def test_it_does_not_fit_a_task_with_other_actions_or_features(
-    board_task: Task, lid_task: Task, stored: Path
-) -> None:
+def test_it_does_not_fit_a_task_with_other_actions_or_features(board_task, lid_task, stored):
     found = read_network(stored)
     other = found.misfit(lid_task, Observation.of(lid_task, "markov"))
     assert other == "it was learned on other actions: pick(pcb) where the task has pick(box)"
@@ -77,7 +74,7 @@ def test_it_does_not_fit_a_task_with_other_actions_or_features(
     assert narrow == "it was learned on 34 features, not 17"
 
 
-def test_files_are_json_and_safetensors_and_hold_no_pickle(stored: Path) -> None:
+def test_files_are_json_and_safetensors_and_hold_no_pickle(stored):
     document = json.loads(stored.read_text())
     assert "skillplan.network-policy/1" == document["schema"]
     data = stored.with_suffix(".safetensors").read_bytes()
@@ -88,7 +85,7 @@ def test_files_are_json_and_safetensors_and_hold_no_pickle(stored: Path) -> None
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999])
 @pytest.mark.parametrize("suffix", [".json", ".safetensors"])
-def test_a_file_that_is_cut_is_one_clear_error(stored: Path, suffix: str, share: float) -> None:
+def test_a_file_that_is_cut_is_one_clear_error(stored, suffix, share):
     path = stored.with_suffix(suffix)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
@@ -98,7 +95,7 @@ def test_a_file_that_is_cut_is_one_clear_error(stored: Path, suffix: str, share:
     assert str(caught.value).endswith("Train again, or go on with --resume, which writes it again.")
 
 
-def test_any_other_bytes_in_the_weights_are_noticed(stored: Path) -> None:
+def test_any_other_bytes_in_the_weights_are_noticed(stored):
     path = stored.with_suffix(".safetensors")
     content = path.read_bytes()
     path.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -106,7 +103,7 @@ def test_any_other_bytes_in_the_weights_are_noticed(stored: Path) -> None:
         read_network(stored)
 
 
-def test_a_missing_file_is_named(stored: Path) -> None:
+def test_a_missing_file_is_named(stored):
     stored.with_suffix(".safetensors").unlink()
     with pytest.raises(OptionError, match="safetensors: cannot be read: No such file"):
         read_network(stored)
@@ -127,9 +124,7 @@ def test_a_missing_file_is_named(stored: Path) -> None:
         ("surplus", 1, "surplus"),
     ],
 )
-def test_a_value_that_makes_no_sense_is_named(
-    stored: Path, key: str, value: object, message: str
-) -> None:
+def test_a_value_that_makes_no_sense_is_named(stored, key, value, message):
     document = json.loads(stored.read_text())
     stored.write_text(json.dumps({**document, key: value}))
     with pytest.raises(OptionError) as caught:
@@ -152,8 +147,8 @@ def test_a_value_that_makes_no_sense_is_named(
     ],
 )
 def test_weights_that_make_no_sense_are_refused_even_where_their_hash_is_right(
-    stored: Path, change: Any, message: str
-) -> None:
+    stored, change, message
+):
     import hashlib
 
     from safetensors.numpy import load

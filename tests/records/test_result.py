@@ -12,7 +12,6 @@ import pytest
 from skillplan.cli import as_json, exit_code
 from skillplan.model import Step
 from skillplan.records import Origin, Result, SimulationOutcome, Status, tolerance
-from skillplan.task import Task
 from skillplan.views import number, percent
 from skillplan.views.tables import comparison_table, plan_table
 
@@ -20,7 +19,7 @@ STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
 
 
 @pytest.fixture
-def optimal() -> Result:
+def optimal():
     """One step of 2 m, proved to be the best."""
     return Result(
         task="lid",
@@ -40,7 +39,7 @@ def optimal() -> Result:
 
 
 @pytest.fixture
-def unsolved(optimal: Result) -> Result:
+def unsolved(optimal):
     """Nothing found."""
     nothing: dict[str, Any] = {"cost": None, "lower_bound": None, "steps": (), "makespan_s": None}
     return replace(optimal, status=Status.UNSOLVED, **nothing)
@@ -60,15 +59,13 @@ def unsolved(optimal: Result) -> Result:
         ({"lower_bound": None}, "must not have a gap"),
     ],
 )
-def test_a_result_that_contradicts_itself_is_refused(
-    optimal: Result, changes: dict[str, Any], message: str
-) -> None:
+def test_a_result_that_contradicts_itself_is_refused(optimal, changes, message):
     """Each check trips."""
     with pytest.raises(ValueError, match=message):
         replace(optimal, **changes)
 
 
-def test_rounding_is_no_contradiction(optimal: Result) -> None:
+def test_rounding_is_no_contradiction(optimal):
     """A bound above the cost by less than the tolerance is the cost."""
     assert 0.0 == replace(optimal, lower_bound=2.0 + tolerance(2.0) / 2).gap
 
@@ -77,21 +74,19 @@ def test_rounding_is_no_contradiction(optimal: Result) -> None:
     ("cost", "bound", "gap"),
     [(2.0, 1.5, 0.25), (2.0, 0.0, 1.0), (0.0, 0.0, 0.0), (2.0, -math.inf, None), (2.0, None, None)],
 )
-def test_the_gap_is_a_fraction_of_the_cost(
-    optimal: Result, cost: float, bound: float | None, gap: float | None
-) -> None:
+def test_the_gap_is_a_fraction_of_the_cost(optimal, cost, bound, gap):
     """None where either is missing."""
     solved = replace(optimal, status=Status.SOLVED, cost=cost, lower_bound=bound)
     assert gap == solved.gap
 
 
-def test_a_result_without_a_plan_has_neither_gap_nor_makespan(unsolved: Result) -> None:
+def test_a_result_without_a_plan_has_neither_gap_nor_makespan(unsolved):
     """A bound alone is no gap."""
     bounded = replace(unsolved, lower_bound=1.0)
     assert (None, None) == (bounded.gap, bounded.makespan)
 
 
-def test_the_document_is_json_whatever_the_bound(unsolved: Result) -> None:
+def test_the_document_is_json_whatever_the_bound(unsolved):
     """An infinite bound, proof that there is no plan, becomes null."""
     infeasible = replace(unsolved, status=Status.INFEASIBLE, lower_bound=math.inf)
     document = json.loads(as_json(infeasible.document()))
@@ -102,7 +97,7 @@ def test_the_document_is_json_whatever_the_bound(unsolved: Result) -> None:
     )
 
 
-def test_the_document_has_the_steps(optimal: Result) -> None:
+def test_the_document_has_the_steps(optimal):
     """As lists and numbers, a place that there is not as null."""
     document = optimal.document()
     assert "skillplan.result/1" == document["schema"]
@@ -115,7 +110,7 @@ def test_the_document_has_the_steps(optimal: Result) -> None:
     assert ([0.0, 0.0, 0.1], None) == (step["start"], step["goal"])
 
 
-def test_a_bound_goes_with_the_method_that_proved_it(optimal: Result, unsolved: Result) -> None:
+def test_a_bound_goes_with_the_method_that_proved_it(optimal, unsolved):
     """And without a finite bound there is none to name."""
     named = replace(optimal, bound_method="counting")
     assert "counting" == named.document()["bound_method"]
@@ -133,16 +128,14 @@ def test_a_bound_goes_with_the_method_that_proved_it(optimal: Result, unsolved: 
         (Status.REFUSED, []),
     ],
 )
-def test_a_claim_names_the_back_ends_that_it_was_checked_under(
-    optimal: Result, unsolved: Result, status: Status, names: list[str]
-) -> None:
+def test_a_claim_names_the_back_ends_that_it_was_checked_under(optimal, unsolved, status, names):
     row = optimal if status is Status.OPTIMAL else unsolved
     row = replace(row, status=status, collision="swept,precedence")
     assert names == row.document()["proved_by"]
     assert row.document()["simulation"] is None
 
 
-def test_a_simulation_of_the_plan_stands_in_the_document(optimal: Result) -> None:
+def test_a_simulation_of_the_plan_stands_in_the_document(optimal):
     failed = SimulationOutcome("mujoco", False, 9, "place(gear)", "it rests 6 mm off")
     assert {
         "engine": "mujoco",
@@ -153,16 +146,14 @@ def test_a_simulation_of_the_plan_stands_in_the_document(optimal: Result) -> Non
     } == replace(optimal, simulation=failed).document()["simulation"]
 
 
-def test_the_table_names_what_was_checked_and_what_was_not(
-    optimal: Result, board_task: Task
-) -> None:
+def test_the_table_names_what_was_checked_and_what_was_not(optimal, board_task):
     row = replace(optimal, collision="swept", not_checked=("torque limit of joint_3: unknown",))
     notes = plan_table(row, board_task).notes
     assert "proved by  kinematic, swept" in notes
     assert "not checked  torque limit of joint_3: unknown" in notes
 
 
-def test_the_table_says_whether_the_plan_was_simulated(optimal: Result, board_task: Task) -> None:
+def test_the_table_says_whether_the_plan_was_simulated(optimal, board_task):
     assert "simulation  not run" in plan_table(optimal, board_task).notes
     failed = SimulationOutcome("mujoco", False, 9, "place(gear)", "it rests 6 mm off")
     (note,) = [
@@ -173,7 +164,7 @@ def test_the_table_says_whether_the_plan_was_simulated(optimal: Result, board_ta
     assert note == "simulation  by mujoco fails at step 9 of 1, place(gear): it rests 6 mm off"
 
 
-def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
+def test_the_document_says_where_the_task_is_from(optimal):
     """A task that was made by hand is from nowhere."""
     assert optimal.document()["origin"] is None
     origin = Origin("lid.yaml", None, {"step_limit": "9"}, "kinematic", ("aabb",), {"aabb": {}})
@@ -188,9 +179,7 @@ def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
     } == replace(optimal, origin=origin).document()["origin"]
 
 
-def test_the_table_tells_of_bound_choice_and_start(
-    optimal: Result, unsolved: Result, board_task: Task
-) -> None:
+def test_the_table_tells_of_bound_choice_and_start(optimal, unsolved, board_task):
     """Each in a line; without a plan the bound says what it means."""
     trace = {"choice": "exact, as the task is small", "start": "from a plan of 3 m"}
     notes = plan_table(replace(optimal, bound_method="counting", trace=trace), board_task).notes
@@ -206,13 +195,13 @@ def test_the_table_tells_of_bound_choice_and_start(
     assert not [line for line in notes if line.startswith(("bound", "choice", "start"))]
 
 
-def test_a_number_that_is_not_finite_never_reaches_a_document() -> None:
+def test_a_number_that_is_not_finite_never_reaches_a_document():
     """NaN is no JSON."""
     with pytest.raises(ValueError, match="JSON"):
         as_json({"cost": math.nan})
 
 
-def test_the_exit_code_is_that_of_the_most_telling_row(optimal: Result, unsolved: Result) -> None:
+def test_the_exit_code_is_that_of_the_most_telling_row(optimal, unsolved):
     """Interrupted before wrong before solved before the rest."""
     wrong = replace(unsolved, status=Status.WRONG)
     refused = replace(unsolved, status=Status.REFUSED)
@@ -225,14 +214,14 @@ def test_the_exit_code_is_that_of_the_most_telling_row(optimal: Result, unsolved
     assert 1 == exit_code([])
 
 
-def test_a_comparison_has_a_row_for_each_result(optimal: Result, unsolved: Result) -> None:
+def test_a_comparison_has_a_row_for_each_result(optimal, unsolved):
     """A dash where there is no figure; reasons stand below."""
     table = comparison_table([optimal, replace(unsolved, reason="time limit")], "side by side")
     assert ["2.00000", "-"] == [row[2] for row in table.rows]
     assert ["exact: time limit"] == list(table.notes)
 
 
-def test_figures_are_shown_in_fixed_digits() -> None:
+def test_figures_are_shown_in_fixed_digits():
     """0.0070 is 0.70 %."""
     assert ("0.70 %", "-") == (percent(0.0070), percent(None))
     assert ("1.50", "-") == (number(1.5, 2), number(None, 2))

@@ -1,7 +1,5 @@
 """Folders of runs as they are read: all of it, and one clear error for whatever is wrong."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -17,7 +15,7 @@ from training_situations import BOARD, train
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def kept(tmp_path_factory):
     """The folder of a short training of seven runs, one of which has failed."""
     folder = tmp_path_factory.mktemp("kept")
     with pytest.MonkeyPatch.context() as patch, learner_installed(folder / "site", patch):
@@ -26,12 +24,12 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run_dir(kept: Path, tmp_path: Path) -> Path:
+def run_dir(kept, tmp_path):
     """The same, to be changed freely."""
     return Path(shutil.copytree(kept, tmp_path / "run"))
 
 
-def test_all_that_was_asked_is_there(kept: Path) -> None:
+def test_all_that_was_asked_is_there(kept):
     manifest = RunFolder(kept).manifest
     assert ("tabular", 300, tuple(range(7))) == (manifest.solver, manifest.steps, manifest.seeds)
     assert ("markov", "applicable", "reward") == (
@@ -44,7 +42,7 @@ def test_all_that_was_asked_is_there(kept: Path) -> None:
     assert "inverter-board" == manifest.task.name
 
 
-def test_every_run_is_there_with_its_policies(kept: Path) -> None:
+def test_every_run_is_there_with_its_policies(kept):
     folder = RunFolder(kept)
     runs = folder.runs()
     assert list(range(7)) == [one.run for one in runs] == [one.seed for one in runs]
@@ -56,7 +54,7 @@ def test_every_run_is_there_with_its_policies(kept: Path) -> None:
         folder.run(7)
 
 
-def test_the_task_is_loaded_from_where_it_was_or_else_from_the_copy(run_dir: Path) -> None:
+def test_the_task_is_loaded_from_where_it_was_or_else_from_the_copy(run_dir):
     assert str(BOARD) == RunFolder(run_dir).source
     manifest = json.loads((run_dir / "manifest.json").read_text())
     manifest["task"]["path"] = str(run_dir / "gone.yaml")
@@ -64,7 +62,7 @@ def test_the_task_is_loaded_from_where_it_was_or_else_from_the_copy(run_dir: Pat
     assert str(run_dir / "task.yaml") == RunFolder(run_dir).source
 
 
-def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path: Path) -> None:
+def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path):
     source = Path(shutil.copy(FOLDER / "ESC07.sop", tmp_path / "learned.sop"))
     with pytest.MonkeyPatch.context() as patch, learner_installed(tmp_path / "site", patch):
         train(tmp_path / "run", steps=100, checkpoint_steps=100, source=source)
@@ -84,18 +82,18 @@ def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path: Path) -> None:
         ("A.SOP", "task.sop"),
     ],
 )
-def test_a_copy_takes_the_name_of_no_other_file(source: str, name: str) -> None:
+def test_a_copy_takes_the_name_of_no_other_file(source, name):
     assert name == copy_name(source)
 
 
-def test_a_folder_of_runs_is_told_from_a_task_file(kept: Path, tmp_path: Path) -> None:
+def test_a_folder_of_runs_is_told_from_a_task_file(kept, tmp_path):
     assert is_run_folder(kept)
     assert not is_run_folder(BOARD)
     assert not is_run_folder(tmp_path)
     assert not is_run_folder(tmp_path / "\0")
 
 
-def test_a_run_that_is_damaged_says_so_and_the_others_are_read(run_dir: Path) -> None:
+def test_a_run_that_is_damaged_says_so_and_the_others_are_read(run_dir):
     path = run_dir / "runs" / "02" / "policy.safetensors"
     path.write_bytes(b"")
     with pytest.raises(OptionError, match="is damaged"):
@@ -119,9 +117,7 @@ def test_a_run_that_is_damaged_says_so_and_the_others_are_read(run_dir: Path) ->
         ({"surplus": 1}, "surplus"),
     ],
 )
-def test_a_manifest_that_makes_no_sense_is_named(
-    run_dir: Path, change: dict[str, object], message: str
-) -> None:
+def test_a_manifest_that_makes_no_sense_is_named(run_dir, change, message):
     path = run_dir / "manifest.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(OptionError) as caught:
@@ -133,7 +129,7 @@ def test_a_manifest_that_makes_no_sense_is_named(
 
 @pytest.mark.parametrize("name", ["manifest.json", "task.json", "result.json"])
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b"[" * 100_000])
-def test_a_document_that_is_no_json_is_named(run_dir: Path, name: str, content: bytes) -> None:
+def test_a_document_that_is_no_json_is_named(run_dir, name, content):
     (run_dir / name).write_bytes(content)
     with pytest.raises(OptionError) as caught:
         RunFolder(run_dir).result()
@@ -141,7 +137,7 @@ def test_a_document_that_is_no_json_is_named(run_dir: Path, name: str, content: 
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_folder_of_runs_is_named(tmp_path: Path) -> None:
+def test_what_is_no_folder_of_runs_is_named(tmp_path):
     with pytest.raises(OptionError, match="there is no such folder"):
         RunFolder(tmp_path / "nowhere")
     with pytest.raises(OptionError, match=r"holds no manifest.json"):
@@ -153,7 +149,7 @@ def test_what_is_no_folder_of_runs_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["runs/02/metrics.jsonl", "runs/02/policy.json", "runs/02/policy.safetensors"]
 )
-def test_a_link_that_leads_out_of_the_folder_is_not_followed(run_dir: Path, name: str) -> None:
+def test_a_link_that_leads_out_of_the_folder_is_not_followed(run_dir, name):
     """The run is told as failed, in words that name the file; the others are read."""
     outside = run_dir.parent / "outside"
     (run_dir / name).rename(outside)
@@ -162,7 +158,7 @@ def test_a_link_that_leads_out_of_the_folder_is_not_followed(run_dir: Path, name
     assert f"{run_dir / name}: cannot be read: a link leads out of the folder" in run.failure
 
 
-def test_nor_is_that_of_the_manifest(run_dir: Path) -> None:
+def test_nor_is_that_of_the_manifest(run_dir):
     """Though it is what makes the folder one of runs."""
     outside = run_dir.parent / "outside"
     (run_dir / "manifest.json").rename(outside)

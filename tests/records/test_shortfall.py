@@ -19,7 +19,7 @@ STEPS = 1_000
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     return load_problem(CONFIGS / "inverter_board.yaml").task
 
 
@@ -39,7 +39,7 @@ def short(board: Task, *episodes: Episode, mask: str = "applicable") -> Shortfal
     return found
 
 
-def test_how_far_runs_got_is_said_by_goals_and_skills(board: Task) -> None:
+def test_how_far_runs_got_is_said_by_goals_and_skills(board):
     """Goals that held at the same time, when first, and what was never there at all."""
     found = short(
         board,
@@ -57,7 +57,7 @@ def test_how_far_runs_got_is_said_by_goals_and_skills(board: Task) -> None:
     assert 1 == found.out_of_time
 
 
-def test_a_dead_end_is_where_all_that_is_applicable_failed_or_leads_there(board: Task) -> None:
+def test_a_dead_end_is_where_all_that_is_applicable_failed_or_leads_there(board):
     """With a part in hand only its place is left; the state before has other ways on."""
     found = short(board, episode(board, 2, "infeasible", *FIRST))
     assert (1, 1) == (found.dead_states, found.dead_ends)
@@ -66,7 +66,7 @@ def test_a_dead_end_is_where_all_that_is_applicable_failed_or_leads_there(board:
     assert (0, 0) == (found.dead_states, found.dead_ends)
 
 
-def test_what_the_mask_hid_is_counted_where_episodes_were(board: Task) -> None:
+def test_what_the_mask_hid_is_counted_where_episodes_were(board):
     """At the start six picks and a change of tools are applicable, then one place of sixteen."""
     free, held = 16 - 7, 16 - 1
     found = short(board, episode(board, 2, "infeasible", *FIRST))
@@ -85,14 +85,14 @@ def test_what_the_mask_hid_is_counted_where_episodes_were(board: Task) -> None:
     ],
 )
 def test_the_cause_and_what_to_try_follow_from_when_progress_ended(
-    board: Task, step: int, end: End, mask: str, cause: str, words: str
-) -> None:
+    board, step, end, mask, cause, words
+):
     found = short(board, episode(board, step, end, *PCB, *FIRST), mask=mask)
     assert cause == found.cause
     assert words in found.advice
 
 
-def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board: Task) -> None:
+def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board):
     """Where exploration ended it; not where the option of its own does."""
     one = episode(board, 20, "infeasible", *PCB, *FIRST)
     for options, told in (
@@ -108,7 +108,7 @@ def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board: Task) -> N
 @pytest.mark.parametrize(
     ("observation", "words"), [("layout", "observation=markov"), ("markov", "planning=true")]
 )
-def test_a_learner_that_could_plan_is_told_how(board: Task, observation: str, words: str) -> None:
+def test_a_learner_that_could_plan_is_told_how(board, observation, words):
     options = {"mask": "applicable", "planning": False, "observation": observation}
     one = episode(board, 20, "infeasible", *PCB, *FIRST)
     found = shortfall_of(board, "dqn", options, STEPS, {0: [one]})
@@ -116,14 +116,14 @@ def test_a_learner_that_could_plan_is_told_how(board: Task, observation: str, wo
     assert found.advice.startswith(f"-O dqn.{words}, with which episodes are planned; or ")
 
 
-def test_of_no_run_and_under_chance_nothing_is_said(board: Task) -> None:
+def test_of_no_run_and_under_chance_nothing_is_said(board):
     failing = load_problem(CONFIGS / "inverter_grasps.yaml").task
     one = episode(board, 20, "infeasible", *FIRST)
     assert shortfall_of(board, "dqn", {}, STEPS, {}) is None
     assert shortfall_of(failing, "dqn", {}, STEPS, {0: [one]}) is None
 
 
-def test_it_is_told_below_the_table_and_in_the_document(board: Task) -> None:
+def test_it_is_told_below_the_table_and_in_the_document(board):
     found = short(board, *[episode(board, 20 + k, "infeasible", *PCB, *FIRST) for k in range(3)])
     options: dict[str, Any] = {"mask": "applicable"}
     result = TrainingResult(

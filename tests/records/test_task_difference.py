@@ -21,12 +21,12 @@ JSON = st.recursive(
 
 
 @given(JSON)
-def test_nothing_differs_from_itself(value: Any) -> None:
+def test_nothing_differs_from_itself(value):
     assert [] == differences(value, copy.deepcopy(value))
 
 
 @given(JSON, JSON)
-def test_whatever_differs_is_found(one: Any, other: Any) -> None:
+def test_whatever_differs_is_found(one, other):
     def text(value: Any) -> str:
         return repr(value)
 
@@ -52,15 +52,15 @@ def test_whatever_differs_is_found(one: Any, other: Any) -> None:
         ({"a": "x" * 90}, {"a": ""}, f'a: "{"x" * 56}... there, "" now'),
     ],
 )
-def test_a_difference_is_told_with_its_key(was: Any, now: Any, text: str) -> None:
+def test_a_difference_is_told_with_its_key(was, now, text):
     assert [text] == [str(one) for one in differences(was, now)]
 
 
-def test_a_key_that_is_missing_is_no_key_that_is_null() -> None:
+def test_a_key_that_is_missing_is_no_key_that_is_null():
     assert [Difference("a", MISSING, None)] == differences({}, {"a": None})
 
 
-def test_of_a_file_what_was_set_is_what_changed() -> None:
+def test_of_a_file_what_was_set_is_what_changed():
     path = CONFIGS / "inverter_board.yaml"
     changes = {"parts.pcb.mass_kg": "0.5", "step_limit": "33"}
     was, now = (resolved_config(load_problem(path, None, some)) for some in ({}, changes))
@@ -70,7 +70,7 @@ def test_of_a_file_what_was_set_is_what_changed() -> None:
     assert 1 == told.count("; ")
 
 
-def test_what_does_not_make_another_task_is_not_named() -> None:
+def test_what_does_not_make_another_task_is_not_named():
     path = CONFIGS / "inverter_board.yaml"
     was, now = (
         resolved_config(load_problem(path, None, some)) for some in ({}, {"description": "other"})
@@ -78,7 +78,7 @@ def test_what_does_not_make_another_task_is_not_named() -> None:
     assert "nothing that its file says" == what_changed(was, now)
 
 
-def test_many_differences_are_counted() -> None:
+def test_many_differences_are_counted():
     told = what_changed({str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3)
     assert told.endswith("; and 17 more")
     assert 3 == told.count(" there, ")

@@ -36,7 +36,7 @@ BEST = 1.8670860141568904
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     return load_problem(CONFIGS / "inverter_board.yaml").task
 
 
@@ -61,7 +61,7 @@ def an_episode(step: int, cost: float | None = None) -> Episode:
 
 
 class TestRecord:
-    def test_it_counts_all_episodes_and_those_of_the_last_2000_steps(self) -> None:
+    def test_it_counts_all_episodes_and_those_of_the_last_2000_steps(self):
         episodes = [
             an_episode(500),
             an_episode(1_000, 3.0),
@@ -77,7 +77,7 @@ class TestRecord:
             record.wall_s,
         )
 
-    def test_a_run_without_success_has_no_best(self) -> None:
+    def test_a_run_without_success_has_no_best(self):
         record = training_record([an_episode(5)], 10)
         assert (None, None, ()) == (
             record.first_success_step,
@@ -85,26 +85,26 @@ class TestRecord:
             record.best_actions,
         )
 
-    def test_a_run_without_an_episode_has_no_rate(self) -> None:
+    def test_a_run_without_an_episode_has_no_rate(self):
         assert training_record([], 10).recent.rate is None
 
     @pytest.mark.parametrize("counts", [(2, 1), (-1, 3)])
-    def test_more_successes_than_episodes_are_refused(self, counts: tuple[int, int]) -> None:
+    def test_more_successes_than_episodes_are_refused(self, counts):
         with pytest.raises(ValueError, match="make no sense"):
             Tally(*counts)
 
 
 class TestOutcome:
-    def test_a_run_stands_for_its_best_policy(self) -> None:
+    def test_a_run_stands_for_its_best_policy(self):
         run = RunOutcome(0, 7, best=a_roll_out(2.0), last=a_roll_out(None, "last"))
         assert (RunStatus.COMPLETE, 2.0, "") == (run.status, run.cost, run.reason)
 
-    def test_without_a_best_one_it_stands_for_its_last(self) -> None:
+    def test_without_a_best_one_it_stands_for_its_last(self):
         run = RunOutcome(0, 7, last=a_roll_out(None, "last"))
         assert RunStatus.INCOMPLETE is run.status
         assert "pick(pcb) at step 2: the hand is full" == run.reason
 
-    def test_a_run_that_failed_says_why_and_may_have_a_policy_all_the_same(self) -> None:
+    def test_a_run_that_failed_says_why_and_may_have_a_policy_all_the_same(self):
         run = RunOutcome(0, 7, "its figures are not finite", best=a_roll_out(2.0))
         assert (RunStatus.FAILED, "its figures are not finite", 2.0) == (
             run.status,
@@ -112,18 +112,18 @@ class TestOutcome:
             run.cost,
         )
 
-    def test_a_roll_out_has_a_cost_or_a_reason(self) -> None:
+    def test_a_roll_out_has_a_cost_or_a_reason(self):
         with pytest.raises(ValueError, match="or there is a reason"):
             GreedyRollOut("best", (), (), 1.0, reason="no")
         with pytest.raises(ValueError, match="or there is a reason"):
             GreedyRollOut("best", (), (), None)
 
-    def test_what_a_proof_leaves_open_is_no_deviation(self) -> None:
+    def test_what_a_proof_leaves_open_is_no_deviation(self):
         assert 0.0 == deviation(BEST * (1 - 5e-7), BEST)
         assert 0.0 == deviation(BEST * (1 + 5e-7), BEST)
         assert pytest.approx(1.25e-5, rel=0.02) == deviation(1.86710934, BEST)
 
-    def test_nothing_costs_too_much_where_nothing_is_free(self) -> None:
+    def test_nothing_costs_too_much_where_nothing_is_free(self):
         assert deviation(None, 1.0) is None
         assert deviation(1.0, None) is None
         assert 0.0 == deviation(0.0, 0.0)
@@ -131,7 +131,7 @@ class TestOutcome:
 
 
 class TestResult:
-    def test_runs_are_counted_by_how_near_they_come(self, board: Task) -> None:
+    def test_runs_are_counted_by_how_near_they_come(self, board):
         costs = [BEST, 1.867109595246078, 1.88012, 1.939, None]
         result = a_result(board, *(a_run(i, cost) for i, cost in enumerate(costs)))
         document = result.document()
@@ -140,7 +140,7 @@ class TestResult:
             for key in ("completed_runs", "optimal_runs", "zero_percent_runs", "one_percent_runs")
         )
 
-    def test_without_a_proof_nothing_is_said_of_deviations(self, board: Task) -> None:
+    def test_without_a_proof_nothing_is_said_of_deviations(self, board):
         result = a_result(board, a_run(), optimum=Optimum(reason="exact: unsolved, time limit"))
         document = result.document()
         for key in ("optimum", "optimal_runs", "zero_percent_runs", "deviation_iqm"):
@@ -149,9 +149,7 @@ class TestResult:
         assert BEST == document["cost_iqm"]["value"]
         assert [] == document["published"]
 
-    def test_what_was_seen_on_other_layouts_is_not_held_to_this_ones_optimum(
-        self, board: Task
-    ) -> None:
+    def test_what_was_seen_on_other_layouts_is_not_held_to_this_ones_optimum(self, board):
         record = training_record([an_episode(10, 2.2)], 100, 1.0)
         (own,) = a_result(board, a_run(training=record)).document()["runs"]
         (other,) = a_result(board, a_run(training=record), family=True).document()["runs"]
@@ -159,7 +157,7 @@ class TestResult:
         assert own["best_deviation_seen"] > 0.1
         assert other["best_deviation_seen"] is None
 
-    def test_success_is_of_sampled_roll_outs_where_there_are_any(self, board: Task) -> None:
+    def test_success_is_of_sampled_roll_outs_where_there_are_any(self, board):
         record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4))
         trained = a_result(board, a_run(training=record), a_run(1, training=record))
         assert Tally(6, 8) == trained.success
@@ -178,7 +176,7 @@ class TestResult:
         low, high = document["success_ci95"]
         assert 0.25 < low < 0.45 < high < 0.66
 
-    def test_the_document_is_json(self, board: Task) -> None:
+    def test_the_document_is_json(self, board):
         result = a_result(
             board,
             a_run(),
@@ -198,13 +196,13 @@ class TestResult:
             assert set(keys.split()) <= set(run)
 
     @pytest.mark.parametrize("words", [{}, {"cost": 1.0, "reason": "no"}], ids=["neither", "both"])
-    def test_an_optimum_is_proved_or_there_is_a_reason(self, words: dict[str, Any]) -> None:
+    def test_an_optimum_is_proved_or_there_is_a_reason(self, words):
         with pytest.raises(ValueError, match="proved, or there is a reason"):
             Optimum(**words)
 
 
 class TestPublished:
-    def test_every_sequence_of_table_iii_costs_what_is_printed(self, board: Task) -> None:
+    def test_every_sequence_of_table_iii_costs_what_is_printed(self, board):
         """Replayed on the board; the optimum rounds to the paper's."""
         model = make_model(board)
         for one in TABLE_III:
@@ -214,10 +212,10 @@ class TestPublished:
                 assert one.cost == round(walked.cost, 3)
                 assert one.deviation == pytest.approx(one.cost / 1.867 - 1, abs=6e-5)
 
-    def test_it_stands_beside_runs_on_the_papers_board(self, board: Task) -> None:
+    def test_it_stands_beside_runs_on_the_papers_board(self, board):
         assert TABLE_III == published_runs(board, BEST)
 
-    def test_it_stands_beside_no_other_task(self, board: Task) -> None:
+    def test_it_stands_beside_no_other_task(self, board):
         """Not beside a board whose optimum is another one or not known, nor another board."""
         other = load_problem(CONFIGS / "motor_drive.yaml").task
         assert () == published_runs(board, None)
@@ -227,7 +225,7 @@ class TestPublished:
 
 
 class TestTable:
-    def test_a_row_says_what_table_iii_says_and_the_paper_beside_it(self, board: Task) -> None:
+    def test_a_row_says_what_table_iii_says_and_the_paper_beside_it(self, board):
         (table,) = training_tables(a_result(board, a_run(), a_run(1, 1.8801202), a_run(2, None)))
         cells = [dict(zip((c.heading for c in table.columns), r, strict=True)) for r in table.rows]
         assert ["0,1", "0,1", "N/A"] == [row["sequence"] for row in cells]
@@ -236,17 +234,17 @@ class TestTable:
         assert ["1.880", "N/A", "1.867"] == [row["paper [m]"] for row in cells]
         assert ["0.70 %", "N/A", "0.00 %"] == [row["paper dev."] for row in cells]
 
-    def test_more_runs_than_the_papers_have_nothing_beside_them(self, board: Task) -> None:
+    def test_more_runs_than_the_papers_have_nothing_beside_them(self, board):
         (table,) = training_tables(a_result(board, *(a_run(i) for i in range(12))))
         assert ("-", "-") == tuple(table.rows[11][-2:])
 
-    def test_another_task_has_no_column_of_the_paper(self) -> None:
+    def test_another_task_has_no_column_of_the_paper(self):
         other = load_problem(CONFIGS / "motor_drive.yaml").task
         (table,) = training_tables(a_result(other, a_run()))
         assert not any("paper" in column.heading for column in table.columns)
         assert not any("Moller" in note for note in table.notes)
 
-    def test_below_stand_optimum_counts_intervals_and_what_failed(self, board: Task) -> None:
+    def test_below_stand_optimum_counts_intervals_and_what_failed(self, board):
         record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4), 900, 1.9)
         result = a_result(
             board,
@@ -271,16 +269,14 @@ class TestTable:
             assert part in text, part
 
     @pytest.mark.parametrize(("steps", "shown"), [(600, "600"), (2_000, "2,000"), (9_000, "2,000")])
-    def test_a_training_counts_no_more_steps_than_it_had(
-        self, board: Task, steps: int, shown: str
-    ) -> None:
+    def test_a_training_counts_no_more_steps_than_it_had(self, board, steps, shown):
         """Its success is that of the last 2,000 steps, or of all if there were fewer."""
         episodes = [an_episode(steps // 2, BEST), an_episode(steps, BEST)]
         run = a_run(training=training_record(episodes, steps))
         text = as_markdown(training_tables(a_result(board, run))[0])
         assert f"that ended in the last {shown} steps of a run completed the task" in text
 
-    def test_csv_has_a_line_for_every_run(self, board: Task) -> None:
+    def test_csv_has_a_line_for_every_run(self, board):
         text = as_csv(training_tables(a_result(board, a_run(), a_run(1)))[0])
         assert 3 == len(text.splitlines())
         assert text.startswith("run,seed,sequence,distance [m],deviation,success")
@@ -299,7 +295,7 @@ class TestLayouts:
         )
         return LayoutsResult(rows, 40, **more)
 
-    def test_answers_are_counted_over_all_layouts(self) -> None:
+    def test_answers_are_counted_over_all_layouts(self):
         result = self.a_result((2.0, 2.01), (2.1, None))
         assert (3, 2, 1) == (
             sum(row.completed for row in result.rows),
@@ -309,26 +305,26 @@ class TestLayouts:
         assert result.complete_share is not None
         assert 0.75 == result.complete_share.value
 
-    def test_a_layout_counts_once_however_many_answers_it_has(self) -> None:
+    def test_a_layout_counts_once_however_many_answers_it_has(self):
         """The mean of its answers that complete; of none it has no figure."""
         one = self.a_result((2.0, 2.2), (2.4,), (None,)).deviation_iqm
         assert one is not None
         assert pytest.approx((0.05 + 0.2) / 2) == one.value
 
-    def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board: Task) -> None:
+    def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board):
         notes = layouts_table(self.a_result((2.0,), training_s=8.0), board).notes
         assert any("pays off after 200 layouts" in note for note in notes)
 
-    def test_training_does_not_pay_off_where_no_answer_completes(self, board: Task) -> None:
+    def test_training_does_not_pay_off_where_no_answer_completes(self, board):
         notes = layouts_table(self.a_result((None, None), training_s=8.0), board).notes
         assert any("no answer completes" in note for note in notes)
         assert not any("layouts" in note for note in notes if note.startswith("training"))
 
-    def test_where_a_proof_is_no_slower_it_is_said(self, board: Task) -> None:
+    def test_where_a_proof_is_no_slower_it_is_said(self, board):
         slow = LayoutOutcome("board/0", Optimum(2.0, wall_s=0.01), (a_roll_out(2.0),), (0.02,))
         notes = layouts_table(LayoutsResult((slow,), 40, 8.0), board).notes
         assert any("never pays off" in note for note in notes)
 
-    def test_a_layout_that_no_policy_completes_is_shown(self, board: Task) -> None:
+    def test_a_layout_that_no_policy_completes_is_shown(self, board):
         (row,) = layouts_table(self.a_result((None, None)), board).rows
         assert ["board/0", "2.00000", "0.0500", "0 of 2", "N/A", "N/A", "N/A", "0.0100"] == row

@@ -25,9 +25,7 @@ names = st.lists(st.sampled_from("abcdefgh"), min_size=1, max_size=6, unique=Tru
 
 
 @given(names, names, st.permutations("abcdefgh"), st.permutations("abcdefgh"), st.integers(0, 99))
-def test_known_skills_score_what_they_did_whatever_is_new(
-    features: list[str], actions: list[str], more: list[str], others: list[str], seed: int
-) -> None:
+def test_known_skills_score_what_they_did_whatever_is_new(features, actions, more, others, seed):
     """In any order, and whatever features of unknown names are."""
     earlier = a_network(tuple(features), tuple(actions), seed)
     later = earlier.carried_over(more, others)
@@ -37,7 +35,7 @@ def test_known_skills_score_what_they_did_whatever_is_new(
     assert np.allclose(scores, earlier.network.scores(there), atol=1e-5)
 
 
-def test_a_skill_of_an_unknown_name_scores_the_average_of_the_known() -> None:
+def test_a_skill_of_an_unknown_name_scores_the_average_of_the_known():
     earlier = a_network(("a", "b"), ("p", "q", "r"), 0)
     later = earlier.carried_over(("a", "b"), ("q", "new", "r"))
     seen = np.array([[0.3, -1.0]], dtype=np.float32)
@@ -46,8 +44,6 @@ def test_a_skill_of_an_unknown_name_scores_the_average_of_the_known() -> None:
 
 
 @pytest.mark.parametrize(("features", "actions"), [(("x",), ("p",)), (("a",), ("x",))])
-def test_where_no_name_is_known_there_is_nothing_to_carry_over(
-    features: tuple[str, ...], actions: tuple[str, ...]
-) -> None:
+def test_where_no_name_is_known_there_is_nothing_to_carry_over(features, actions):
     with pytest.raises(ValueError, match="Nothing of the network"):
         a_network(("a", "b"), ("p", "q"), 0).carried_over(features, actions)

@@ -36,18 +36,14 @@ def learned(asked: set[int], observations: list[int]) -> Conditions:
 
 
 @given(asked=ASKED, observations=OBSERVATIONS, other=st.integers(0, 2**BITS - 1))
-def test_an_action_that_is_refuted_fails(
-    asked: set[int], observations: list[int], other: int
-) -> None:
+def test_an_action_that_is_refuted_fails(asked, observations, other):
     """Whatever was seen: where the action is known to fail, what it asks for does not hold."""
     if learned(asked, observations).refutes(0, literals(other)):
         assert not holds(asked, other)
 
 
 @given(asked=ASKED, observations=OBSERVATIONS, other=st.integers(0, 2**BITS - 1))
-def test_an_action_that_is_sure_succeeds(
-    asked: set[int], observations: list[int], other: int
-) -> None:
+def test_an_action_that_is_sure_succeeds(asked, observations, other):
     """Where all holds that held at every success, what it asks for does, too."""
     known = learned(asked, observations)
     if known.succeeded[0] and not (known.compile().sure[0] & ~literals(other)).any():
@@ -55,13 +51,13 @@ def test_an_action_that_is_sure_succeeds(
 
 
 @given(asked=ASKED, observations=OBSERVATIONS)
-def test_what_was_seen_to_fail_is_refuted(asked: set[int], observations: list[int]) -> None:
+def test_what_was_seen_to_fail_is_refuted(asked, observations):
     known = learned(asked, observations)
     for bits in observations:
         assert known.refutes(0, literals(bits)) != holds(asked, bits)
 
 
-def test_without_a_conjunction_only_what_was_seen_to_fail_is_refuted() -> None:
+def test_without_a_conjunction_only_what_was_seen_to_fail_is_refuted():
     """An action that succeeds with either of two bits, and fails without both."""
     known = Conditions(1, 2)
     known.succeed(np.array([0]), literals(0b01))
@@ -71,14 +67,14 @@ def test_without_a_conjunction_only_what_was_seen_to_fail_is_refuted() -> None:
     assert not known.refutes(0, literals(0b100))
 
 
-def test_the_failure_of_one_literal_names_it() -> None:
+def test_the_failure_of_one_literal_names_it():
     known = Conditions(1, 2)
     known.succeed(np.array([0]), literals(0b011))
     known.fail(0, literals(0b010))
     assert known.needed[0].tolist() == [0b001, 0]
 
 
-def test_it_goes_on_from_what_was_kept() -> None:
+def test_it_goes_on_from_what_was_kept():
     known = learned({0, 3, BITS + 5}, [0b1001, 0b1000, 0b101001, 0b1, 0b11])
     twin = Conditions(1, 2)
     twin.read("one", known.arrays("one"))
@@ -86,6 +82,6 @@ def test_it_goes_on_from_what_was_kept() -> None:
         assert known.refutes(0, literals(bits)) == twin.refutes(0, literals(bits))
 
 
-def test_arrays_of_another_shape_are_refused() -> None:
+def test_arrays_of_another_shape_are_refused():
     with pytest.raises(ValueError, match=r"one\.held"):
         Conditions(2, 2).read("one", Conditions(1, 2).arrays("one") | {"one.succeeded": np.ones(2)})

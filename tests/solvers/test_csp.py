@@ -55,7 +55,7 @@ def allowed(choices):
 
 @settings(max_examples=examples(200))
 @given(layers_of)
-def test_a_sequence_is_found_exactly_where_one_keeps_the_rule(layers) -> None:
+def test_a_sequence_is_found_exactly_where_one_keeps_the_rule(layers):
     task = layered_task(layers)
     model = make_model(task)
     solver = CspSolver()
@@ -77,7 +77,7 @@ def test_a_sequence_is_found_exactly_where_one_keeps_the_rule(layers) -> None:
     assert solution.plan.cost == pytest.approx(sum(cost for _, cost in choices))
 
 
-def test_where_it_fails_the_result_says_between_which_choices() -> None:
+def test_where_it_fails_the_result_says_between_which_choices():
     task = layered_task([[("a", 0)], [("ab", 0), ("a", 1)], [("cd", 0), ("d", 0)]])
     result = solve(task, CspSolver())
     assert result.status == "unsolved"
@@ -86,13 +86,13 @@ def test_where_it_fails_the_result_says_between_which_choices() -> None:
     assert solve(task, "exact").status == "optimal"
 
 
-def test_of_many_choices_in_conflict_a_few_are_named() -> None:
+def test_of_many_choices_in_conflict_a_few_are_named():
     task = layered_task([[("a", 0)], [("b", cost) for cost in range(6)]])
     result = solve(task, CspSolver())
     assert "choose(1:3) and 2 more" in (result.reason or "")
 
 
-def test_a_choice_that_leads_nowhere_is_taken_back() -> None:
+def test_a_choice_that_leads_nowhere_is_taken_back():
     cheap_trap = [("ab", 0), ("ac", 5)]
     task = layered_task([[("a", 0)], cheap_trap, [("b", 0), ("c", 0)], [("c", 0)]])
     result = solve(task, CspSolver())
@@ -101,14 +101,14 @@ def test_a_choice_that_leads_nowhere_is_taken_back() -> None:
     assert result.trace["backtracks"] == 1
 
 
-def test_the_cheapest_choice_is_tried_first() -> None:
+def test_the_cheapest_choice_is_tried_first():
     task = layered_task([[("a", 3), ("a", 1)], [("a", 2), ("a", 0)]])
     result = solve(task, CspSolver())
     assert [step.skill for step in result.steps] == ["choose(0:1)", "choose(1:1)"]
     assert result.trace["backtracks"] == 0
 
 
-def test_many_ways_to_the_same_failure_are_walked_once() -> None:
+def test_many_ways_to_the_same_failure_are_walked_once():
     layers = [[("a", 0)] * 6 for _ in range(30)]
     task = layered_task([*layers, [("b", 0)]])
     solution = CspSolver().solve(make_model(task))
@@ -116,28 +116,28 @@ def test_many_ways_to_the_same_failure_are_walked_once() -> None:
     assert solution.trace["visited"] <= 6 * 30
 
 
-def test_the_step_limit_is_kept() -> None:
+def test_the_step_limit_is_kept():
     task = layered_task([[("a", 0)], [("a", 0)], [("a", 0)]], step_limit=2)
     result = solve(task, CspSolver())
     assert result.status == "unsolved"
     assert "step limit" in (result.reason or "")
 
 
-def test_a_task_that_is_done_needs_no_choice() -> None:
+def test_a_task_that_is_done_needs_no_choice():
     task = layered_task([[("a", 0)]])
     result = solve(task.replace(initial=task.facts.of("done(0)")), CspSolver())
     assert result.steps == ()
     assert result.status in ("solved", "optimal")
 
 
-def test_where_nothing_can_be_done_it_says_so() -> None:
+def test_where_nothing_can_be_done_it_says_so():
     task = layered_task([[("a", 0)], [("a", 0)]])
     result = solve(task.replace(initial=task.facts.none), CspSolver())
     assert result.status == "unsolved"
     assert "nothing is feasible at the start" in (result.reason or "")
 
 
-def test_it_stops_when_told() -> None:
+def test_it_stops_when_told():
     task = layered_task([[("a", 0)], [("a", 0)]])
     stop = Stop()
     stop.interrupt()
@@ -145,7 +145,7 @@ def test_it_stops_when_told() -> None:
     assert (result.status, result.reason) == ("unsolved", "interrupted: no plan was found")
 
 
-def test_a_task_in_which_nothing_is_occupied_is_refused() -> None:
+def test_a_task_in_which_nothing_is_occupied_is_refused():
     facts = Facts(("done",))
     task = make_task(facts, [make_skill(facts, "finish", add=("done",))], goal=("done",))
     result = solve(task, CspSolver())
@@ -153,11 +153,11 @@ def test_a_task_in_which_nothing_is_occupied_is_refused() -> None:
     assert "no skill of this task occupies anything" in (result.reason or "")
 
 
-def test_chance_is_refused() -> None:
+def test_chance_is_refused():
     result = solve(retry_task(0.5), CspSolver())
     assert result.status == "refused"
     assert "certain outcomes" in (result.reason or "")
 
 
-def test_of_a_chain_it_searches_the_goals_only() -> None:
+def test_of_a_chain_it_searches_the_goals_only():
     assert CspSolver.stage == "goals"

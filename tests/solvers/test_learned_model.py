@@ -34,12 +34,12 @@ class TestLearnedModelSolver(SolverSuite):
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     return load_problem(CONFIGS / "inverter_board.yaml").task
 
 
 @pytest.fixture(scope="module")
-def walk() -> Task:
+def walk():
     return load_problem(CONFIGS / "swarmitfix_cases.yaml").task
 
 
@@ -55,7 +55,7 @@ def begin(task: Task, seeds: list[int], snapshot: Snapshot | None = None) -> Lea
     return training
 
 
-def test_it_settles_at_the_optimum_of_the_board(board: Task) -> None:
+def test_it_settles_at_the_optimum_of_the_board(board):
     training = begin(board, [0])
     episodes = training.advance(700)
     settled = training.remarks(0)["settled_step"]
@@ -67,9 +67,7 @@ def test_it_settles_at_the_optimum_of_the_board(board: Task) -> None:
 
 
 @pytest.mark.parametrize("name", ["board", "walk"])
-def test_an_interrupted_training_resumes_bit_for_bit(
-    name: str, request: pytest.FixtureRequest
-) -> None:
+def test_an_interrupted_training_resumes_bit_for_bit(name, request):
     """While it plans, and while it explores."""
     task = request.getfixturevalue(name)
     whole, cut = begin(task, [3, 4]), begin(task, [3, 4])
@@ -84,7 +82,7 @@ def test_an_interrupted_training_resumes_bit_for_bit(
 
 
 @pytest.mark.parametrize("name", ["board", "walk"])
-def test_a_run_does_not_depend_on_the_others(name: str, request: pytest.FixtureRequest) -> None:
+def test_a_run_does_not_depend_on_the_others(name, request):
     task = request.getfixturevalue(name)
     alone, among = begin(task, [7]).advance(300), begin(task, [5, 7, 9]).advance(300)
     assert [(one.step, one.actions) for one in alone] == [
@@ -92,7 +90,7 @@ def test_a_run_does_not_depend_on_the_others(name: str, request: pytest.FixtureR
     ]
 
 
-def test_effects_that_differ_between_states_end_planning(walk: Task) -> None:
+def test_effects_that_differ_between_states_end_planning(walk):
     """A swing moves a base to another place from every place; the run explores and arrives."""
     training = begin(walk, [100, 101, 102])
     training.advance(1_000)
@@ -103,27 +101,27 @@ def test_effects_that_differ_between_states_end_planning(walk: Task) -> None:
         assert training.figures()[run]["explores"] == 1.0
 
 
-def test_chance_is_explored_and_said() -> None:
+def test_chance_is_explored_and_said():
     result = solve(retry_task(0.5), make_solver("learned-model", {"steps": 300}))
     assert result.cost == pytest.approx(4.0)
     assert "without chance" in result.trace["fallback"]
 
 
-def test_chance_that_depends_on_the_state_is_learned() -> None:
+def test_chance_that_depends_on_the_state_is_learned():
     result = solve(two_places_task(), make_solver("learned-model", {"steps": 2_000}))
     assert result.cost == pytest.approx(1 + 1 / 0.9)
 
 
-def test_the_cheaper_of_two_roads_is_learned() -> None:
+def test_the_cheaper_of_two_roads_is_learned():
     assert solve(two_roads_task(), make_solver("learned-model", {"steps": 300})).cost == 3.0
 
 
-def test_layouts_are_not_observed_in_bits() -> None:
+def test_layouts_are_not_observed_in_bits():
     with pytest.raises(ValidationError, match="observation"):
         LearnedModelSolver.Options(observation="layout")
 
 
-def test_a_lookup_network_acts_only_where_it_was_shown() -> None:
+def test_a_lookup_network_acts_only_where_it_was_shown():
     bits = np.array([[0, 1, 1], [1, 0, 0], [0, 0, 0]], dtype=np.float32)
     network = lookup_network(bits, np.array([2, 1, 3]), 4)
     assert [2, 1, 3] == network.greedy(bits).tolist()
@@ -131,7 +129,7 @@ def test_a_lookup_network_acts_only_where_it_was_shown() -> None:
     assert not network.scores(others).any()
 
 
-def test_a_table_leaves_dead_ends_and_takes_the_least_mean_cost() -> None:
+def test_a_table_leaves_dead_ends_and_takes_the_least_mean_cost():
     """Action 0 leads to a dead end; 1 fails every other time and costs 1; 2 costs 3."""
     counts = ObservationCounts(1, 1, 3)
     for bit in (0.0, 1.0):

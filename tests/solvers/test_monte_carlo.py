@@ -19,7 +19,7 @@ class TestMonteCarloSolver(SolverSuite):
 
 
 @pytest.mark.slow(reason="learns a bench; value iteration is step-minimal in every run")
-def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None:
+def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals():
     shares = []
     # In every run every sixth goal.
     for goal in range(1, 79, 78 // examples(78, fewest=13)):
@@ -30,7 +30,7 @@ def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None
     assert sum(shares) / len(shares) >= 0.99
 
 
-def test_a_row_moves_towards_what_followed_its_first_visit() -> None:
+def test_a_row_moves_towards_what_followed_its_first_visit():
     """One state; staying costs 1 with an even chance to end: discounted by hand."""
     env = Environment(
         rows=np.array([0, 1, 1]),

@@ -76,27 +76,27 @@ class Run:
     ("config", "optimum"),
     [("inverter_board", 1.86709), ("relay_rail", 4.66386), ("mini_pc", 7.72875)],
 )
-def test_they_find_the_optimum_and_then_see_nothing_better(config: str, optimum: float) -> None:
+def test_they_find_the_optimum_and_then_see_nothing_better(config, optimum):
     run = Run(CONFIGS / f"{config}.yaml")
     run.go(5_000)
     assert run.planned.is_settled(0)
     assert run.best == pytest.approx(optimum, abs=5e-6)
 
 
-def test_they_find_it_without_a_mask_from_what_the_paper_observes() -> None:
+def test_they_find_it_without_a_mask_from_what_the_paper_observes():
     run = Run(CONFIGS / "inverter_board.yaml", observation="paper", mask="none")
     run.go(5_000)
     assert run.best == pytest.approx(1.86709, abs=5e-6)
 
 
-def test_what_no_conjunction_describes_is_tried_all_the_same() -> None:
+def test_what_no_conjunction_describes_is_tried_all_the_same():
     """The drawer goes in before the lid, or before the panel."""
     run = Run(CONFIGS / "drawer_module.yaml")
     run.go(5_000)
     assert run.best == pytest.approx(5.12203, abs=5e-6)
 
 
-def test_a_board_with_dead_ends_is_completed(tmp_path: Path) -> None:
+def test_a_board_with_dead_ends_is_completed(tmp_path):
     """Of 3,000 episodes at random none completes such a board."""
     path = tmp_path / "board.yaml"
     path.write_text(BoardGenerator(16, 0.4, 3, 5).text(), encoding="utf-8")
@@ -105,7 +105,7 @@ def test_a_board_with_dead_ends_is_completed(tmp_path: Path) -> None:
     assert run.best <= 1.02 * 14.59182
 
 
-def test_a_learned_model_predicts_what_happens() -> None:
+def test_a_learned_model_predicts_what_happens():
     """After the board was explored, every step of a completed episode is as predicted."""
     run = Run(CONFIGS / "inverter_board.yaml")
     run.go(5_000)
@@ -118,7 +118,7 @@ def test_a_learned_model_predicts_what_happens() -> None:
     assert all(seen)
 
 
-def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened() -> None:
+def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened():
     whole, halves = (Run(CONFIGS / "mini_pc.yaml") for _ in range(2))
     whole.go(700)
     halves.go(350)
@@ -134,7 +134,7 @@ def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened() -> None:
     reason="trains on a board of twelve parts; boards are completed without networks in every run"
 )
 @pytest.mark.parametrize("solver", ["dqn", "ppo"])
-def test_a_learner_follows_what_its_plans_have_found(solver: str, tmp_path: Path) -> None:
+def test_a_learner_follows_what_its_plans_have_found(solver, tmp_path):
     path = tmp_path / "board.yaml"
     path.write_text(BoardGenerator(12, 0.3, 3, 5).text(), encoding="utf-8")
     found = solve(load_problem(str(path)).task, make_solver(solver, {"steps": 6_000}))

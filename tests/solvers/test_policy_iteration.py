@@ -89,9 +89,7 @@ def policy_value(mdp: TabularMDP, rows: tuple[int, ...]) -> np.ndarray:
 @pytest.mark.parametrize("solver", [PolicyIterationSolver, ValueIterationSolver])
 @given(mdp=chances())
 @settings(max_examples=examples(120))
-def test_expected_costs_are_the_least_of_all_policies(
-    solver: type[BellmanSolver], mdp: TabularMDP
-) -> None:
+def test_expected_costs_are_the_least_of_all_policies(solver, mdp):
     """Then the least time; and what is chosen reaches the goal, whatever costs nothing."""
     found = solver().least_cost(mdp)
     options = [
@@ -122,7 +120,7 @@ class TestClaims:
             assert result.cost == pytest.approx(best[0])
             assert len(result.steps) <= task.step_limit
 
-    def test_an_expected_cost_is_claimed_as_bound(self, name: str) -> None:
+    def test_an_expected_cost_is_claimed_as_bound(self, name):
         facts = Facts(("done",))
         outcomes = [(0.5, ("done",), ()), (0.5, (), ())]
         skills = [make_skill(facts, "try", forbids=("done",), outcomes=outcomes, cost=2.0)]
@@ -131,7 +129,7 @@ class TestClaims:
         assert solution.proved
         assert solution.lower_bound == pytest.approx(4.0)
 
-    def test_where_no_policy_is_certain_nothing_is_claimed(self, name: str) -> None:
+    def test_where_no_policy_is_certain_nothing_is_claimed(self, name):
         facts = Facts(("done", "lost"))
         outcomes = [(0.5, ("done",), ()), (0.5, ("lost",), ())]
         skills = [make_skill(facts, "try", forbids=("done", "lost"), outcomes=outcomes)]
@@ -139,7 +137,7 @@ class TestClaims:
         assert result.status is Status.UNSOLVED
         assert "certainty" in result.reason
 
-    def test_two_states_that_need_each_other_are_solved(self, name: str) -> None:
+    def test_two_states_that_need_each_other_are_solved(self, name):
         """Improving one state at a time from any policy would never leave either."""
         facts = Facts(("a", "b", "done"))
         hop = {"delete": ("a",), "outcomes": [(0.5, ("done",), ("a",)), (0.5, ("b",), ("a",))]}
@@ -153,7 +151,7 @@ class TestClaims:
         assert result.status is Status.OPTIMAL
         assert result.cost == pytest.approx(3.0)
 
-    def test_of_equal_costs_the_faster_way_is_taken_then_the_lowest_action(self, name: str) -> None:
+    def test_of_equal_costs_the_faster_way_is_taken_then_the_lowest_action(self, name):
         facts = Facts(("done",))
         skills = [
             make_skill(facts, "slow", forbids=("done",), add=("done",), duration_s=3.0),
@@ -163,9 +161,7 @@ class TestClaims:
         result = solve(make_task(facts, skills, goal=("done",)), name)
         assert [step.skill for step in result.steps] == ["fast"]
 
-    def test_too_many_cells_leave_an_honest_bound(
-        self, name: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_too_many_cells_leave_an_honest_bound(self, name, monkeypatch):
         from skillplan.solvers.mdp import bellman_solver
 
         monkeypatch.setattr(bellman_solver, "MOST_CELLS", 1)
@@ -174,7 +170,7 @@ class TestClaims:
         assert result.status is Status.UNSOLVED
         assert "the limit is 2" in result.reason
 
-    def test_told_to_stop_it_claims_nothing(self, name: str) -> None:
+    def test_told_to_stop_it_claims_nothing(self, name):
         facts = Facts(("done",))
         outcomes = [(0.01, ("done",), ()), (0.99, (), ())]
         skills = [make_skill(facts, "try", forbids=("done",), outcomes=outcomes)]
@@ -186,19 +182,19 @@ class TestClaims:
         solution = solver.solve(model)
         assert solution.proved or solution.lower_bound is None
 
-    def test_rewards_lead_to_the_goal_in_the_fewest_steps(self, name: str) -> None:
+    def test_rewards_lead_to_the_goal_in_the_fewest_steps(self, name):
         setup = Setup(options={name: {"objective": "reward"}})
         result = solve(base_task(66, 42), name, setup)
         assert result.status is Status.SOLVED
         assert result.cost == 2
 
 
-def test_its_rounds_are_about_as_many_as_in_the_paper() -> None:
+def test_its_rounds_are_about_as_many_as_in_the_paper():
     """Table 3: 8 to 10."""
     assert 6 <= solve(base_task(66, 42), "policy-iteration").trace["iterations"] <= 10
 
 
-def test_both_agree_in_all_values_of_a_reward() -> None:
+def test_both_agree_in_all_values_of_a_reward():
     model = make_model(base_task(66, 42))
     options = PolicyIterationSolver.Options(objective="reward")
     found = [

@@ -21,20 +21,20 @@ class TestQLearningSolver(SolverSuite):
 
 
 @pytest.mark.parametrize("goal", [1, 13, 42, 66, 78])
-def test_its_ways_are_step_minimal_from_all_starts(goal: int) -> None:
+def test_its_ways_are_step_minimal_from_all_starts(goal):
     model = make_model(base_task(37, goal))
     policy = make_solver("q-learning", {}).solve(model, seed=2).policy
     assert policy is not None
     assert minimal_starts(policy, goal) == 1
 
 
-def test_with_episodes_enough_it_finds_the_optimum_of_the_board() -> None:
+def test_with_episodes_enough_it_finds_the_optimum_of_the_board():
     task = load_problem(str(CONFIGS / "inverter_board.yaml")).task
     found = solve(task, "q-learning", Setup(options={"q-learning": {"episodes": 200_000}}))
     assert found.cost == pytest.approx(solve(task, "exact").cost)
 
 
-def test_its_values_without_exploration_noise_are_those_of_value_iteration() -> None:
+def test_its_values_without_exploration_noise_are_those_of_value_iteration():
     """Nothing is left to chance here, so that a step size of 1 makes the values exact."""
     options = {"alpha": 1.0, "alpha_end": 1.0, "epsilon": 1.0}
     learned, swept = (
@@ -44,7 +44,7 @@ def test_its_values_without_exploration_noise_are_those_of_value_iteration() -> 
     assert [s.skill for s in learned.steps] == [s.skill for s in swept.steps]
 
 
-def test_of_equal_values_the_lowest_action_is_taken() -> None:
+def test_of_equal_values_the_lowest_action_is_taken():
     mdp = TabularMDP.from_model(make_model(lid_task()))
     chosen = greedy_rows(mdp, np.zeros(len(mdp.actions)))
     for state, row in enumerate(chosen):

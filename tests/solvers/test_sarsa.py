@@ -21,7 +21,7 @@ class TestExpectedSarsaSolver(SolverSuite):
     options: ClassVar = {"expected": True, "alpha_end": 0.01}
 
 
-def test_the_defaults_are_the_parameters_of_the_paper() -> None:
+def test_the_defaults_are_the_parameters_of_the_paper():
     options = SarsaSolver().options
     found = (options.gamma, options.alpha, options.epsilon, options.episodes)
     assert found == (0.999, 0.1, 0.1, 35_000)
@@ -41,7 +41,7 @@ def test_the_defaults_are_the_parameters_of_the_paper() -> None:
         pytest.param(1, marks=pytest.mark.release(reason="learns a bench for every goal")),
     ],
 )
-def test_its_ways_are_step_minimal_from_nearly_all_starts_to_goals(every: int) -> None:
+def test_its_ways_are_step_minimal_from_nearly_all_starts_to_goals(every):
     """To all goals, or to every third."""
     shares = []
     for goal in range(1, 79, every):
@@ -52,7 +52,7 @@ def test_its_ways_are_step_minimal_from_nearly_all_starts_to_goals(every: int) -
     assert sum(shares) / len(shares) >= 0.995
 
 
-def test_the_second_parameter_set_of_the_paper_converges_more_slowly() -> None:
+def test_the_second_parameter_set_of_the_paper_converges_more_slowly():
     """Fig. 8: all along, set 2 takes more steps an episode than set 1."""
     model = make_model(base_task(66, 42))
     first, second = (
@@ -62,14 +62,14 @@ def test_the_second_parameter_set_of_the_paper_converges_more_slowly() -> None:
     assert all(one < other for one, other in zip(first, second, strict=True))
 
 
-def test_the_first_episode_wanders() -> None:
+def test_the_first_episode_wanders():
     """Fig. 8: hundreds of steps where ways of four would do."""
     trace = make_solver("sarsa", {"record": 1}).solve(make_model(base_task(66, 42))).trace
     assert trace["steps_of_first_episode"] > 100
     assert trace["steps_per_episode"][-1] < 6
 
 
-def test_in_c66_the_action_b2_turns_out_best() -> None:
+def test_in_c66_the_action_b2_turns_out_best():
     """Fig. 7a."""
     options = {"record": 10, "watch": "at(C66)"}
     trace = make_solver("sarsa", options).solve(make_model(base_task(66, 42))).trace

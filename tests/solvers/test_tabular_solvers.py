@@ -39,7 +39,7 @@ class StopAfter(Stop):
 
 @pytest.mark.parametrize("name", ALL)
 class TestEverySolver:
-    def test_its_policy_leads_to_the_goal_from_every_position(self, name: str) -> None:
+    def test_its_policy_leads_to_the_goal_from_every_position(self, name):
         solution = make_solver(name, {}).solve(make_model(base_task(66, 42)))
         assert solution.policy is not None
         assert len(solution.policy) == 77
@@ -52,38 +52,38 @@ class TestEverySolver:
             assert result.status in (Status.SOLVED, Status.OPTIMAL), result.reason
             assert result.cost == steps
 
-    def test_it_solves_a_task_with_chance(self, name: str) -> None:
+    def test_it_solves_a_task_with_chance(self, name):
         result = solve(retry_task(0.25), name)
         # The referee confirms a least expected cost; learners claim none.
         proves = name in ("value-iteration", "policy-iteration")
         assert result.status is (Status.OPTIMAL if proves else Status.SOLVED)
         assert result.cost == pytest.approx(8.0)
 
-    def test_it_refuses_what_is_too_large_in_words(self, name: str) -> None:
+    def test_it_refuses_what_is_too_large_in_words(self, name):
         result = solve(base_task(66, 42), name, Setup(options={name: {"max_states": 20}}))
         assert result.status is Status.REFUSED
         assert "more than 20 reachable states" in result.reason
 
-    def test_it_says_how_long_it_took_and_how_often_it_went_round(self, name: str) -> None:
+    def test_it_says_how_long_it_took_and_how_often_it_went_round(self, name):
         result = solve(base_task(66, 42), name)
         assert result.trace["states"] == 78
         assert result.trace["iterations"] >= 1
         assert result.trace["learning_s"] > 0
         assert result.trace["enumeration_s"] > 0
 
-    def test_it_has_nothing_to_do_at_the_goal(self, name: str) -> None:
+    def test_it_has_nothing_to_do_at_the_goal(self, name):
         facts = Facts(("done",))
         task = make_task(facts, [make_skill(facts, "rest")], initial=("done",), goal=("done",))
         result = solve(task, name)
         assert result.status in (Status.SOLVED, Status.OPTIMAL)
         assert result.cost == 0
 
-    def test_it_ends_while_it_enumerates_when_told_to(self, name: str) -> None:
+    def test_it_ends_while_it_enumerates_when_told_to(self, name):
         stop = Stop()
         stop.interrupt()
         assert solve(base_task(66, 42), name, stop=stop).status is Status.UNSOLVED
 
-    def test_a_dead_end_is_not_where_it_goes(self, name: str) -> None:
+    def test_a_dead_end_is_not_where_it_goes(self, name):
         """The cheaper way ends where nothing can be done."""
         facts = Facts(("a", "done", "stuck"))
         skills = [
@@ -97,7 +97,7 @@ class TestEverySolver:
 
 @pytest.mark.parametrize("name", LEARNERS)
 class TestLearners:
-    def test_a_circle_that_costs_nothing_does_not_hold_them(self, name: str) -> None:
+    def test_a_circle_that_costs_nothing_does_not_hold_them(self, name):
         facts = Facts(("here", "there", "done"))
         skills = [
             make_skill(facts, "go", requires=("here",), add=("there",), delete=("here",), cost=0),
@@ -109,7 +109,7 @@ class TestLearners:
         result = solve(make_task(facts, skills, initial=("here",), goal=("done",)), name)
         assert result.cost == 3
 
-    def test_an_interrupted_run_keeps_what_it_has_learned(self, name: str) -> None:
+    def test_an_interrupted_run_keeps_what_it_has_learned(self, name):
         solver = make_solver(name, {})
         model = make_model(base_task(66, 42))
         assert solver.refuses(model) is None
@@ -119,7 +119,7 @@ class TestLearners:
         assert solution.trace["ended"] == "interrupted"
         assert minimal_starts(solution.policy or {}, 42) > 0.9
 
-    def test_curves_are_recorded_at_evenly_spaced_episodes(self, name: str) -> None:
+    def test_curves_are_recorded_at_evenly_spaced_episodes(self, name):
         options = {"episodes": 2_500, "record": 5, "watch": "at(C66), at(C13)"}
         trace = solve(base_task(66, 42), name, Setup(options={name: options})).trace
         assert trace["episodes"] == [500, 1000, 1500, 2000, 2500]
@@ -132,7 +132,7 @@ class TestLearners:
         assert set(curves) <= {f"B{i}" for i in range(11)}
         assert all(len(curve) == 5 for curve in curves.values())
 
-    def test_recording_changes_nothing(self, name: str) -> None:
+    def test_recording_changes_nothing(self, name):
         plain, recorded = (
             make_solver(name, {"episodes": 3_000, "record": record}).solve(
                 make_model(base_task(66, 42)), seed=3
@@ -142,38 +142,38 @@ class TestLearners:
         assert dict(plain.policy or {}) == dict(recorded.policy or {})
         assert plain.trace["steps"] == recorded.trace["steps"]
 
-    def test_nothing_is_recorded_unasked(self, name: str) -> None:
+    def test_nothing_is_recorded_unasked(self, name):
         trace = solve(base_task(66, 42), name).trace
         assert not {"episodes", "steps_per_episode", "q_values"} & set(trace)
 
-    def test_a_watched_fact_that_does_not_exist_is_named(self, name: str) -> None:
+    def test_a_watched_fact_that_does_not_exist_is_named(self, name):
         setup = Setup(options={name: {"record": 2, "watch": "at(C66),at(C99)"}})
         with pytest.raises(OptionError, match=r"at\(C99\)"):
             solve(base_task(66, 42), name, setup)
 
-    def test_a_stage_that_knows_none_of_the_watched_facts_is_not_watched(self, name: str) -> None:
+    def test_a_stage_that_knows_none_of_the_watched_facts_is_not_watched(self, name):
         """As the heads of a chain know no position of the base."""
         setup = Setup(options={name: {"record": 2, "watch": "head(1:0)"}})
         assert "q_values" not in solve(base_task(66, 42), name, setup).trace
 
-    def test_other_seeds_give_other_episodes(self, name: str) -> None:
+    def test_other_seeds_give_other_episodes(self, name):
         model = make_model(base_task(66, 42))
         steps = {make_solver(name, {}).solve(model, seed=seed).trace["steps"] for seed in range(4)}
         assert len(steps) == 4
 
-    def test_episodes_are_cut_off(self, name: str) -> None:
+    def test_episodes_are_cut_off(self, name):
         options = {"episodes": 100, "max_steps": 3}
         trace = solve(base_task(66, 1), name, Setup(options={name: options})).trace
         assert trace["steps"] <= 300
 
 
 class TestPayments:
-    def test_a_reward_scheme_is_paid_as_it_stands(self) -> None:
+    def test_a_reward_scheme_is_paid_as_it_stands(self):
         model = make_model(base_task(66, 42))
         mdp = TabularMDP.from_model(model)
         assert (learner_rewards(model, mdp, "reward").rewards == mdp.rewards).all()
 
-    def test_costs_are_paid_with_a_bonus_that_no_plan_can_outweigh(self) -> None:
+    def test_costs_are_paid_with_a_bonus_that_no_plan_can_outweigh(self):
         model = make_model(lid_task())
         mdp = TabularMDP.from_model(model)
         paid = learner_rewards(model, mdp, "reward")
@@ -185,15 +185,15 @@ class TestPayments:
 
 
 class TestEnumeration:
-    def test_starts_count_as_states(self) -> None:
+    def test_starts_count_as_states(self):
         with pytest.raises(ModelTooLarge, match="more than 77 reachable states"):
             TabularMDP.from_model(make_model(base_task(66, 42)), 77)
 
-    def test_it_gives_up_when_told_to(self) -> None:
+    def test_it_gives_up_when_told_to(self):
         with pytest.raises(SearchStopped, match="it was stopped"):
             TabularMDP.from_model(make_model(lid_task()), stop=lambda: True)
 
-    def test_refusing_and_solving_enumerate_once(self) -> None:
+    def test_refusing_and_solving_enumerate_once(self):
         model = model_of(base_task(66, 42))
         solver = make_solver("value-iteration", {})
         assert solver.refuses(model) is None
@@ -203,7 +203,7 @@ class TestEnumeration:
 
 
 class TestCompiled:
-    def test_random_numbers_are_those_of_splitmix64(self) -> None:
+    def test_random_numbers_are_those_of_splitmix64(self):
         """The reference implementation's first numbers from 1234567."""
         stream = np.array([1234567], dtype=np.uint64)
         assert [int(random_bits(stream)) for _ in range(5)] == [
@@ -214,9 +214,7 @@ class TestCompiled:
             16408922859458223821,
         ]
 
-    def test_without_a_place_for_the_cache_it_compiles_all_the_same(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_a_place_for_the_cache_it_compiles_all_the_same(self, monkeypatch):
         njit = numba.njit
 
         def fails_to_cache(*args: object, **options: object) -> object:
@@ -231,7 +229,7 @@ class TestCompiled:
 
         assert compiled(twice)(21) == 42
 
-    def test_another_fault_is_not_hidden(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_another_fault_is_not_hidden(self, monkeypatch):
         def fails(*args: object, **options: object) -> object:
             raise RuntimeError("something else")
 

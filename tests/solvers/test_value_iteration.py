@@ -40,7 +40,7 @@ def in_pitches(task: Task) -> Task:
     "unit",
     ["metres", pytest.param("pitches", marks=pytest.mark.slow(reason="in metres in every run"))],
 )
-def test_the_way_of_the_largest_reward_is_step_minimal_for_all_pairs(unit: str) -> None:
+def test_the_way_of_the_largest_reward_is_step_minimal_for_all_pairs(unit):
     """Eqs 6 and 7 at the paper's discount, for all 6006 pairs of start and goal."""
     solver = ValueIterationSolver(ValueIterationSolver.Options(objective="reward", gamma=0.999))
     # In every run every sixth goal.
@@ -110,7 +110,7 @@ def test_label_setting_finds_the_least_costs_then_the_least_ties(graph) -> None:
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 3), (6, 13), (20, 31)])
-def test_on_a_lattice_it_counts_the_fewest_swings(rows: int, cols: int) -> None:
+def test_on_a_lattice_it_counts_the_fewest_swings(rows, cols):
     bench = Bench(rows, cols, 0.34)
     goal = np.zeros(bench.n_positions, dtype=np.bool_)
     goal[bench.n_positions // 2] = True
@@ -119,7 +119,7 @@ def test_on_a_lattice_it_counts_the_fewest_swings(rows: int, cols: int) -> None:
     assert (found.costs == bench.distances(bench.n_positions // 2)).all()
 
 
-def test_of_ways_as_short_the_one_of_less_time_is_taken() -> None:
+def test_of_ways_as_short_the_one_of_less_time_is_taken():
     """As exact search does."""
     for start, goal in ((66, 42), (78, 1), (13, 66), (1, 78)):
         task = base_task(start, goal)
@@ -146,7 +146,7 @@ def test_arrays_that_do_not_fit_are_refused(change, message: str) -> None:  # ty
         costs_to_go(**{**arrays, **change})
 
 
-def test_a_large_number_of_rows_is_refused_by_name() -> None:
+def test_a_large_number_of_rows_is_refused_by_name():
     class Endless(np.ndarray):
         def __len__(self) -> int:
             return 2**31
@@ -156,7 +156,7 @@ def test_a_large_number_of_rows_is_refused_by_name() -> None:
         costs_to_go(np.array([0, 2**31]), successors, np.array([False]))
 
 
-def test_costs_that_differ_only_in_the_order_of_adding_tie() -> None:
+def test_costs_that_differ_only_in_the_order_of_adding_tie():
     """0.1 + 0.2 + 0.3 and 0.3 + 0.2 + 0.1 differ as floating-point sums."""
     rows = np.array([0, 2, 3, 4, 5, 6, 6])
     successors = np.array([1, 3, 2, 5, 4, 5])
@@ -167,6 +167,6 @@ def test_costs_that_differ_only_in_the_order_of_adding_tie() -> None:
     assert costs_to_go(rows, successors, goal, costs).chosen[0] == 0
 
 
-def test_its_options_say_what_is_discounted() -> None:
+def test_its_options_say_what_is_discounted():
     setup = Setup(options={"value-iteration": {"objective": "reward", "gamma": 0.5}})
     assert solve(base_task(66, 42), "value-iteration", setup).cost == 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,12 +41,12 @@ CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 
 
 @pytest.fixture(scope="module")
-def walk() -> Task:
+def walk():
     return load_problem(CASES).part("base-1")
 
 
 @pytest.fixture
-def in_this_process() -> Iterator[None]:
+def in_this_process():
     """No processes for the runs."""
     with studies_in_this_process():
         yield
@@ -108,17 +108,17 @@ class TestOptions:
             ("*", Span("gamma", 0.0, 1.0)),
         ],
     )
-    def test_ranges_and_lists_say_what_may_be_chosen(self, text: str, wanted: Any) -> None:
+    def test_ranges_and_lists_say_what_may_be_chosen(self, text, wanted):
         assert read_space("sarsa", [("gamma", text)]).dimensions == (wanted,)
 
-    def test_whole_numbered_options_are_chosen_whole(self) -> None:
+    def test_whole_numbered_options_are_chosen_whole(self):
         (one,) = read_space("sarsa", [("episodes", "50:300:log")]).dimensions
         assert one == Span("episodes", 50, 300, whole=True, logarithmic=True)
         assert one.holds(50)
         assert not one.holds(50.0)
         assert not one.holds(301)
 
-    def test_one_value_is_tried_first_or_holds_always(self) -> None:
+    def test_one_value_is_tried_first_or_holds_always(self):
         space = read_space("sarsa", [("gamma", "0.8:0.99"), ("gamma", "0.9"), ("alpha", "0.5")])
         assert space.centre == {"gamma": 0.9}
         assert space.fixed == {"alpha": 0.5}
@@ -137,14 +137,12 @@ class TestOptions:
             ("gamma", "0.5,0.50", "is one value only"),
         ],
     )
-    def test_what_cannot_be_chosen_among_is_one_clear_error(
-        self, name: str, text: str, message: str
-    ) -> None:
+    def test_what_cannot_be_chosen_among_is_one_clear_error(self, name, text, message):
         with pytest.raises(OptionError) as caught:
             read_space("sarsa", [(name, text)])
         assert message in str(caught.value)
 
-    def test_all_of_an_option_without_ends_is_refused(self) -> None:
+    def test_all_of_an_option_without_ends_is_refused(self):
         open_ended = next(
             name
             for name, field in registry.load("solver", "replan").Options.model_fields.items()
@@ -155,7 +153,7 @@ class TestOptions:
         (choice,) = read_space("replan", [("lookahead", "*")]).dimensions
         assert choice == Choice("lookahead", (False, True))
 
-    def test_spans_and_choices_that_make_no_sense_are_refused(self) -> None:
+    def test_spans_and_choices_that_make_no_sense_are_refused(self):
         with pytest.raises(ValueError, match="low < high"):
             Span("x", 1.0, 1.0)
         with pytest.raises(ValueError, match="begins above 0"):
@@ -165,7 +163,7 @@ class TestOptions:
 
 
 class TestValue:
-    def test_runs_that_do_not_arrive_count_first(self) -> None:
+    def test_runs_that_do_not_arrive_count_first(self):
         """However cheap the others are."""
         dear = rate_setting([a_run(0, cost=900.0), a_run(1, cost=900.0)], "cost")
         half = rate_setting([a_run(0, cost=1.0), a_run(1, cost=None)], "cost")
@@ -178,7 +176,7 @@ class TestValue:
         assert dear < half < none
         assert rate_setting([a_run(0, error="a"), a_run(1, error="b")], "cost") is None
 
-    def test_what_is_minimised_is_what_was_asked_for(self) -> None:
+    def test_what_is_minimised_is_what_was_asked_for(self):
         runs = [a_run(0, cost=3.0, steps=4), a_run(1, cost=5.0, steps=7)]
         assert rate_setting(runs, "cost") == 4.0
         assert rate_setting(runs, "steps") == 5.5
@@ -189,7 +187,7 @@ class TestValue:
 class TestStudy:
     SETTINGS = ({"episodes": 60, "gamma": 0.95}, {"episodes": 300, "gamma": 0.91}) * 3
 
-    def test_each_setting_is_chosen_knowing_those_before(self, walk: Task) -> None:
+    def test_each_setting_is_chosen_knowing_those_before(self, walk):
         plan, job = a_study(walk)
         trials, seen = Listed(self.SETTINGS), []
         result = do_sampled(plan, job, trials, 3, on_trial=lambda: seen.append(1))
@@ -199,7 +197,7 @@ class TestStudy:
         assert len(result.records) == 6
         assert result.missing == 0
 
-    def test_what_is_under_way_when_it_is_stopped_is_given_up(self, walk: Task) -> None:
+    def test_what_is_under_way_when_it_is_stopped_is_given_up(self, walk):
         plan, job = a_study(walk)
         trials = Listed(self.SETTINGS)
         result = do_sampled(plan, job, trials, 9, stopped=lambda: trials.done() >= 1, jobs=2)
@@ -210,7 +208,7 @@ class TestStudy:
         assert "give up" in " ".join(trials.events)
         assert trials.done() == len(result.plan.settings)
 
-    def test_what_was_tried_is_listed_best_first_with_its_runs(self, walk: Task) -> None:
+    def test_what_was_tried_is_listed_best_first_with_its_runs(self, walk):
         plan, job = a_study(walk)
         result = do_sampled(plan, job, Listed(self.SETTINGS), 2)
         assert isinstance(result.plan, SampledPlan)
@@ -225,7 +223,7 @@ class TestStudy:
         assert [one["option"] for one in document["space"]] == ["episodes", "gamma"]
         json.dumps(document, allow_nan=False)
 
-    def test_a_kept_trial_of_other_options_or_runs_is_damage(self, walk: Task) -> None:
+    def test_a_kept_trial_of_other_options_or_runs_is_damage(self, walk):
         plan, job = a_study(walk)
         for values, seeds in (({"episodes": 60}, (0, 1)), (self.SETTINGS[0], (0, 2))):
             trials = Listed([])
@@ -233,7 +231,7 @@ class TestStudy:
             with pytest.raises(OptionError, match="Trial 0 of the study is damaged"):
                 do_sampled(plan, job, trials, 1)
 
-    def test_the_table_names_the_best_and_says_that_it_cannot_be_repeated(self, walk: Task) -> None:
+    def test_the_table_names_the_best_and_says_that_it_cannot_be_repeated(self, walk):
         plan, job = a_study(walk)
         table = setting_table(do_sampled(plan, job, Listed(self.SETTINGS), 2))
         notes = "\n".join(table.notes)
@@ -243,14 +241,14 @@ class TestStudy:
         assert "not to be repeated or resumed bit for bit" in notes
         assert "centre" not in notes
 
-    def test_of_many_trials_the_best_twenty_are_shown(self, walk: Task) -> None:
+    def test_of_many_trials_the_best_twenty_are_shown(self, walk):
         plan, _ = a_study(walk)
         tried = [TriedSetting(Trial(n, self.SETTINGS[0]), float(n)) for n in range(25)]
         shown = setting_table(replace_records(plan.with_tried(tried)))
         assert len(shown.rows) == 20
         assert any("the best 20" in note for note in shown.notes)
 
-    def test_a_point_of_the_figure_is_a_trial(self, walk: Task) -> None:
+    def test_a_point_of_the_figure_is_a_trial(self, walk):
         plan, job = a_study(walk)
         figure = sweep_figure(do_sampled(plan, job, Listed(self.SETTINGS), 2))
         labels = [axes.get_ylabel() for axes in figure.axes]
@@ -275,7 +273,7 @@ def replace_records(plan: SampledPlan) -> Any:
     return SweepResult(plan, records)
 
 
-def test_plans_that_make_no_sense_are_refused(walk: Task) -> None:
+def test_plans_that_make_no_sense_are_refused(walk):
     plan, _ = a_study(walk)
     with pytest.raises(ValueError, match="an option that varies"):
         replace(plan, space=())
@@ -283,9 +281,7 @@ def test_plans_that_make_no_sense_are_refused(walk: Task) -> None:
         replace(plan, minimise="luck")
 
 
-def test_a_sampler_that_is_not_installed_is_named_with_what_installs_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_sampler_that_is_not_installed_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setattr(registry, "_providers", lambda kind: {})
     with pytest.raises(PluginError, match="pip install skillplan-optuna"):
         make_sampler("optuna", {})

@@ -11,7 +11,6 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from same_process import studies_in_this_process
-from skillplan import Setup, Task, load_problem
+from skillplan import Setup, load_problem
 from skillplan.cli import main
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.records import (
@@ -59,13 +58,13 @@ GOOD_LINE = SweepRecord(1, 2, (OUTCOME,)).line()
 
 
 @pytest.fixture(scope="module")
-def walk() -> Task:
+def walk():
     """To C1, from C20."""
     return load_problem(CASES).tasks[0]
 
 
 @pytest.fixture
-def in_this_process() -> Iterator[None]:
+def in_this_process():
     """No processes for the runs; that they change nothing is claimed below."""
     with studies_in_this_process():
         yield
@@ -100,10 +99,10 @@ def timeless(document: Any) -> Any:
 
 
 class TestValues:
-    def test_a_range_is_evenly_spaced_and_has_both_ends(self) -> None:
+    def test_a_range_is_evenly_spaced_and_has_both_ends(self):
         assert (0.8, 0.85, 0.9) == space_evenly("gamma", "0.8:0.9:3")
 
-    def test_a_logarithmic_range_multiplies(self) -> None:
+    def test_a_logarithmic_range_multiplies(self):
         assert (0.01, 0.1, 1.0) == space_evenly("alpha", "0.01:1:3:log")
 
     @given(
@@ -112,9 +111,7 @@ class TestValues:
         st.integers(2, 200),
         st.sampled_from(["", ":log"]),
     )
-    def test_every_range_runs_one_way_between_its_ends(
-        self, first: float, last: float, count: int, how: str
-    ) -> None:
+    def test_every_range_runs_one_way_between_its_ends(self, first, last, count, how):
         if first == last:
             return
         values = space_evenly("x", f"{first!r}:{last!r}:{count}{how}")
@@ -123,20 +120,20 @@ class TestValues:
         if abs(first - last) > 1e-3 * max(first, last):
             assert sorted(values, reverse=first > last) == list(values)
 
-    def test_whole_numbered_options_take_the_nearest_whole_values_once(self) -> None:
+    def test_whole_numbered_options_take_the_nearest_whole_values_once(self):
         asked = read_values("sarsa", [("episodes", "1:3:9")])
         assert (1, 2, 3) == asked.axes[0].values
         assert 35_000 == asked.centre["episodes"]
 
-    def test_words_and_truths_can_be_listed(self) -> None:
+    def test_words_and_truths_can_be_listed(self):
         asked = read_values("sarsa", [("objective", "cost,reward"), ("expected", "true,false")])
         assert [("cost", "reward"), (True, False)] == [axis.values for axis in asked.axes]
 
-    def test_text_with_a_comma_is_one_value_of_an_option_that_takes_any_text(self) -> None:
+    def test_text_with_a_comma_is_one_value_of_an_option_that_takes_any_text(self):
         asked = read_values("sarsa", [("watch", "at(C1),at(C2)")])
         assert ((), {"watch": "at(C1),at(C2)"}) == (asked.axes, asked.fixed)
 
-    def test_one_value_beside_several_is_the_centre(self) -> None:
+    def test_one_value_beside_several_is_the_centre(self):
         asked = read_values("sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")])
         assert ({"gamma": 0.7}, {"alpha": 0.2}) == (asked.centre, asked.fixed)
 
@@ -160,36 +157,36 @@ class TestValues:
             ("expected", "true,perhaps", "expected"),
         ],
     )
-    def test_a_wrong_value_is_one_clear_error(self, name: str, text: str, message: str) -> None:
+    def test_a_wrong_value_is_one_clear_error(self, name, text, message):
         with pytest.raises(OptionError) as caught:
             read_values("sarsa", [(name, text)])
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("texts", [("0.1", "0.2"), ("0.1,0.2", "0.3,0.4")])
-    def test_an_option_given_twice_is_refused(self, texts: tuple[str, str]) -> None:
+    def test_an_option_given_twice_is_refused(self, texts):
         with pytest.raises(OptionError, match="'alpha' is given twice"):
             read_values("sarsa", [("alpha", text) for text in texts])
 
 
 class TestPlans:
-    def test_one_at_a_time_varies_around_the_centre_and_does_nothing_twice(self) -> None:
+    def test_one_at_a_time_varies_around_the_centre_and_does_nothing_twice(self):
         settings = a_plan().settings
         assert [(0.8, 0.1), (0.9, 0.1), (0.9, 0.5)] == [(s["gamma"], s["alpha"]) for s in settings]
 
-    def test_a_grid_takes_all_combinations(self) -> None:
+    def test_a_grid_takes_all_combinations(self):
         assert 4 == len(a_plan(design=GRID).settings)
 
-    def test_an_axis_shows_the_settings_in_which_the_others_are_at_the_centre(self) -> None:
+    def test_an_axis_shows_the_settings_in_which_the_others_are_at_the_centre(self):
         plan = a_plan()
         assert [[0], [1]] == plan.settings_along(plan.axes[0])
         assert [[1], [2]] == plan.settings_along(plan.axes[1])
 
-    def test_in_a_grid_an_axis_shows_all_settings_of_a_value(self) -> None:
+    def test_in_a_grid_an_axis_shows_all_settings_of_a_value(self):
         plan = a_plan(design=GRID)
         assert [[0, 1], [2, 3]] == plan.settings_along(plan.axes[0])
 
-    def test_without_axes_there_is_one_setting(self) -> None:
+    def test_without_axes_there_is_one_setting(self):
         assert [{}] == a_plan(axes=(), centre={}).settings
         assert "defaults" == setting_text({})
 
@@ -203,13 +200,11 @@ class TestPlans:
             ({"seeds": (1, 1)}, "The seeds must be distinct"),
         ],
     )
-    def test_a_plan_that_makes_no_sense_is_refused(
-        self, changes: dict[str, Any], message: str
-    ) -> None:
+    def test_a_plan_that_makes_no_sense_is_refused(self, changes, message):
         with pytest.raises(ValueError, match=message):
             a_plan(**changes)
 
-    def test_parts_of_a_plan_that_make_no_sense_are_refused(self) -> None:
+    def test_parts_of_a_plan_that_make_no_sense_are_refused(self):
         with pytest.raises(ValueError, match="has no values"):
             Axis("gamma", ())
         with pytest.raises(ValueError, match="has a value twice"):
@@ -227,19 +222,17 @@ class TestPlans:
             (["C1+C2"], "cannot both hold"),
         ],
     )
-    def test_a_wrong_start_is_named(self, walk: Task, starts: list[str], message: str) -> None:
+    def test_a_wrong_start_is_named(self, walk, starts, message):
         with pytest.raises(OptionError) as caught:
             plan_study(walk, "sarsa", QUICK, starts=starts)
         assert message in str(caught.value)
 
-    def test_too_many_runs_are_refused(self, walk: Task) -> None:
+    def test_too_many_runs_are_refused(self, walk):
         values = [("gamma", "0.1:0.9:500"), ("alpha", "0.1:0.9:500")]
         with pytest.raises(OptionError, match="more than 100,000 runs"):
             plan_study(walk, "sarsa", values, design=GRID)
 
-    def test_a_solver_that_cannot_serve_the_task_is_told_before_any_run(
-        self, board_task: Task
-    ) -> None:
+    def test_a_solver_that_cannot_serve_the_task_is_told_before_any_run(self, board_task):
         with pytest.raises(OptionError, match="cannot serve 'inverter-board'"):
             plan_study(board_task, "sarsa", [("max_states", "10")])
 
@@ -249,13 +242,13 @@ class TestIntervals:
         ("freedom", "quantile"),
         [(1, 12.7062), (2, 4.3027), (4, 2.7764), (9, 2.2622), (29, 2.0452), (1000, 1.9623)],
     )
-    def test_quantiles_are_those_of_the_printed_table(self, freedom: int, quantile: float) -> None:
+    def test_quantiles_are_those_of_the_printed_table(self, freedom, quantile):
         assert quantile == pytest.approx(t_quantile(freedom), abs=5e-5)
 
-    def test_quantiles_have_no_step_where_the_formula_changes(self) -> None:
+    def test_quantiles_have_no_step_where_the_formula_changes(self):
         assert t_quantile(1000) == pytest.approx(t_quantile(1001), abs=1e-5)
 
-    def test_ten_of_ten_may_still_fail_one_time_in_four(self) -> None:
+    def test_ten_of_ten_may_still_fail_one_time_in_four(self):
         """Wilson's interval does not shrink to a point; Brown, Cai and DasGupta (2001)."""
         ten = share(10, 10)
         assert ten is not None
@@ -263,7 +256,7 @@ class TestIntervals:
         assert 1.0 == ten.high
 
     @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-    def test_a_share_and_its_complement_mirror_each_other(self, counts: tuple[int, int]) -> None:
+    def test_a_share_and_its_complement_mirror_each_other(self, counts):
         count, total = counts
         one, other = share(count, total), share(total - count, total)
         assert one is not None
@@ -274,7 +267,7 @@ class TestIntervals:
         assert 0 <= one.low <= one.value
 
     @pytest.mark.slow(reason="many draws; single intervals in every run")
-    def test_the_interval_of_a_mean_covers_it_95_times_of_100(self) -> None:
+    def test_the_interval_of_a_mean_covers_it_95_times_of_100(self):
         rng, covered = random.Random(1), 0
         for _ in range(2000):
             estimate = mean([rng.gauss(3.0, 2.0) for _ in range(5)])
@@ -284,11 +277,11 @@ class TestIntervals:
             covered += estimate.low <= 3.0 <= estimate.high
         assert 0.95 == pytest.approx(covered / 2000, abs=0.012)
 
-    def test_too_few_runs_give_no_interval(self) -> None:
+    def test_too_few_runs_give_no_interval(self):
         assert (None, None) == (mean([]), share(0, 0))
         assert Estimate(2.0) == mean([2.0])
 
-    def test_what_makes_no_sense_is_refused(self) -> None:
+    def test_what_makes_no_sense_is_refused(self):
         with pytest.raises(ValueError, match="makes no sense"):
             share(2, 1)
         with pytest.raises(ValueError, match="must be >= 1"):
@@ -300,7 +293,7 @@ class TestIntervals:
 
 
 class TestRecords:
-    def test_a_record_survives_its_line(self) -> None:
+    def test_a_record_survives_its_line(self):
         for record in (
             SweepRecord(1, 2, (OUTCOME,), True, 300),
             SweepRecord(1, 2, (replace(OUTCOME, status=Status.UNSOLVED, cost=None, steps=None),)),
@@ -322,12 +315,12 @@ class TestRecords:
             GOOD_LINE.replace("solved", "soluble"),
         ],
     )
-    def test_a_damaged_line_is_never_trusted(self, line: str) -> None:
+    def test_a_damaged_line_is_never_trusted(self, line):
         record_of(GOOD_LINE)
         with pytest.raises(ValueError):  # noqa: PT011  # what is wrong differs
             record_of(line)
 
-    def test_records_that_make_no_sense_are_refused(self) -> None:
+    def test_records_that_make_no_sense_are_refused(self):
         with pytest.raises(ValueError, match="does not fit its cost"):
             replace(OUTCOME, cost=None)
         with pytest.raises(ValueError, match="finite and >= 0"):
@@ -344,7 +337,7 @@ class TestRecords:
 
 class TestStudies:
     @pytest.mark.usefixtures("in_this_process")
-    def test_one_policy_answers_from_all_starts_within_its_optima(self, walk: Task) -> None:
+    def test_one_policy_answers_from_all_starts_within_its_optima(self, walk):
         """The paper's five cases at its best parameters."""
         starts = ["C20", "C6", "C35", "C52", "C78"]
         plan, job = plan_study(walk, "sarsa", starts=starts, runs=2)
@@ -360,7 +353,7 @@ class TestStudies:
         assert 1 == len(times)
 
     @pytest.mark.usefixtures("in_this_process")
-    def test_a_solver_of_plans_is_run_once_for_every_start(self, walk: Task) -> None:
+    def test_a_solver_of_plans_is_run_once_for_every_start(self, walk):
         plan, job = plan_study(walk, "exact", starts=["C20", "C6"], runs=1)
         result = do_study(plan, job)
         assert not result.shared
@@ -370,7 +363,7 @@ class TestStudies:
     @pytest.mark.slow(
         reason="two processes that compile; a run in a process of its own that fails in every run"
     )
-    def test_results_depend_neither_on_processes_nor_on_their_order(self, walk: Task) -> None:
+    def test_results_depend_neither_on_processes_nor_on_their_order(self, walk):
         values = [("episodes", "200,400"), ("alpha", "0.1,0.5")]
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=2)
         two = do_study(plan, job, jobs=2).document()
@@ -378,7 +371,7 @@ class TestStudies:
             one = do_study(plan, job).document()
         assert timeless(one) == timeless(two)
 
-    def test_figures_are_those_of_the_runs(self) -> None:
+    def test_figures_are_those_of_the_runs(self):
         far = replace(OUTCOME, cost=6.0, steps=6)
         lost = StartOutcome("C20", Status.UNSOLVED, None, None, "lost", 0.3)
         plan = a_plan(seeds=(0, 1, 2, 3))
@@ -393,21 +386,21 @@ class TestStudies:
         assert one.learning_s.value == pytest.approx(statistics.mean([0.1, 0.1, 0.3]))
         assert (1, 8) == (len(result.failed), result.missing)
 
-    def test_tables_name_what_failed_and_what_is_missing(self) -> None:
+    def test_tables_name_what_failed_and_what_is_missing(self):
         result = SweepResult(a_plan(), [SweepRecord(2, 1, error="out of memory")])
         notes = "\n".join(setting_table(result).notes)
         assert "gamma = 0.9, alpha = 0.5, seed 1: out of memory" in notes
         assert "5 of the runs have not been done" in notes
         assert 3 == len(start_table(result).rows)
 
-    def test_a_run_that_goes_wrong_says_so_and_raises_nothing(self, board_task: Task) -> None:
+    def test_a_run_that_goes_wrong_says_so_and_raises_nothing(self, board_task):
         _, job = plan_study(board_task, "sarsa", QUICK)
         record = do_run(job, 0, {"max_states": 10}, 0)
         assert "refused" in (record.error or "")
         assert "no option" in (do_run(job, 0, {"gama": 1}, 0).error or "")
 
     @pytest.mark.usefixtures("in_this_process")
-    def test_a_stopped_study_keeps_what_is_done(self, walk: Task) -> None:
+    def test_a_stopped_study_keeps_what_is_done(self, walk):
         plan, job = plan_study(walk, "sarsa", QUICK, runs=50)
         seen: list[SweepRecord] = []
         result = do_study(plan, job, stopped=lambda: len(seen) >= 2, on_run=seen.append)
@@ -417,15 +410,13 @@ class TestStudies:
 
 
 @pytest.fixture(scope="module")
-def study(walk: Task) -> tuple[SweepPlan, StudyJob]:
+def study(walk):
     """Four short runs."""
     return plan_study(walk, "sarsa", [("episodes", "200,300")], runs=2)
 
 
 @pytest.fixture(scope="module")
-def done(
-    study: tuple[SweepPlan, StudyJob], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, Any]:
+def done(study, tmp_path_factory):
     """The folder of the study once all is done, and its document."""
     path = tmp_path_factory.mktemp("done") / "study"
     plan, job = study
@@ -436,13 +427,11 @@ def done(
 @pytest.mark.usefixtures("in_this_process")
 class TestFolders:
     @pytest.fixture
-    def copied(self, done: tuple[Path, Any], tmp_path: Path) -> Path:
+    def copied(self, done, tmp_path):
         """The same folder, to be changed freely."""
         return Path(shutil.copytree(done[0], tmp_path / "study"))
 
-    def test_what_is_there_is_not_done_again(
-        self, study: tuple[SweepPlan, StudyJob], done: tuple[Path, Any], copied: Path
-    ) -> None:
+    def test_what_is_there_is_not_done_again(self, study, done, copied):
         plan, job = study
         with StudyFolder(str(copied), plan, resume=True) as folder:
             assert 4 == len(folder.records)
@@ -457,13 +446,7 @@ class TestFolders:
             pytest.param(0, marks=pytest.mark.slow(reason="torn elsewhere in every run")),
         ],
     )
-    def test_a_torn_last_line_is_dropped_and_its_run_done_again(
-        self,
-        study: tuple[SweepPlan, StudyJob],
-        done: tuple[Path, Any],
-        copied: Path,
-        length: int,
-    ) -> None:
+    def test_a_torn_last_line_is_dropped_and_its_run_done_again(self, study, done, copied, length):
         plan, job = study
         runs = copied / "runs.jsonl"
         left = runs.read_bytes()[:length]
@@ -474,18 +457,14 @@ class TestFolders:
         assert timeless(done[1]) == timeless(again.document())
         assert 4 == runs.read_bytes().count(b"\n")
 
-    def test_another_damaged_line_is_named(
-        self, study: tuple[SweepPlan, StudyJob], copied: Path
-    ) -> None:
+    def test_another_damaged_line_is_named(self, study, copied):
         plan, _ = study
         runs = copied / "runs.jsonl"
         runs.write_bytes(b"oops\n" + runs.read_bytes())
         with pytest.raises(OptionError, match=r"runs.jsonl:1: is damaged: .* Delete the line"):
             StudyFolder(str(copied), plan, resume=True)
 
-    def test_failed_runs_are_done_again(
-        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
-    ) -> None:
+    def test_failed_runs_are_done_again(self, study, tmp_path):
         plan, job = study
         with StudyFolder(str(tmp_path), plan) as folder:
             folder.add(SweepRecord(0, 0, error="out of memory"))
@@ -504,21 +483,13 @@ class TestFolders:
             ({"axes": (Axis("episodes", (200,)),)}, "is another one, in the values of the options"),
         ],
     )
-    def test_another_study_is_refused_in_words(
-        self,
-        study: tuple[SweepPlan, StudyJob],
-        tmp_path: Path,
-        changes: dict[str, Any],
-        message: str,
-    ) -> None:
+    def test_another_study_is_refused_in_words(self, study, tmp_path, changes, message):
         plan, _ = study
         StudyFolder(str(tmp_path), plan).close()
         with pytest.raises(OptionError, match=message):
             StudyFolder(str(tmp_path), replace(plan, **changes), resume=True)
 
-    def test_nothing_there_is_overwritten(
-        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
-    ) -> None:
+    def test_nothing_there_is_overwritten(self, study, tmp_path):
         plan, _ = study
         (tmp_path / "thesis.tex").write_text("words")
         with pytest.raises(OptionError, match="is not empty"):
@@ -527,9 +498,7 @@ class TestFolders:
             StudyFolder(str(tmp_path), plan, resume=True)
         assert ["thesis.tex"] == [path.name for path in tmp_path.iterdir()]
 
-    def test_two_studies_do_not_write_to_one_folder(
-        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
-    ) -> None:
+    def test_two_studies_do_not_write_to_one_folder(self, study, tmp_path):
         pytest.importorskip("fcntl")
         plan, _ = study
         with (
@@ -539,9 +508,7 @@ class TestFolders:
             StudyFolder(str(tmp_path), plan, resume=True)
 
     @pytest.mark.parametrize("content", ["", "{", "[]", '{"schema": "skillplan.sweep-manifest/9"}'])
-    def test_a_manifest_that_is_none_is_refused(
-        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path, content: str
-    ) -> None:
+    def test_a_manifest_that_is_none_is_refused(self, study, tmp_path, content):
         plan, _ = study
         (tmp_path / "manifest.json").write_text(content)
         with pytest.raises(OptionError, match=r"--out"):
@@ -562,8 +529,8 @@ class TestKilling:
         ],
     )
     def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], kills: int
-    ) -> None:
+        self, tmp_path, capsys, kills
+    ):
         """SIGKILL at random moments, from the start of the program on and amid its runs."""
         runs = tmp_path / "killed" / "runs.jsonl"
 
@@ -609,7 +576,7 @@ class TestKilling:
     @pytest.mark.slow(
         reason="a study that is killed; every run kills a program whose processes check skills"
     )
-    def test_processes_end_with_the_program_that_started_them(self, tmp_path: Path) -> None:
+    def test_processes_end_with_the_program_that_started_them(self, tmp_path):
         """However abruptly that ends."""
         if not Path("/proc").is_dir():
             pytest.skip("processes are looked up in /proc")
@@ -657,7 +624,7 @@ class TestFigures:
             ),
         ],
     )
-    def test_there_is_a_column_for_every_option(self, walk: Task, design: str) -> None:
+    def test_there_is_a_column_for_every_option(self, walk, design):
         values = [("episodes", "100,200,1000"), ("objective", "cost,reward")]
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design)
         figure = sweep_figure(do_study(plan, job))
@@ -665,7 +632,7 @@ class TestFigures:
         assert ["episodes", "objective"] == [axes.get_xlabel() for axes in figure.axes[4:]]
         assert figure_bytes(figure, ".svg") == figure_bytes(figure, ".svg")
 
-    def test_what_cannot_be_drawn_is_said(self) -> None:
+    def test_what_cannot_be_drawn_is_said(self):
         nothing = SweepResult(a_plan(axes=(), centre={}), [SweepRecord(0, 0, (OUTCOME,))])
         with pytest.raises(OptionError, match="1 to 6 options that vary, not 0"):
             sweep_figure(nothing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -34,13 +33,13 @@ class WordsDomain(Domain):
 
 
 @pytest.fixture
-def looked_up() -> list[str]:
+def looked_up():
     """The kinds that were looked up."""
     return []
 
 
 @pytest.fixture
-def load(looked_up: list[str]) -> Any:
+def load(looked_up):
     """Load with three kinds, one of which is broken."""
 
     class Domains(dict[str, type[Domain]]):
@@ -54,9 +53,7 @@ def load(looked_up: list[str]) -> Any:
     return lambda path: load_task(path, domains)
 
 
-def test_a_suffix_is_read_by_the_domain_that_claims_it(
-    tmp_path: Path, load: Any, looked_up: list[str]
-) -> None:
+def test_a_suffix_is_read_by_the_domain_that_claims_it(tmp_path, load, looked_up):
     """The kind of that name is looked up first, so that no other has to be imported."""
     path = tmp_path / "a.words"
     path.write_text("three words here")
@@ -65,7 +62,7 @@ def test_a_suffix_is_read_by_the_domain_that_claims_it(
 
 
 @pytest.mark.parametrize("name", ["a.list", "A.LIST"])
-def test_a_broken_kind_keeps_nobody_from_reading(tmp_path: Path, load: Any, name: str) -> None:
+def test_a_broken_kind_keeps_nobody_from_reading(tmp_path, load, name):
     """Nor do capital letters."""
     path = tmp_path / name
     path.write_text("one")
@@ -73,9 +70,7 @@ def test_a_broken_kind_keeps_nobody_from_reading(tmp_path: Path, load: Any, name
 
 
 @pytest.mark.parametrize("name", ["a.yaml", "a.yml", "a"])
-def test_yaml_looks_up_no_kind_but_its_own(
-    tmp_path: Path, load: Any, looked_up: list[str], name: str
-) -> None:
+def test_yaml_looks_up_no_kind_but_its_own(tmp_path, load, looked_up, name):
     """What a file does not need is not imported for it."""
     path = tmp_path / name
     path.write_text("kind: sop\nname: two\ncosts: [[0, 7], [-1, 0]]\n")
@@ -83,14 +78,14 @@ def test_yaml_looks_up_no_kind_but_its_own(
     assert ["sop"] == looked_up
 
 
-def test_a_suffix_that_nobody_claims_is_yaml(tmp_path: Path, load: Any) -> None:
+def test_a_suffix_that_nobody_claims_is_yaml(tmp_path, load):
     """As it always was."""
     path = tmp_path / "a.txt"
     path.write_text("kind: sop\nname: two\ncosts: [[0, 7], [-1, 0]]\n")
     assert "two" == load(path).name
 
 
-def test_a_domain_says_how_large_its_files_may_be(tmp_path: Path, load: Any) -> None:
+def test_a_domain_says_how_large_its_files_may_be(tmp_path, load):
     """The limit of YAML is not theirs."""
     path = tmp_path / "a.words"
     path.write_text("a " * 11)
@@ -100,13 +95,13 @@ def test_a_domain_says_how_large_its_files_may_be(tmp_path: Path, load: Any) -> 
 
 class TestChanges:
     @pytest.fixture
-    def path(self, tmp_path: Path) -> Path:
+    def path(self, tmp_path):
         """A copy of a TSPLIB file."""
         path = tmp_path / "ESC07.sop"
         path.write_text(instance_text("ESC07"))
         return path
 
-    def test_a_tsplib_file_is_read_as_if_it_held_what_is_set(self, path: Path) -> None:
+    def test_a_tsplib_file_is_read_as_if_it_held_what_is_set(self, path):
         """Its name as well as an entry of its matrix."""
         problem = load_problem(path, changes={"name": "other", "costs.0.1": "5"})
         assert "other" == problem.name
@@ -135,15 +130,13 @@ class TestChanges:
             ),
         ],
     )
-    def test_what_does_not_fit_is_one_message(
-        self, path: Path, key: str, value: str, said: str
-    ) -> None:
+    def test_what_does_not_fit_is_one_message(self, path, key, value, said):
         """That says where the value came from."""
         with pytest.raises(TaskError) as caught:
             load_problem(path, changes={key: value})
         assert [f"{path}{said}"] == caught.value.lines()
 
-    def test_a_row_that_is_not_there_is_refused(self, path: Path) -> None:
+    def test_a_row_that_is_not_there_is_refused(self, path):
         """With the rows there are."""
         with pytest.raises(OptionError, match="a list of 9; give an index from 0 to 8"):
             load_problem(path, changes={"costs.9": "[]"})

@@ -1,16 +1,12 @@
 """Situations of trainings: a learner on the path."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import pytest
 
 from tabular_learner import learner_installed
 
 
 @pytest.fixture(scope="module")
-def learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def learner(tmp_path_factory):
     """The name of a learner that is quick and exact, here and in child processes."""
     with (
         pytest.MonkeyPatch.context() as patch,

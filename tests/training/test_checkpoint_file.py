@@ -39,7 +39,7 @@ def read(path: Path) -> Checkpoint:
     return found
 
 
-def test_what_was_kept_is_what_is_read(tmp_path: Path) -> None:
+def test_what_was_kept_is_what_is_read(tmp_path):
     path = tmp_path / "checkpoint.safetensors"
     write_checkpoint(path, KEPT)
     found = read(path)
@@ -58,7 +58,7 @@ def test_what_was_kept_is_what_is_read(tmp_path: Path) -> None:
         arrays_of.array_shapes(max_dims=3, min_side=0, max_side=4),
     )
 )
-def test_any_array_comes_back_bit_for_bit(tmp_path_factory, array) -> None:
+def test_any_array_comes_back_bit_for_bit(tmp_path_factory, array):
     path = tmp_path_factory.mktemp("any") / "checkpoint.safetensors"
     write_checkpoint(path, Checkpoint(1, {}, Snapshot({"one": array, "turned": array.T}, {})))
     found = read(path).snapshot.arrays
@@ -66,17 +66,17 @@ def test_any_array_comes_back_bit_for_bit(tmp_path_factory, array) -> None:
     assert array.T.tobytes() == found["turned"].tobytes()
 
 
-def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_content_gives_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         write_checkpoint(tmp_path / name, KEPT)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-def test_without_a_file_there_is_no_checkpoint(tmp_path: Path) -> None:
+def test_without_a_file_there_is_no_checkpoint(tmp_path):
     assert read_checkpoint(tmp_path / "checkpoint.safetensors") is None
 
 
-def test_every_cut_and_every_changed_byte_is_one_clear_error(tmp_path: Path) -> None:
+def test_every_cut_and_every_changed_byte_is_one_clear_error(tmp_path):
     path = tmp_path / "checkpoint.safetensors"
     write_checkpoint(path, KEPT)
     whole = path.read_bytes()
@@ -96,9 +96,7 @@ def test_every_cut_and_every_changed_byte_is_one_clear_error(tmp_path: Path) -> 
             read_checkpoint(damaged(changed))
 
 
-def test_a_checkpoint_of_another_version_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_checkpoint_of_another_version_is_named(tmp_path, monkeypatch):
     path = tmp_path / "checkpoint.safetensors"
     with monkeypatch.context() as patch:
         patch.setattr("skillplan.records.schemas.CHECKPOINT", "skillplan.checkpoint/2")
@@ -107,9 +105,7 @@ def test_a_checkpoint_of_another_version_is_named(
         read_checkpoint(path)
 
 
-def test_a_write_that_fails_leaves_the_checkpoint_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_write_that_fails_leaves_the_checkpoint_before(tmp_path, monkeypatch):
     path = tmp_path / "checkpoint.safetensors"
     write_checkpoint(path, KEPT)
 
@@ -124,7 +120,7 @@ def test_a_write_that_fails_leaves_the_checkpoint_before(
     assert ["checkpoint.safetensors"] == [one.name for one in tmp_path.iterdir()]
 
 
-def test_notes_that_are_no_json_are_refused(tmp_path: Path) -> None:
+def test_notes_that_are_no_json_are_refused(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_checkpoint(tmp_path / "a", Checkpoint(1, {}, Snapshot({}, {"x": float("nan")})))
     assert [] == list(tmp_path.iterdir())
@@ -150,19 +146,17 @@ class TestASparseFile:
             tracemalloc.stop()
         return str(caught.value)
 
-    def test_that_has_no_header_is_damaged(self, tmp_path: Path) -> None:
+    def test_that_has_no_header_is_damaged(self, tmp_path):
         assert "is damaged" in self.refused(tmp_path / "a", b"")
         assert "longer than the file" in self.refused(tmp_path / "a", b"\xff" * 8)
 
-    def test_whose_header_accounts_for_less_is_damaged(self, tmp_path: Path) -> None:
+    def test_whose_header_accounts_for_less_is_damaged(self, tmp_path):
         path = tmp_path / "a"
         write_checkpoint(path, KEPT)
         said = self.refused(path, path.read_bytes())
         assert re.search(r"is damaged: its header accounts for \d+ bytes, not for 53\d,", said)
 
-    def test_for_which_there_is_no_room_is_told_so(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_for_which_there_is_no_room_is_told_so(self, tmp_path, monkeypatch):
         """Though its header accounts for all of it."""
         begins = self.begins()
         room = "skillplan.training.run_files.available_bytes"

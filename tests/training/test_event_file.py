@@ -32,7 +32,7 @@ def events(content: bytes) -> list[Any]:
     return found
 
 
-def test_the_file_begins_with_its_version() -> None:
+def test_the_file_begins_with_its_version():
     (first,) = events(opening_record(12.5))
     assert (12.5, "brain.Event:2") == (first.wall_time, first.file_version)
 
@@ -42,20 +42,18 @@ def test_the_file_begins_with_its_version() -> None:
     st.integers(0, 2**40),
     st.dictionaries(st.text(max_size=200), st.floats(width=32, allow_nan=False), max_size=20),
 )
-def test_every_figure_is_read_as_it_was_written(
-    wall_s: float, step: int, scalars: dict[str, float]
-) -> None:
+def test_every_figure_is_read_as_it_was_written(wall_s, step, scalars):
     (one,) = events(scalars_record(wall_s, step, scalars))
     assert (wall_s, step) == (one.wall_time, one.step)
     assert scalars == {value.tag: value.simple_value for value in one.summary.value}
 
 
-def test_records_follow_each_other() -> None:
+def test_records_follow_each_other():
     content = opening_record(0.0) + scalars_record(0.0, 300, {"loss": 0.5})
     assert [0, 300] == [one.step for one in events(content)]
 
 
-def test_a_record_has_the_same_length_whatever_the_clock_says() -> None:
+def test_a_record_has_the_same_length_whatever_the_clock_says():
     lengths = {len(scalars_record(wall_s, 5, {"a": 1.0})) for wall_s in (0.0, 1.7e9, 1e-300)}
     assert 1 == len(lengths)
     assert pytest.approx(1.7e9) == events(opening_record(1.7e9))[0].wall_time

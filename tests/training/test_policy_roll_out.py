@@ -22,7 +22,7 @@ BEST = 1.8670860141568904
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     return load_problem(BOARD).task
 
 
@@ -38,38 +38,36 @@ def an_env(task: Task, places: int = 50, mask: str = "applicable") -> SkillVecto
 class TestGreedy:
     @pytest.mark.parametrize("mask", ["none", "applicable", "feasible"])
     @pytest.mark.parametrize("kind", ["paper", "markov"])
-    def test_what_a_policy_does_is_replayed_on_the_model(
-        self, board: Task, kind: str, mask: str
-    ) -> None:
+    def test_what_a_policy_does_is_replayed_on_the_model(self, board, kind, mask):
         rolled = followed(board, OPTIMAL, kind, mask)
         assert OPTIMAL == ",".join(map(str, rolled.actions))
         assert pytest.approx(BEST, rel=1e-12) == rolled.cost
         assert ("pick(pcb)", "place(pcb)") == rolled.skills[:2]
 
-    def test_without_a_mask_a_skill_that_fails_ends_it_and_is_named(self, board: Task) -> None:
+    def test_without_a_mask_a_skill_that_fails_ends_it_and_is_named(self, board):
         rolled = followed(board, HOPELESS, mask="none")
         assert ((0, 0), None) == (rolled.actions, rolled.cost)
         assert rolled.reason.startswith("pick(pcb) at step 2: ")
 
-    def test_a_collision_ends_it_though_preconditions_hold(self, board: Task) -> None:
+    def test_a_collision_ends_it_though_preconditions_hold(self, board):
         """The switch is placed before the board that it stands on."""
         rolled = followed(board, "2,3")
         assert (2, 3) == rolled.actions
         assert "place(switch_1) at step 2" in rolled.reason
 
-    def test_the_step_limit_ends_it_and_what_is_missing_is_told(self, board: Task) -> None:
+    def test_the_step_limit_ends_it_and_what_is_missing_is_told(self, board):
         rolled = followed(board, "0,1", mask="feasible")
         assert board.step_limit == len(rolled.actions)
         assert "after 20 skills the goal is not reached" in rolled.reason
 
 
 class TestSampled:
-    def test_a_cold_policy_does_the_same_every_time(self, board: Task) -> None:
+    def test_a_cold_policy_does_the_same_every_time(self, board):
         network = lookup_network(board, "markov", SWITCHED)
         tally = sampled_roll_outs(an_env(board), network, 120, 3, 0.01)
         assert (120, 120) == (tally.successes, tally.episodes)
 
-    def test_a_hot_policy_is_chance_alone(self, board: Task) -> None:
+    def test_a_hot_policy_is_chance_alone(self, board):
         """As often as the random baseline, within what 2,000 episodes tell."""
         network = lookup_network(board, "markov", OPTIMAL)
         hot = sampled_roll_outs(an_env(board, 1_000), network, 2_000, 3, 1e6)
@@ -79,7 +77,7 @@ class TestSampled:
         assert 0.005 < chance.tally.rate < 0.08
         assert abs(hot.rate - chance.tally.rate) < 0.02
 
-    def test_the_seed_decides(self, board: Task) -> None:
+    def test_the_seed_decides(self, board):
         network = lookup_network(board, "markov", OPTIMAL)
         first, again, other = (
             sampled_roll_outs(an_env(board), network, 50, seed, 0.4) for seed in (1, 1, 2)
@@ -88,7 +86,7 @@ class TestSampled:
         assert 0 < first.successes < 50
         assert first != other
 
-    def test_episodes_that_fail_early_do_not_count_for_more(self, board: Task) -> None:
+    def test_episodes_that_fail_early_do_not_count_for_more(self, board):
         """More episodes than places: of every place one at a time, whatever its length."""
         rates = [
             sampled_roll_outs(
@@ -98,29 +96,29 @@ class TestSampled:
         ]
         assert rates[0] == pytest.approx(rates[1], abs=0.05)
 
-    def test_there_is_at_least_one_episode(self, board: Task) -> None:
+    def test_there_is_at_least_one_episode(self, board):
         with pytest.raises(ValueError, match="at least one episode"):
             sampled_roll_outs(an_env(board), lookup_network(board, "markov", "0"), 0, 0, 1.0)
 
 
 class TestBaseline:
-    def test_chance_without_a_mask_all_but_never_completes(self, board: Task) -> None:
+    def test_chance_without_a_mask_all_but_never_completes(self, board):
         base = random_baseline(an_env(board, 500, "none"), 1_000, 0, "none")
         assert (0, 1_000, None) == (base.tally.successes, base.tally.episodes, base.best_cost)
 
-    def test_what_it_finds_costs_no_less_than_the_optimum(self, board: Task) -> None:
+    def test_what_it_finds_costs_no_less_than_the_optimum(self, board):
         base = random_baseline(an_env(board, 500), 1_000, 0)
         assert base.best_cost is not None
         assert BEST - 1e-9 <= base.best_cost < 4.0
 
 
 class TestOptimum:
-    def test_it_is_proved_by_the_solver_that_suits(self, board: Task) -> None:
+    def test_it_is_proved_by_the_solver_that_suits(self, board):
         found = prove_optimum(board, Setup())
         assert (pytest.approx(BEST), "auto", "") == (found.cost, found.solver, found.reason)
         assert OPTIMAL == ",".join(map(str, found.actions))
 
-    def test_without_time_the_reason_is_told(self, board: Task) -> None:
+    def test_without_time_the_reason_is_told(self, board):
         stop = Stop()
         stop.interrupt()
         found = prove_optimum(board, Setup(), stop=stop)
@@ -140,7 +138,7 @@ class TestChance:
         )
         return task.replace(skills=(replace(first, outcomes=outcomes), *task.skills[1:]))
 
-    def test_a_policy_costs_what_it_costs_on_average(self, board: Task) -> None:
+    def test_a_policy_costs_what_it_costs_on_average(self, board):
         """One try more in four of picking, from where the arm is then: exactly, and in sum."""
         task = self.risky(board)
         model: SkillModel = make_model(task)
@@ -151,7 +149,7 @@ class TestChance:
         assert OPTIMAL == ",".join(map(str, rolled.actions))
         assert pytest.approx(BEST + 0.25 * again, rel=1e-9) == rolled.cost
 
-    def test_its_optimum_is_proved_by_value_iteration(self, board: Task) -> None:
+    def test_its_optimum_is_proved_by_value_iteration(self, board):
         task = self.risky(board)
         found = prove_optimum(task, Setup())
         again = task.skills[0].cost.at(task.initial)
@@ -159,7 +157,7 @@ class TestChance:
         assert pytest.approx(BEST + 0.25 * again, rel=1e-6) == found.cost
 
 
-def test_scores_of_a_looked_up_sequence_are_one_for_its_action(board: Task) -> None:
+def test_scores_of_a_looked_up_sequence_are_one_for_its_action(board):
     """What the tests here rest on."""
     network: NetworkPolicy = lookup_network(board, "markov", OPTIMAL)
     scores = network.scores(Observation.of(board, "markov").encode(board.initial)[None])

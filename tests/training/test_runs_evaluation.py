@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,7 +23,7 @@ def evaluated(path: Path, task_file: str = BOARD, drawn: Sampling = DRAWN) -> Tr
     return evaluation.evaluate(make_model(task), Setup(), Optimum(1.8670860141568904))
 
 
-def test_every_run_is_followed_greedily_and_by_chance(tmp_path: Path) -> None:
+def test_every_run_is_followed_greedily_and_by_chance(tmp_path):
     result = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS]))
     assert [RunStatus.COMPLETE, RunStatus.COMPLETE, RunStatus.INCOMPLETE] == [
         one.status for one in result.outcomes
@@ -35,7 +34,7 @@ def test_every_run_is_followed_greedily_and_by_chance(tmp_path: Path) -> None:
     assert ["best", "best", "last"] == [one.greedy.kept for one in result.outcomes if one.greedy]
 
 
-def test_a_run_does_not_depend_on_those_beside_it(tmp_path: Path) -> None:
+def test_a_run_does_not_depend_on_those_beside_it(tmp_path):
     drawn = Sampling(60, 0.4, 3)
     alone = evaluated(write_runs(tmp_path / "one", BOARD, [OPTIMAL]), drawn=drawn)
     beside = evaluated(write_runs(tmp_path / "three", BOARD, [OPTIMAL] * 3), drawn=drawn)
@@ -44,7 +43,7 @@ def test_a_run_does_not_depend_on_those_beside_it(tmp_path: Path) -> None:
     assert len(set(tallies)) > 1
 
 
-def test_best_and_last_are_both_followed(tmp_path: Path) -> None:
+def test_best_and_last_are_both_followed(tmp_path):
     """The run stands for the best."""
     path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL])
     other = write_runs(tmp_path / "other", BOARD, [SWITCHED])
@@ -60,7 +59,7 @@ def test_best_and_last_are_both_followed(tmp_path: Path) -> None:
     assert one.greedy is one.best
 
 
-def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path: Path) -> None:
+def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path):
     base = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL] * 3, mask="none")).baseline
     assert base is not None
     assert (Tally(0, 120), "none") == (base.tally, base.mask)
@@ -95,9 +94,7 @@ def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path: Pa
         ),
     ],
 )
-def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(
-    tmp_path: Path, break_it: Any, told: str
-) -> None:
+def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(tmp_path, break_it, told):
     path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL, OPTIMAL])
     break_it(path / "runs" / "00")
     broken, sound = evaluated(path).outcomes
@@ -107,7 +104,7 @@ def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(
     assert (RunStatus.COMPLETE, Tally(40, 40)) == (sound.status, sound.sampled)
 
 
-def test_a_run_whose_training_was_cut_off_says_how_to_go_on(tmp_path: Path) -> None:
+def test_a_run_whose_training_was_cut_off_says_how_to_go_on(tmp_path):
     result = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, None], done=2_000))
     assert "it has no policy yet: its training was cut off; train --resume goes on" == (
         result.outcomes[1].reason
@@ -115,7 +112,7 @@ def test_a_run_whose_training_was_cut_off_says_how_to_go_on(tmp_path: Path) -> N
     assert result.interrupted
 
 
-def test_another_task_is_named_by_what_has_changed(tmp_path: Path) -> None:
+def test_another_task_is_named_by_what_has_changed(tmp_path):
     folder = RunFolder(write_runs(tmp_path / "runs", BOARD, [OPTIMAL]))
     check_same_task(folder, load_problem(BOARD))
     with pytest.raises(OptionError) as told:
@@ -124,7 +121,7 @@ def test_another_task_is_named_by_what_has_changed(tmp_path: Path) -> None:
     assert "--changed-task" in str(told.value)
 
 
-def test_on_a_task_with_other_skills_no_policy_can_act(tmp_path: Path) -> None:
+def test_on_a_task_with_other_skills_no_policy_can_act(tmp_path):
     path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL])
     with pytest.raises(OptionError, match=r"can act on motor-drive: it was learned on other"):
         evaluated(path, str(CONFIGS / "motor_drive.yaml"))

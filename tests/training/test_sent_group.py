@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
@@ -50,7 +49,7 @@ class Lost(SameProcessWorker):
 
 
 @pytest.fixture
-def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+def elsewhere(monkeypatch):
     """Registered from outside."""
     known = registry.load
     chosen = OnAnotherMachine
@@ -61,7 +60,7 @@ def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def kept(learner, tmp_path_factory):
     """The folder of a training of this process."""
     folder = tmp_path_factory.mktemp("kept") / "whole"
     train(folder)
@@ -69,14 +68,14 @@ def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
-def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path: Path) -> None:
+def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept, tmp_path):
     """Policies, metrics and checkpoints; events up to the time of day."""
     train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
     assert learned_bytes(kept) == learned_bytes(tmp_path / "sent")
     assert event_lengths(kept) == event_lengths(tmp_path / "sent")
 
 
-def test_what_is_counted_elsewhere_is_what_is_counted_here(kept: Path, tmp_path: Path) -> None:
+def test_what_is_counted_elsewhere_is_what_is_counted_here(kept, tmp_path):
     """Of every group: checks, executions and how often each back end was asked."""
     train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
     assert counts(kept) == counts(tmp_path / "sent")
@@ -84,7 +83,7 @@ def test_what_is_counted_elsewhere_is_what_is_counted_here(kept: Path, tmp_path:
 
 
 @pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
-def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Path) -> None:
+def test_a_training_that_was_stopped_goes_on_elsewhere(kept, tmp_path):
     """And what was begun elsewhere goes on here: the folder is the same."""
     train(tmp_path / "sent", executor=ELSEWHERE, stop_after=3)
     shutil.copytree(tmp_path / "sent", tmp_path / "here")
@@ -95,7 +94,7 @@ def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Pat
         assert event_lengths(kept) == event_lengths(folder)
 
 
-def test_after_a_stop_no_worker_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_stop_no_worker_is_started(tmp_path, monkeypatch):
     """A group that had begun before, and has none, hands over here what it has learned."""
     train(tmp_path / "a", stop_after=5)
     started: list[str] = []
@@ -128,8 +127,8 @@ lossy = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarn
     ],
 )
 def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(
-    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: int
-) -> None:
+    kept, tmp_path, monkeypatch, answers
+):
     """On another machine, from what has come back until then."""
     monkeypatch.setattr(OnAnotherMachine, "lost_after", [answers])
     result = train(tmp_path / "sent", executor=ELSEWHERE)
@@ -140,9 +139,7 @@ def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(
 
 @pytest.mark.slow(reason="trains in processes; the first loss in every run")
 @lossy
-def test_a_second_loss_costs_the_runs_of_the_group(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_loss_costs_the_runs_of_the_group(tmp_path, monkeypatch):
     """The other group has learned."""
     monkeypatch.setattr(OnAnotherMachine, "lost_after", [1, 0])
     result = train(tmp_path / "sent", executor=ELSEWHERE)
@@ -150,9 +147,7 @@ def test_a_second_loss_costs_the_runs_of_the_group(
     assert "its process was ended twice, by the loss of its machine" == result.failed[0].reason
 
 
-def test_what_has_grown_is_put_at_the_end_and_what_was_replaced_in_its_place(
-    tmp_path: Path,
-) -> None:
+def test_what_has_grown_is_put_at_the_end_and_what_was_replaced_in_its_place(tmp_path):
     """A piece that was written before is written over."""
     (tmp_path / "log").write_bytes(b"one, tw")
     apply_changes(tmp_path, [FileChange("log", 5, b"two"), FileChange("sub/whole", None, b"all")])

@@ -7,7 +7,6 @@ import os
 import shutil
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("learner")
 
 
 @pytest.fixture(scope="module")
-def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def kept(learner, tmp_path_factory):
     """The folder of a training that nothing happened to, for all tests."""
     folder = tmp_path_factory.mktemp("kept") / "whole"
     train(folder)
@@ -33,14 +32,14 @@ def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def whole(kept: Path, tmp_path: Path) -> Path:
+def whole(kept, tmp_path):
     """The same, to be changed freely."""
     shutil.copytree(kept, tmp_path / "whole")
     return tmp_path / "whole"
 
 
 class TestWhatIsKept:
-    def test_every_run_has_its_files(self, whole: Path) -> None:
+    def test_every_run_has_its_files(self, whole):
         folder = RunFolder(whole)
         assert ((0, 1, 2, 3), (4, 5, 6)) == folder.manifest.groups
         assert tuple(range(7)) == folder.manifest.seeds
@@ -53,7 +52,7 @@ class TestWhatIsKept:
             assert run.episodes[-1].step <= 400
             assert all(set(one.figures) == {"states"} for one in run.figures)
 
-    def test_the_result_is_that_of_the_files(self, tmp_path: Path) -> None:
+    def test_the_result_is_that_of_the_files(self, tmp_path):
         result = train(tmp_path / "a", runs=3)
         folder = RunFolder(tmp_path / "a")
         assert json.loads(json.dumps(result.document())) == folder.result()
@@ -64,16 +63,14 @@ class TestWhatIsKept:
             assert len(run.episodes) == outcome.training.every.episodes
             assert (outcome.best is None) == (run.best is None)
 
-    def test_all_metrics_stand_in_one_file_with_their_run(self, whole: Path) -> None:
+    def test_all_metrics_stand_in_one_file_with_their_run(self, whole):
         lines = [json.loads(line) for line in (whole / "metrics.jsonl").read_text().splitlines()]
         assert sorted(one["run"] for one in lines) == [one["run"] for one in lines]
         first = [{k: v for k, v in one.items() if k != "run"} for one in lines if one["run"] == 0]
         own = (whole / "runs" / "00" / "metrics.jsonl").read_text().splitlines()
         assert [json.loads(line) for line in own] == first
 
-    def test_the_option_steps_is_the_number_of_steps_wherever_it_stands(
-        self, tmp_path: Path
-    ) -> None:
+    def test_the_option_steps_is_the_number_of_steps_wherever_it_stands(self, tmp_path):
         problem = load_problem(BOARD)
         for options, steps, expected in (
             ({}, None, 5_000),
@@ -85,14 +82,14 @@ class TestWhatIsKept:
             plan = a_plan(problem, options, steps=steps)
             assert (expected, expected) == (plan.steps, plan.options["steps"])
 
-    def test_the_task_is_kept_as_it_was(self, whole: Path) -> None:
+    def test_the_task_is_kept_as_it_was(self, whole):
         assert BOARD.read_bytes() == (whole / "task.yaml").read_bytes()
         folder = RunFolder(whole)
         assert load_problem(BOARD).sha256 == folder.manifest.task.sha256
         assert "inverter-board" == folder.config["name"]
         assert str(BOARD) == folder.source
 
-    def test_a_run_learns_the_same_alone(self, whole: Path, tmp_path: Path) -> None:
+    def test_a_run_learns_the_same_alone(self, whole, tmp_path):
         train(tmp_path / "alone", runs=1, seed=3)
         one, other = (
             (folder / "runs" / run / "metrics.jsonl").read_bytes()
@@ -103,15 +100,13 @@ class TestWhatIsKept:
 
 class TestWhatHappens:
     @pytest.mark.slow(reason="two processes; one process in every run, and searches in several")
-    def test_processes_change_nothing(self, whole: Path, tmp_path: Path) -> None:
+    def test_processes_change_nothing(self, whole, tmp_path):
         train(tmp_path / "two", jobs=2)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "two")
         assert counts(whole) == counts(tmp_path / "two")
 
     @pytest.mark.slow(reason="another training; every run stops and goes on with one")
-    def test_how_often_a_checkpoint_is_kept_changes_nothing(
-        self, whole: Path, tmp_path: Path
-    ) -> None:
+    def test_how_often_a_checkpoint_is_kept_changes_nothing(self, whole, tmp_path):
         train(tmp_path / "rare", checkpoint_steps=10_000)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "rare")
 
@@ -125,9 +120,7 @@ class TestWhatHappens:
             pytest.param(2, 5, marks=pytest.mark.slow(reason="two processes; one in every run")),
         ],
     )
-    def test_a_stop_between_two_strides_changes_nothing(
-        self, whole: Path, tmp_path: Path, jobs: int, reports: int
-    ) -> None:
+    def test_a_stop_between_two_strides_changes_nothing(self, whole, tmp_path, jobs, reports):
         stopped = train(tmp_path / "a", jobs=jobs, stop_after=reports)
         assert stopped.interrupted
         begun = [one for one in RunFolder(tmp_path / "a").runs() if one.policy is not None]
@@ -147,9 +140,7 @@ class TestWhatHappens:
             for nth in range(1, 60, 7)
         ],
     )
-    def test_an_end_at_any_write_changes_nothing(
-        self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nth: int
-    ) -> None:
+    def test_an_end_at_any_write_changes_nothing(self, whole, tmp_path, monkeypatch, nth):
         """As SIGKILL ends it: before something is forced to disk, or before it is renamed."""
 
         class Ended(Interrupted):
@@ -189,8 +180,8 @@ class TestWhatHappens:
         ],
     )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
-    ) -> None:
+        self, tmp_path, monkeypatch, jobs
+    ):
         """What the last checkpoint knows counts, and nothing else changes."""
         slow = {"pause_s": 0.004}
         more = {"runs": 1, "steps": 200, "checkpoint_steps": 100}
@@ -206,7 +197,7 @@ class TestWhatHappens:
         assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
 
     @pytest.mark.slow(reason="trains on several layouts; one layout in every run")
-    def test_layouts_of_a_family_are_learned_and_gone_on_with(self, tmp_path: Path) -> None:
+    def test_layouts_of_a_family_are_learned_and_gone_on_with(self, tmp_path):
         """The policies are judged on the file's own layout."""
         more = {"runs": 2, "steps": 400, "family": 3}
         whole = train(tmp_path / "whole", **more)
@@ -225,9 +216,7 @@ class TestWhatHappens:
         assert own != other
 
     @pytest.mark.slow(reason="goes on with a training; every run goes on with one that was stopped")
-    def test_pieces_of_lines_beyond_the_checkpoint_are_cut_off(
-        self, whole: Path, tmp_path: Path
-    ) -> None:
+    def test_pieces_of_lines_beyond_the_checkpoint_are_cut_off(self, whole, tmp_path):
         train(tmp_path / "a", stop_after=3)
         for path in (tmp_path / "a").rglob("*.tfevents.*"):
             path.write_bytes(path.read_bytes() + b"\x07piece")
@@ -237,9 +226,7 @@ class TestWhatHappens:
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
         assert event_lengths(whole) == event_lengths(tmp_path / "a")
 
-    def test_what_is_done_is_not_done_again(
-        self, whole: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_is_done_is_not_done_again(self, whole, monkeypatch):
         before, effort = learned_bytes(whole), RunFolder(whole).progress(0)
 
         def never(*_: object) -> None:
@@ -253,9 +240,7 @@ class TestWhatHappens:
 
 
 class TestFailures:
-    def test_a_run_that_cannot_go_on_is_named_and_the_others_do(
-        self, whole: Path, tmp_path: Path
-    ) -> None:
+    def test_a_run_that_cannot_go_on_is_named_and_the_others_do(self, whole, tmp_path):
         result = train(tmp_path / "a", {"fails": "1@250"})
         # In either group there is a run of this number.
         assert [1, 5] == [one.run for one in result.failed]
@@ -279,9 +264,7 @@ class TestFailures:
             pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
         ],
     )
-    def test_a_group_that_raises_does_not_take_the_others_along(
-        self, whole: Path, tmp_path: Path, jobs: int
-    ) -> None:
+    def test_a_group_that_raises_does_not_take_the_others_along(self, whole, tmp_path, jobs):
         result = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs)
         assert [4, 5, 6] == [one.run for one in result.failed]
         (reason,) = {one.reason for one in result.failed}
@@ -300,16 +283,14 @@ class TestFailures:
         assert [4, 5, 6] == [one.run for one in again.failed]
 
     @pytest.mark.slow(reason="starts three processes; killed processes of checks are in every run")
-    def test_a_process_that_is_killed_twice_costs_its_runs_only(self, tmp_path: Path) -> None:
+    def test_a_process_that_is_killed_twice_costs_its_runs_only(self, tmp_path):
         result = train(tmp_path / "a", {"dies": "5@350"}, jobs=2)
         assert [4, 5, 6] == [one.run for one in result.failed]
         assert "its process was ended twice, by signal 9" == result.failed[0].reason
         assert 400 == RunFolder(tmp_path / "a").run(0).steps
 
     @pytest.mark.slow(reason="killed twice in every run")
-    def test_a_process_that_is_killed_once_is_started_again(
-        self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_process_that_is_killed_once_is_started_again(self, whole, tmp_path, monkeypatch):
         """The first start dies; by the second, the cause has gone."""
         cause = tmp_path / "cause"
         cause.touch()
@@ -321,7 +302,7 @@ class TestFailures:
 
 
 class TestFolders:
-    def test_a_second_training_is_kept_out(self, whole: Path) -> None:
+    def test_a_second_training_is_kept_out(self, whole):
         problem = load_problem(BOARD)
         plan = a_plan(problem)
         with (
@@ -331,7 +312,7 @@ class TestFolders:
             TrainingFolder(str(whole), plan, problem, resume=True)
         TrainingFolder(str(whole), plan, problem, resume=True).close()
 
-    def test_a_folder_with_anything_in_it_is_not_begun_in(self, tmp_path: Path) -> None:
+    def test_a_folder_with_anything_in_it_is_not_begun_in(self, tmp_path):
         (tmp_path / "letter.txt").write_text("expensive")
         with pytest.raises(OptionError, match=r"is not empty. Name a new folder, or go on"):
             train(tmp_path)
@@ -355,9 +336,7 @@ class TestFolders:
             ({"steps": 800, "options": {"schedule_steps": 300}}, "schedule_steps: 400 there, 300"),
         ),
     )
-    def test_another_training_is_refused_by_what_differs(
-        self, whole: Path, more: dict[str, Any], message: str
-    ) -> None:
+    def test_another_training_is_refused_by_what_differs(self, whole, more, message):
         before = learned_bytes(whole)
         with pytest.raises(OptionError) as caught:
             train(whole, resume=True, **more)
@@ -366,8 +345,8 @@ class TestFolders:
 
     @pytest.mark.parametrize("stop_after", [None, 3])
     def test_a_training_that_is_extended_is_the_one_that_was_asked_for_in_whole(
-        self, tmp_path: Path, stop_after: int | None
-    ) -> None:
+        self, tmp_path, stop_after
+    ):
         """To the byte, done or cut off before; all steps are in its result, and in its manifest."""
         lasting = {"schedule_steps": 300}
         train(tmp_path / "whole", lasting, steps=600)
@@ -380,8 +359,8 @@ class TestFolders:
 
     @pytest.mark.parametrize("stop_after", [None, 2])
     def test_a_training_of_which_nobody_thought_it_would_be_extended_is_so_too(
-        self, tmp_path: Path, stop_after: int | None
-    ) -> None:
+        self, tmp_path, stop_after
+    ):
         """Twice: as if its schedules had been asked for over its first steps, and all steps."""
         train(tmp_path / "whole", {"schedule_steps": 300}, steps=600)
         train(tmp_path / "grown", {}, steps=300, stop_after=stop_after)
@@ -392,7 +371,7 @@ class TestFolders:
         manifests = [RunFolder(tmp_path / name).manifest for name in ("whole", "grown")]
         assert manifests[0] == manifests[1].model_copy(update={"command": manifests[0].command})
 
-    def test_more_steps_that_nobody_asked_for_are_not_done(self, tmp_path: Path) -> None:
+    def test_more_steps_that_nobody_asked_for_are_not_done(self, tmp_path):
         """The learner's default of steps extends nothing."""
         train(tmp_path / "a", {}, steps=200)
         problem = load_problem(BOARD)
@@ -401,15 +380,13 @@ class TestFolders:
             TrainingFolder(str(tmp_path / "a"), plan, problem, resume=True)
         assert 200 == RunFolder(tmp_path / "a").manifest.steps
 
-    def test_what_ends_between_two_hundreds_is_not_extended(self, tmp_path: Path) -> None:
+    def test_what_ends_between_two_hundreds_is_not_extended(self, tmp_path):
         train(tmp_path / "a", {"schedule_steps": 300}, steps=250)
         with pytest.raises(OptionError, match="has 250 steps, and only whole hundreds can be"):
             train(tmp_path / "a", {"schedule_steps": 300}, steps=400, resume=True)
         assert 250 == RunFolder(tmp_path / "a").manifest.steps
 
-    def test_another_task_is_refused_by_the_keys_that_changed(
-        self, whole: Path, tmp_path: Path
-    ) -> None:
+    def test_another_task_is_refused_by_the_keys_that_changed(self, whole, tmp_path):
         text = BOARD.read_text("utf-8")
         other = BOARD.with_name("other.yaml")
         changed = tmp_path / other.name
@@ -418,22 +395,20 @@ class TestFolders:
         with pytest.raises(OptionError, match="in the task: step_limit: 20 there, 21 now"):
             train(whole, resume=True, source=changed)
 
-    def test_another_version_is_refused(self, whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_another_version_is_refused(self, whole, monkeypatch):
         monkeypatch.setattr("skillplan.__version__", "9.9")
         with pytest.raises(OptionError, match=r'in the versions: skillplan: ".*" there, "9.9" now'):
             train(whole, resume=True)
 
 
 class TestPlans:
-    def test_a_solver_that_does_not_learn_is_told_who_does(self) -> None:
+    def test_a_solver_that_does_not_learn_is_told_who_does(self):
         with pytest.raises(OptionError, match=r"'sarsa' trains no policies step by step. Learners"):
             plan_training(load_problem(BOARD), "sarsa")
         with pytest.raises(PluginError, match=r"Unknown solver 'tabula'. Did you mean 'tabular'\?"):
             plan_training(load_problem(BOARD), "tabula")
 
-    def test_back_ends_that_were_made_to_read_the_file_are_not_made_again(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_back_ends_that_were_made_to_read_the_file_are_not_made_again(self, monkeypatch):
         made = []
         begin = PrecedenceDetector.__init__
 
@@ -454,14 +429,14 @@ class TestPlans:
             ({"steps": 0}, "steps: must be >= 1"),
         ],
     )
-    def test_a_wrong_option_is_one_clear_error(self, options: dict[str, Any], message: str) -> None:
+    def test_a_wrong_option_is_one_clear_error(self, options, message):
         with pytest.raises(OptionError) as caught:
             plan_training(load_problem(BOARD), "tabular", Setup(options={"tabular": options}))
         assert message in str(caught.value)
 
 
 @pytest.mark.slow(reason="four trainings; links out of a folder in test_run_folder.py of every run")
-def test_a_training_writes_nothing_through_a_link_out_of_its_folder(tmp_path: Path) -> None:
+def test_a_training_writes_nothing_through_a_link_out_of_its_folder(tmp_path):
     """A folder of runs that somebody else has sent."""
     train(tmp_path / "kept", steps=200, stop_after=1)
     for name in ("runs", "groups", "tensorboard"):

@@ -1,9 +1,5 @@
 """Plans of trainings: which runs learn side by side."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from skillplan.checks import DiskVerdictCache, VerdictCache
@@ -13,7 +9,6 @@ from skillplan.sweep import StudyJob
 from skillplan.training import (
     GROUP_RUNS,
     GroupJob,
-    Groups,
     even_groups,
     make_group_cache,
     training_plan,
@@ -35,13 +30,13 @@ pytestmark = pytest.mark.usefixtures("learner")
         (11, ((0, 1, 2, 3), (4, 5, 6, 7), (8, 9, 10))),
     ],
 )
-def test_runs_are_shared_out_evenly_among_two_groups_or_more(runs: int, groups: Groups) -> None:
+def test_runs_are_shared_out_evenly_among_two_groups_or_more(runs, groups):
     assert groups == even_groups(runs)
     assert groups == a_plan(load_problem(BOARD), runs=runs).groups
 
 
 @pytest.mark.parametrize("runs", range(2, 65))
-def test_two_processes_are_filled_and_no_group_is_larger_than_others(runs: int) -> None:
+def test_two_processes_are_filled_and_no_group_is_larger_than_others(runs):
     """Every run is in one group; sizes differ by one at most."""
     groups = even_groups(runs)
     sizes = [len(group) for group in groups]
@@ -51,9 +46,7 @@ def test_two_processes_are_filled_and_no_group_is_larger_than_others(runs: int) 
     assert max(sizes) - min(sizes) <= 1
 
 
-def test_a_training_goes_on_in_the_groups_that_it_was_begun_with(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_training_goes_on_in_the_groups_that_it_was_begun_with(tmp_path, monkeypatch):
     """Its checkpoints are theirs; what is learned is the same."""
     more = {"runs": 3, "steps": 200, "checkpoint_steps": 100}
     train(tmp_path / "whole", **more)
@@ -75,8 +68,8 @@ def test_a_training_goes_on_in_the_groups_that_it_was_begun_with(
 
 @pytest.mark.parametrize(("shared", "kind"), [(True, DiskVerdictCache), (False, VerdictCache)])
 def test_only_where_files_are_those_of_the_head_verdicts_are_kept_on_disk(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: bool, kind: type[VerdictCache]
-) -> None:
+    monkeypatch, tmp_path, shared, kind
+):
     """Of warm trainings and studies alike: another machine keeps them in memory."""
     for module in ("skillplan.training.groups", "skillplan.sweep.study_runs"):
         monkeypatch.setattr(f"{module}.shares_files", lambda: shared)

@@ -1,7 +1,5 @@
 """Detectors on trial: which executions they are shown, and how their verdicts are counted."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest
@@ -52,7 +50,7 @@ def trials(board):
 
 
 class TestTrials:
-    def test_every_class_of_right_executions_is_tried_once(self, board, trials) -> None:
+    def test_every_class_of_right_executions_is_tried_once(self, board, trials):
         """Whatever the chart allows; of those that agree on all that matters, one."""
         shown = [checked.trial for checked in trials.of(Truth.LEGITIMATE) if not checked.trial.kind]
         assert CHART == trials.reference
@@ -65,7 +63,7 @@ class TestTrials:
             assert key not in seen
             seen.add(key)
 
-    def test_collisions_of_all_kinds_and_skills_are_tried_in_turn(self, trials) -> None:
+    def test_collisions_of_all_kinds_and_skills_are_tried_in_turn(self, trials):
         """As many as requested, and as many near misses; no two are alike."""
         collisions = [
             checked.trial
@@ -79,7 +77,7 @@ class TestTrials:
         near = [one for one in trials.of(Truth.LEGITIMATE) if one.trial.kind == "near miss"]
         assert 40 == len(near)
 
-    def test_orders_that_the_geometry_forbids_are_tried(self, trials) -> None:
+    def test_orders_that_the_geometry_forbids_are_tried(self, trials):
         """A part put through another, and parts put down on nothing."""
         orders = [one.trial for one in trials.checked if one.trial.kind == "wrong order"]
         assert ["brace stands in the way of transformer"] == [one.fault for one in orders]
@@ -89,7 +87,7 @@ class TestTrials:
         }
         assert "place(pcb)" not in {trial.skill.name for trial in falling}
 
-    def test_without_a_chart_what_most_back_ends_grant_is_right(self, board) -> None:
+    def test_without_a_chart_what_most_back_ends_grant_is_right(self, board):
         """And that is said."""
         drawn = board.replace(chart=())
         trials = try_detectors(drawn, lambda task: [KinematicEngine(task), AabbDetector(task)], 0)
@@ -97,7 +95,7 @@ class TestTrials:
         assert trials.of(Truth.LEGITIMATE)
         assert not [one for one in trials.of(Truth.COLLISION) if one.trial.kind != "wrong order"]
 
-    def test_being_stopped_keeps_what_is_known(self, board) -> None:
+    def test_being_stopped_keeps_what_is_known(self, board):
         """After three trials."""
         made = []
         trials = try_detectors(
@@ -108,7 +106,7 @@ class TestTrials:
 
 
 class TestCounting:
-    def test_false_alarms_and_misses_are_counted(self, trials) -> None:
+    def test_false_alarms_and_misses_are_counted(self, trials):
         """The blind one misses all, the one that sees blocks also those that are clear."""
         document = detectors_document(trials, 1.0)
         by_name = {one["name"]: one for one in document["detectors"]}
@@ -119,7 +117,7 @@ class TestCounting:
         assert len(trials.of(Truth.OUTCOME)) == by_name["aabb"]["outcomes_seen"]
         assert 41 == document["trials"]["collision"]
 
-    def test_every_wrong_verdict_is_listed_with_its_evidence(self, trials) -> None:
+    def test_every_wrong_verdict_is_listed_with_its_evidence(self, trials):
         """As many as are counted; with the state and the injected fault."""
         for one in detectors_document(trials, 1.0)["detectors"]:
             wrong = one["wrong_rulings"]
@@ -127,7 +125,7 @@ class TestCounting:
             assert all(checked["state"] for checked in wrong)
         assert 40 <= len(list_wrong(trials, "seer"))
 
-    def test_the_figures_that_decide_are_the_nearest_to_a_wrong_verdict(self, trials) -> None:
+    def test_the_figures_that_decide_are_the_nearest_to_a_wrong_verdict(self, trials):
         """The largest on right executions, the smallest on collisions."""
         right = find_decisive(trials, "seer", Truth.LEGITIMATE)
         wrong = find_decisive(trials, "seer", Truth.COLLISION)
@@ -138,7 +136,7 @@ class TestCounting:
         assert find_decisive(trials, "blind", Truth.COLLISION) is None
 
     @pytest.mark.slow(reason="tries two back ends on the board; the other counts in every run")
-    def test_what_is_unknown_is_neither_a_miss_nor_an_alarm(self, board) -> None:
+    def test_what_is_unknown_is_neither_a_miss_nor_an_alarm(self, board):
         """It is counted apart."""
 
         def make(task):

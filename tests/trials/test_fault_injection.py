@@ -1,7 +1,5 @@
 """Injected collisions do collide, and near misses do not, by geometry."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 
@@ -73,9 +71,7 @@ def hits(trial, task):
 
 class TestInjectedCollisions:
     @pytest.mark.parametrize("skill", ["pick(switch_1)", "pick(transformer)", "pick(clock)"])
-    def test_a_block_beside_a_part_is_in_the_way_of_a_finger_or_the_palm(
-        self, board, skill
-    ) -> None:
+    def test_a_block_beside_a_part_is_in_the_way_of_a_finger_or_the_palm(self, board, skill):
         """Whatever the side and the depth."""
         trials = list(injected_collisions(board, *initial(board, skill)))
         blocks = [one for one in trials if one.kind in ("beside", "light, beside", "tall")]
@@ -83,7 +79,7 @@ class TestInjectedCollisions:
         assert all(hits(trial, board) for trial in blocks)
         assert {Truth.COLLISION} == {trial.truth for trial in trials}
 
-    def test_a_block_under_the_edge_is_hit_by_the_part(self, board) -> None:
+    def test_a_block_under_the_edge_is_hit_by_the_part(self, board):
         """By 3 mm at least in every direction."""
         state = after(board, "pick(pcb)", "place(pcb)", "pick(switch_1)")
         skill = board.skill("place(switch_1)")
@@ -95,7 +91,7 @@ class TestInjectedCollisions:
                 (box,) = world_boxes(block, block.placement(state).pose)
                 assert any(sweep_hits(one, (0, 0, 0.1), box, LEAST_HIT_M) for one in goal)
 
-    def test_of_two_parts_one_may_stand_where_the_other_belongs(self, board) -> None:
+    def test_of_two_parts_one_may_stand_where_the_other_belongs(self, board):
         """Only where they would really overlap: a bridge goes over what it spans."""
         placed = ("pick(pcb)", "place(pcb)", "pick(switch_1)", "place(switch_1)", "pick(switch_2)")
         state = after(board, *placed)
@@ -108,7 +104,7 @@ class TestInjectedCollisions:
 
     @settings(max_examples=examples(60))
     @given(crowded_assemblies())
-    def test_the_world_with_an_obstacle_is_possible_and_overlaps_nowhere(self, content) -> None:
+    def test_the_world_with_an_obstacle_is_possible_and_overlaps_nowhere(self, content):
         """Blocks stand on the table or on a part, clear of everything but what comes."""
         task = assembly(content)
         for skill in task.skills:
@@ -129,7 +125,7 @@ class TestInjectedCollisions:
                 for box in (box for boxes in others for box in boxes):
                     assert not sweep_hits(block[0], (0.0, 0.0, 0.0), box, 2e-5)
 
-    def test_the_block_stays_while_the_skill_runs(self, board) -> None:
+    def test_the_block_stays_while_the_skill_runs(self, board):
         """Before and after the skill a fact says where it is."""
         for skill in board.skills:
             if skill.applicable(board.initial):
@@ -142,7 +138,7 @@ class TestInjectedCollisions:
                             block.placement(following).pose
                         )
 
-    def test_staging_is_deterministic(self, board) -> None:
+    def test_staging_is_deterministic(self, board):
         """The same trials in the same order."""
         first, second = (
             list(injected_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
@@ -153,7 +149,7 @@ class TestInjectedCollisions:
 
 class TestNearMisses:
     @pytest.mark.parametrize("skill", ["pick(switch_1)", "pick(transformer)", "pick(clock)"])
-    def test_nothing_hits_the_block(self, board, skill) -> None:
+    def test_nothing_hits_the_block(self, board, skill):
         """Neither finger nor palm nor part."""
         trials = list(near_misses(board, *initial(board, skill)))
         assert 2 <= len(trials)

@@ -1,7 +1,5 @@
 """The catalogue of figures: every entry can be drawn, and listing them costs nothing."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys
@@ -41,7 +39,7 @@ def register(monkeypatch):
 
 @pytest.mark.parametrize("kind", names("domain"))
 @pytest.mark.parametrize("name", figure_names())
-def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str, kind: str) -> None:
+def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name, kind):
     """``plot`` calls these of a figure's module."""
     module = figure_module(name, kind)
     assert isinstance(module.SOLVER, str)
@@ -50,13 +48,13 @@ def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name: str, kind:
 
 
 @pytest.mark.parametrize("name", RUN_FIGURES)
-def test_a_figure_of_runs_has_its_module(name: str) -> None:
+def test_a_figure_of_runs_has_its_module(name):
     """It holds a function named after the figure."""
     drawing = importlib.import_module(RUN_FIGURES[name].module)
     assert callable(getattr(drawing, f"{name}_figure"))
 
 
-def test_listing_the_figures_imports_nothing_heavy() -> None:
+def test_listing_the_figures_imports_nothing_heavy():
     """The help of ``plot`` names them all, and must come at once."""
     code = (
         "import sys, skillplan.views.figures.catalogue as catalogue;"
@@ -67,12 +65,12 @@ def test_listing_the_figures_imports_nothing_heavy() -> None:
     assert "[]" == done.stdout.strip()
 
 
-def test_an_unknown_figure_is_a_key_error() -> None:
+def test_an_unknown_figure_is_a_key_error():
     with pytest.raises(KeyError, match="flowers"):
         figure_module("flowers", "assembly")
 
 
-def test_a_plugin_adds_a_figure(register) -> None:
+def test_a_plugin_adds_a_figure(register):
     register(tour="OF_SOP")
     assert figure_names() == [*TASK_FIGURES, "tour"]
     assert figure_lines()["tour"] == "the tour"
@@ -80,7 +78,7 @@ def test_a_plugin_adds_a_figure(register) -> None:
     assert figure_module("tour", "assembly").__name__ == OF_SOP.module, "it refuses in its words"
 
 
-def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register) -> None:
+def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register):
     register(gantt="OF_SOP")
     assert figure_names() == list(TASK_FIGURES)
     assert figure_lines()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
@@ -92,7 +90,7 @@ def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register) -> Non
     ("value", "reason"),
     [("MISSING", "cannot be imported: AttributeError"), ("register", "is not a CatalogueEntry")],
 )
-def test_a_broken_figure_is_listed_with_the_reason(register, value: str, reason: str) -> None:
+def test_a_broken_figure_is_listed_with_the_reason(register, value, reason):
     """It breaks neither the help nor the other figures."""
     register(tour=value)
     assert reason in figure_lines()["tour"]

@@ -33,21 +33,17 @@ class Screen(io.StringIO):
 
 class TestOutputWidth:
     @pytest.mark.parametrize("out", [io.StringIO(), Screen()])
-    def test_columns_counts_before_all_else(
-        self, monkeypatch: pytest.MonkeyPatch, out: io.StringIO
-    ) -> None:
+    def test_columns_counts_before_all_else(self, monkeypatch, out):
         """On a terminal and in a pipe alike."""
         monkeypatch.setenv("COLUMNS", "77")
         assert 77 == output_width(out)
 
     @pytest.mark.parametrize("columns", ["", "wide", "0", "-5"])
-    def test_columns_that_are_no_width_say_nothing(
-        self, monkeypatch: pytest.MonkeyPatch, columns: str
-    ) -> None:
+    def test_columns_that_are_no_width_say_nothing(self, monkeypatch, columns):
         monkeypatch.setenv("COLUMNS", columns)
         assert DEFAULT_WIDTH == output_width(io.StringIO())
 
-    def test_a_terminal_that_knows_its_width_is_believed(self) -> None:
+    def test_a_terminal_that_knows_its_width_is_believed(self):
         ours, theirs = os.openpty()
         try:
             with open(theirs, "w", closefd=False) as out:
@@ -62,10 +58,10 @@ class TestOutputWidth:
             os.close(ours)
             os.close(theirs)
 
-    def test_a_terminal_of_no_size_is_as_wide_as_a_pipe(self) -> None:
+    def test_a_terminal_of_no_size_is_as_wide_as_a_pipe(self):
         assert DEFAULT_WIDTH == output_width(Screen())
 
-    def test_nothing_is_narrower_than_the_least(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_nothing_is_narrower_than_the_least(self, monkeypatch):
         monkeypatch.setenv("COLUMNS", "3")
         assert LEAST_WIDTH == output_width(io.StringIO())
 
@@ -85,24 +81,24 @@ ROW = ("branch-and-cut", "1.86709", "stopped by the limit of time", "0,1,2,3,4,5
 
 
 class TestLayout:
-    def test_what_fits_is_as_wide_as_its_cells(self) -> None:
+    def test_what_fits_is_as_wide_as_its_cells(self):
         """With all columns in their places, even those that might go below."""
         layout = table_layout(a_table([ROW], below=True), 120)
         assert ((14, 8, 28, 25),) == tuple(block.widths for block in layout.blocks)
         assert () == layout.below
 
-    def test_what_may_go_below_goes_first(self) -> None:
+    def test_what_may_go_below_goes_first(self):
         layout = table_layout(a_table([ROW], below=True), 60)
         assert (3,) == layout.below
         assert [(0, 1, 2)] == [block.columns for block in layout.blocks]
 
-    def test_words_wrap_before_figures_are_cut(self) -> None:
+    def test_words_wrap_before_figures_are_cut(self):
         """The figure keeps its width, the name too; only its heading wraps."""
         (block,) = table_layout(a_table([ROW]), 62).blocks
         assert (len(ROW[0]), len(ROW[1])) == block.widths[:2]
         assert block.width <= 62
 
-    def test_what_does_not_fit_side_by_side_is_cut_into_blocks(self) -> None:
+    def test_what_does_not_fit_side_by_side_is_cut_into_blocks(self):
         """Each begins with the column that tells rows apart."""
         other = ("exact", *ROW[1:])
         blocks = table_layout(a_table([ROW, other]), 40).blocks
@@ -110,7 +106,7 @@ class TestLayout:
         assert {0} == {block.columns[0] for block in blocks}
         assert [1, 2, 3] == [index for block in blocks for index in block.columns[1:]]
 
-    def test_names_of_two_columns_begin_every_block(self) -> None:
+    def test_names_of_two_columns_begin_every_block(self):
         """Where the first alone does not tell rows apart."""
         columns = [Column(heading) for heading in ("kind", "name", "what it does", "why")]
         rows = [("solver", name, "a sentence of words", "x" * 30) for name in ("exact", "auto")]
@@ -118,7 +114,7 @@ class TestLayout:
         assert len(blocks) > 1
         assert {(0, 1)} == {block.columns[:2] for block in blocks}
 
-    def test_a_listed_column_is_none_on_a_terminal(self) -> None:
+    def test_a_listed_column_is_none_on_a_terminal(self):
         table = Table("t", [Column("a"), Column("b", listed=True)], [("1", "2" * 500)])
         assert [(0,)] == [block.columns for block in table_layout(table, 80).blocks]
 
@@ -155,7 +151,7 @@ def tables(draw: st.DrawFn) -> Table:
 
 
 @given(tables(), st.integers(LEAST_WIDTH, 130))
-def test_no_line_is_wider_than_the_output(table: Table, width: int) -> None:
+def test_no_line_is_wider_than_the_output(table, width):
     """Whatever stands in cells, notes, headings and lists."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", str(width))
@@ -164,7 +160,7 @@ def test_no_line_is_wider_than_the_output(table: Table, width: int) -> None:
 
 
 @given(tables(), st.integers(LEAST_WIDTH, 130))
-def test_nothing_but_blanks_is_lost(table: Table, width: int) -> None:
+def test_nothing_but_blanks_is_lost(table, width):
     """Every visible character of the cells that are shown stands in the output."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", str(width))

@@ -19,7 +19,7 @@ HOSTILE = "\x1b[2J\x9b31m\x7f\r\N{RIGHT-TO-LEFT OVERRIDE}\N{ZERO WIDTH SPACE}\N{
 WRITTEN_OUT = r"\x1b[2J\x9b31m\x7f\x0d\u202e\u200b\u2028"
 
 
-def test_every_control_and_format_character_is_written_out() -> None:
+def test_every_control_and_format_character_is_written_out():
     """All that Unicode has of them, but for line breaks and tabs."""
     hidden = [
         chr(code)
@@ -31,14 +31,14 @@ def test_every_control_and_format_character_is_written_out() -> None:
     assert "".join(map(escaped, hidden)).isascii()
 
 
-def test_what_is_read_stays() -> None:
+def test_what_is_read_stays():
     """Letters of all scripts, wide characters, accents, and a symbol with its selector."""
     text = "p\u00f6\u4e00 e\u0301 \u05e9\u05dc\u05d5\u05dd \N{PILE OF POO} \u2764\ufe0f \u2500"
     assert text == escaped(text)
 
 
 @given(st.text())
-def test_a_text_that_was_escaped_stays(text: str) -> None:
+def test_a_text_that_was_escaped_stays(text):
     """Nothing is written out twice."""
     assert escaped(text) == escaped(escaped(text))
 
@@ -51,9 +51,7 @@ class Screen(io.StringIO):
 
 
 @pytest.mark.parametrize("where", ["title", "cell", "note"])
-def test_a_terminal_gets_our_marks_and_nobody_elses(
-    where: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terminal_gets_our_marks_and_nobody_elses(where, monkeypatch):
     """A heading is bold; what a document holds neither colours nor moves nor is markup."""
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("TERM", "xterm")
@@ -65,7 +63,7 @@ def test_a_terminal_gets_our_marks_and_nobody_elses(
     assert r"[2J" not in re.sub(r"\\x1b\[2J", "", text)
 
 
-def test_a_figure_names_them() -> None:
+def test_a_figure_names_them():
     """In an SVG as text, where it would be taken up by whoever copies it."""
     figure = Figure()
     figure.suptitle("a\N{RIGHT-TO-LEFT OVERRIDE}b\x1b")

@@ -1,9 +1,5 @@
 """Evidence in one line."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from skillplan.views import evidence_text
@@ -23,6 +19,6 @@ from skillplan.views import evidence_text
         ({"tool": None, "steps": 1042}, "tool unknown, steps 1042"),
     ],
 )
-def test_it_reads_well(evidence: dict[str, Any], text: str) -> None:
+def test_it_reads_well(evidence, text):
     """Figures of four digits, lists with blanks, what belongs to one thing in brackets."""
     assert text == evidence_text(evidence)

@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -177,11 +176,11 @@ class TestFiles:
             for name in FIGURES
         ],
     )
-    def test_equal_figures_are_equal_files(self, name: str) -> None:
+    def test_equal_figures_are_equal_files(self, name):
         """Neither the time nor anything random is in them."""
         assert svg(name) == figure_bytes(FIGURES[name](), ".svg")
 
-    def test_equal_figures_are_equal_pictures(self) -> None:
+    def test_equal_figures_are_equal_pictures(self):
         """In dots, too; and the file does not name the program that wrote it."""
         content = figure_bytes(some_rewards(), ".png", 40)
         assert content == figure_bytes(some_rewards(), ".png", 40)
@@ -196,7 +195,7 @@ class TestFiles:
             for name in FIGURES
         ],
     )
-    def test_a_png_has_the_size_of_its_figure(self, name: str) -> None:
+    def test_a_png_has_the_size_of_its_figure(self, name):
         """In dots: inches times dots per inch."""
         figure = FIGURES[name]()
         content = figure_bytes(figure, ".png", 50)
@@ -205,7 +204,7 @@ class TestFiles:
         assert figure.get_size_inches() * 50 == pytest.approx([width, height], abs=1.0)
 
     @pytest.mark.parametrize("name", FIGURES)
-    def test_text_of_an_svg_is_text(self, name: str) -> None:
+    def test_text_of_an_svg_is_text(self, name):
         """Title, details and axis labels can be searched and read aloud."""
         written = texts(svg(name))
         assert {"A title", "task t,  solver s,  seed 0"} <= {
@@ -213,12 +212,12 @@ class TestFiles:
         }
         assert any(re.fullmatch(r".+ \[.+\]", text) for text in written)
 
-    def test_the_users_own_style_changes_nothing(self) -> None:
+    def test_the_users_own_style_changes_nothing(self):
         """A matplotlibrc is for the user's own figures."""
         with rc_context({"font.size": 30, "svg.fonttype": "path", "axes.grid": True}):
             assert svg("rewards") == figure_bytes(some_rewards(), ".svg")
 
-    def test_what_was_there_is_replaced_whole(self, tmp_path: Path) -> None:
+    def test_what_was_there_is_replaced_whole(self, tmp_path):
         """And nothing is left beside it."""
         path = tmp_path / "f.svg"
         path.write_text("before")
@@ -226,7 +225,7 @@ class TestFiles:
         assert path.read_bytes() == svg("rewards")
         assert [path] == list(tmp_path.iterdir())
 
-    def test_a_figure_that_cannot_be_written_leaves_what_was_there(self, tmp_path: Path) -> None:
+    def test_a_figure_that_cannot_be_written_leaves_what_was_there(self, tmp_path):
         """A folder in the place of the file cannot be replaced."""
         path = tmp_path / "f.svg"
         path.mkdir()
@@ -244,15 +243,13 @@ class TestFiles:
             ("f" * 300 + ".png", "cannot be used: File name too long"),
         ],
     )
-    def test_a_path_that_will_not_do_is_told_at_once(
-        self, tmp_path: Path, name: str, message: str
-    ) -> None:
+    def test_a_path_that_will_not_do_is_told_at_once(self, tmp_path, name, message):
         """Before anything is solved."""
         (tmp_path / "d.png").mkdir()
         with pytest.raises(OptionError, match=message):
             checked_path(str(tmp_path / name))
 
-    def test_other_formats_are_refused(self) -> None:
+    def test_other_formats_are_refused(self):
         """By the writer, too."""
         with pytest.raises(ValueError, match=r"not '\.pdf'"):
             figure_bytes(some_rewards(), ".pdf")
@@ -260,7 +257,7 @@ class TestFiles:
 
 class TestStyle:
     @pytest.mark.parametrize("colour", PALETTE)
-    def test_text_in_a_colour_can_be_read_on_white(self, colour: str) -> None:
+    def test_text_in_a_colour_can_be_read_on_white(self, colour):
         """A contrast of at least 3 to 1 (WCAG, large or bold text)."""
         channels = [int(text_colour(colour)[i : i + 2], 16) / 255 for i in (1, 3, 5)]
         linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
@@ -268,7 +265,7 @@ class TestStyle:
         assert 3.0 <= 1.05 / (light + 0.05)
 
     @given(st.text(alphabet="abc WM", max_size=200), st.floats(1.0, 8.0))
-    def test_lines_of_a_heading_fit(self, details: str, width_in: float) -> None:
+    def test_lines_of_a_heading_fit(self, details, width_in):
         """Or are single words, and no word is lost."""
         lines = Heading("t", details).lines(width_in)
         assert details.split() == [word for line in lines for word in line.split()]
@@ -276,7 +273,7 @@ class TestStyle:
             assert text_width_in(line, 8.0) <= width_in + 1e-6 or len(line.split()) == 1
 
     @pytest.mark.parametrize("size_in", [(0.0, 1.0), (1.0, math.nan)])
-    def test_a_sheet_has_a_size(self, size_in: tuple[float, float]) -> None:
+    def test_a_sheet_has_a_size(self, size_in):
         """Nothing can be drawn on nothing."""
         with pytest.raises(ValueError, match="cannot be"):
             sheet(*size_in, HEADING)
@@ -284,7 +281,7 @@ class TestStyle:
 
 class TestBenchCanvas:
     @pytest.mark.parametrize("shape", [(1, 1), (2, 13), (6, 13), (12, 25), (40, 3), (3, 101)])
-    def test_a_bench_of_any_shape_is_to_scale(self, shape: tuple[int, int]) -> None:
+    def test_a_bench_of_any_shape_is_to_scale(self, shape):
         """A metre is as long up as along, and the sheet stays of a size for a screen."""
         canvas = bench_canvas(Bench(*shape, 0.34), HEADING)
         place = canvas.axes.get_window_extent()
@@ -293,12 +290,12 @@ class TestBenchCanvas:
         assert all(2.0 < side < 18.0 for side in canvas.figure.get_size_inches())
 
     @given(st.floats(-1, 3), st.floats(-1, 3))
-    def test_inches_and_metres_are_inverse(self, x_m: float, y_m: float) -> None:
+    def test_inches_and_metres_are_inverse(self, x_m, y_m):
         """There and back."""
         canvas = _CANVAS
         assert canvas.to_metres(canvas.to_inches((x_m, y_m))) == pytest.approx((x_m, y_m))
 
-    def test_points_beside_the_bench_are_on_paper(self) -> None:
+    def test_points_beside_the_bench_are_on_paper(self):
         """A trajectory may leave the bench."""
         canvas = bench_canvas(BENCH, HEADING, around_m=np.array([[-1.0, 4.0]]))
         assert canvas.axes.get_xlim()[0] < -1.0
@@ -310,16 +307,14 @@ _CANVAS = bench_canvas(BENCH, HEADING)
 
 class TestPolicy:
     @pytest.mark.parametrize("shape", [(2, 13), (6, 13), (12, 25)])
-    def test_there_is_an_arrow_for_every_position_but_the_goal(
-        self, shape: tuple[int, int]
-    ) -> None:
+    def test_there_is_an_arrow_for_every_position_but_the_goal(self, shape):
         """As many arrows as the policy recommends swings."""
         bench = Bench(*shape, 0.34)
         figure = a_policy(bench, 3, bench.n_positions - 1)
         arrows = collection(figure, "policy-arrows")
         assert bench.n_positions - 1 == len(arrows.get_offsets())
 
-    def test_an_arrow_points_to_where_the_action_leads(self) -> None:
+    def test_an_arrow_points_to_where_the_action_leads(self):
         """Of C66, B2 leads to C54."""
         figure = policy_figure(BENCH, {START: 2}, GOAL, HEADING)
         arrows = collection(figure, "policy-arrows")
@@ -328,7 +323,7 @@ class TestPolicy:
         assert drawn / np.linalg.norm(drawn) == pytest.approx(along / np.linalg.norm(along))
 
     @pytest.mark.slow(reason="draws 78 positions; other figures in every run")
-    def test_every_position_and_pin_is_named(self) -> None:
+    def test_every_position_and_pin_is_named(self):
         """With the action beside the position."""
         written = texts(a_policy())
         assert {BENCH.name(i) for i in range(78)} | {f"P{i}" for i in range(1, 53)} <= set(written)
@@ -337,12 +332,12 @@ class TestPolicy:
         )
 
     @pytest.mark.slow(reason="draws a bench of 30 by 61; smaller benches in every run")
-    def test_names_too_small_to_read_are_left_out(self) -> None:
+    def test_names_too_small_to_read_are_left_out(self):
         """On a large bench there are arrows only."""
         assert "C7" not in texts(a_policy(Bench(30, 61, 0.34), 0, None))
 
     @pytest.mark.slow(reason="draws a policy; another one in every run")
-    def test_staying_where_the_goal_is_not_is_shown(self) -> None:
+    def test_staying_where_the_goal_is_not_is_shown(self):
         """As a ring, and as never getting to the goal."""
         recommended = greedy(BENCH, GOAL) | {0: 0}
         figure = policy_figure(BENCH, recommended, GOAL, HEADING, start=0)
@@ -358,21 +353,19 @@ class TestPolicy:
             ({99: 1}, "not on the bench"),
         ],
     )
-    def test_a_policy_must_be_one_of_the_bench(
-        self, recommended: dict[int, int], message: str
-    ) -> None:
+    def test_a_policy_must_be_one_of_the_bench(self, recommended, message):
         """What does not exist is not drawn."""
         with pytest.raises(ValueError, match=message):
             policy_figure(BENCH, recommended, GOAL, HEADING)
 
-    def test_a_shortest_policy_takes_the_fewest_swings(self) -> None:
+    def test_a_shortest_policy_takes_the_fewest_swings(self):
         """What the shades show is what the bench counts."""
         ends = {here: int(BENCH.successors[here, a]) for here, a in greedy(BENCH, GOAL).items()}
         assert BENCH.distances(GOAL).tolist() == steps_to(GOAL, ends, 78).tolist()
 
 
 class TestPlacement:
-    def test_goals_and_intermediate_positions_are_told_apart(self) -> None:
+    def test_goals_and_intermediate_positions_are_told_apart(self):
         """Continuous circles and dashed ones, and home dotted."""
         (axes,) = a_placement().axes
         styles = {patch.get_gid(): patch.get_linestyle() for patch in axes.patches}
@@ -380,20 +373,20 @@ class TestPlacement:
         assert ":" == styles["home-C66"]
         assert "--" == styles["between-C42"]
 
-    def test_names_numbers_and_kinds_are_written(self) -> None:
+    def test_names_numbers_and_kinds_are_written(self):
         """Goals by the numbers of their sequences, heads in the order of travel."""
         written = set(texts(a_placement()))
         assert {"C44", "C33", "C54", "C66", "b1\N{EN DASH}2", "b3", "h1", "h3", "home"} <= written
         assert {"trajectory (closed)", "goal position of the base (b)", "x [m]"} <= written
 
-    def test_an_open_trajectory_is_not_closed(self) -> None:
+    def test_an_open_trajectory_is_not_closed(self):
         """It says so, and its last point is not its first."""
         figure = a_placement(closed=False)
         (line,) = [line for line in figure.axes[0].lines if line.get_gid() == "trajectory"]
         assert 3 == len(line.get_xdata())  # type: ignore[arg-type]
         assert "trajectory (open)" in texts(figure)
 
-    def test_lines_join_the_circles_and_their_supports(self) -> None:
+    def test_lines_join_the_circles_and_their_supports(self):
         """One for each base and support, from the edge of the circle."""
         goals = [BaseGoal(GOAL, ((1.0, 1.0), (0.2, 0.2))), BaseGoal(GOAL, ((1.0, 1.0),))]
         lines = links_m(BENCH, goals)
@@ -401,14 +394,14 @@ class TestPlacement:
         for edge, _ in lines:
             assert math.dist(edge, BENCH.centroids_m[GOAL]) == pytest.approx(0.2 * 0.34)
 
-    def test_bases_beside_each_other_differ_in_colour(self) -> None:
+    def test_bases_beside_each_other_differ_in_colour(self):
         """Where there are more of them than colours, two of one are far from each other."""
         row = [BENCH.position(f"C{number}") for number in range(1, 13)]
         colours = colours_of(BENCH, [BaseGoal(position, ()) for position in row])
         assert 6 == len(set(colours.values()))
         assert all(colours[a] != colours[b] for a, b in pairwise(row))
 
-    def test_heads_are_equilateral_and_point_their_yaw(self) -> None:
+    def test_heads_are_equilateral_and_point_their_yaw(self):
         """About their centroid."""
         corners = HeadMark((1.0, 2.0), 0.4, 0.1, False).corners_m()
         sides = [math.dist(corners[i], corners[i - 1]) for i in range(3)]
@@ -417,7 +410,7 @@ class TestPlacement:
         along = corners[0] - (1.0, 2.0)
         assert 0.4 == pytest.approx(math.atan2(along[1], along[0]))
 
-    def test_names_of_positions_do_not_overlap(self) -> None:
+    def test_names_of_positions_do_not_overlap(self):
         """Nor do those of heads and goals."""
         figure = a_placement()
         figure_bytes(figure, ".png", 100)
@@ -429,11 +422,11 @@ class TestPlacement:
         ("numbers", "text"),
         [([1], "1"), ([1, 2, 5], "1\N{EN DASH}2, 5"), ([3, 5], "3, 5"), ([], "")],
     )
-    def test_numbers_in_a_row_are_a_range(self, numbers: list[int], text: str) -> None:
+    def test_numbers_in_a_row_are_a_range(self, numbers, text):
         """As people write them."""
         assert text == ranges_text(numbers)
 
-    def test_what_cannot_be_placed_is_refused(self) -> None:
+    def test_what_cannot_be_placed_is_refused(self):
         """A trajectory of one point, ways without goals, a head without a size."""
         with pytest.raises(ValueError, match="at least two points"):
             placement_figure(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
@@ -444,13 +437,13 @@ class TestPlacement:
 
 
 class TestLabelPlacer:
-    def test_a_label_goes_where_it_is_wanted_if_nothing_is_there(self) -> None:
+    def test_a_label_goes_where_it_is_wanted_if_nothing_is_there(self):
         """Above, by default."""
         x, y = LabelPlacer(5, 5).place((2, 2), "name", 8, (0.1,))
         assert 2 == pytest.approx(x)
         assert y > 2.1
 
-    def test_a_label_evades_lines_discs_texts_and_the_edge(self) -> None:
+    def test_a_label_evades_lines_discs_texts_and_the_edge(self):
         """To the only side that is left."""
         placer = LabelPlacer(5, 2.3)
         placer.avoid_line([(1.9, 1.5), (1.5, 2.2)])
@@ -460,7 +453,7 @@ class TestLabelPlacer:
         assert place[1] < 1.9
 
     @given(st.lists(st.tuples(st.floats(1, 4), st.floats(1, 4)), min_size=2, max_size=6))
-    def test_a_place_that_is_taken_is_not_free(self, anchors: list[tuple[float, float]]) -> None:
+    def test_a_place_that_is_taken_is_not_free(self, anchors):
         """Every label takes its place."""
         placer = LabelPlacer(5, 5)
         for anchor in anchors:
@@ -469,7 +462,7 @@ class TestLabelPlacer:
 
 class TestGantt:
     @pytest.mark.slow(reason="draws 40 sequences; a short chart in every run")
-    def test_a_long_chart_goes_on_in_further_lines(self) -> None:
+    def test_a_long_chart_goes_on_in_further_lines(self):
         """Broken between sequences only, to the same scale, and never more than eight."""
         figure = a_gantt(40)
         assert 2 <= len(figure.axes) <= 8
@@ -478,7 +471,7 @@ class TestGantt:
         ends = [axes.get_xlim() for axes in figure.axes]
         assert [end for _, end in ends[:-1]] == pytest.approx([begin for begin, _ in ends[1:]])
 
-    def test_swings_steps_and_sequences_are_named(self) -> None:
+    def test_swings_steps_and_sequences_are_named(self):
         """And the axis has its unit."""
         written = set(texts(a_gantt()))
         assert {"B2: C66 to C1", "sequence 2", "head", "PKM", "base", "time [s]"} <= written
@@ -494,39 +487,39 @@ class TestGantt:
             ((1, "park", ("pkm",), 2.0, 1.0), "cannot run from 2.0 s to 1.0 s"),
         ],
     )
-    def test_a_bar_is_one_of_the_five_steps(self, values: tuple[object, ...], message: str) -> None:
+    def test_a_bar_is_one_of_the_five_steps(self, values, message):
         """Of agents that there are, forward in time."""
         with pytest.raises(ValueError, match=message):
             Bar(*values)  # type: ignore[arg-type]
 
-    def test_nothing_is_no_chart(self) -> None:
+    def test_nothing_is_no_chart(self):
         """There is no time to draw."""
         with pytest.raises(ValueError, match="at least one step"):
             gantt_figure([], HEADING)
 
 
 class TestRewards:
-    def test_steps_actions_and_positions_are_written(self) -> None:
+    def test_steps_actions_and_positions_are_written(self):
         """The minus sign is one."""
         written = set(texts(some_rewards()))
         assert {"B0", "B2", "C1", "C4", "\N{MINUS SIGN}1.50", "1.50"} <= written
         assert {"base-1", "base-2", "action", "reward [-]"} <= written
 
     @pytest.mark.slow(reason="draws 120 steps; fewer in every run")
-    def test_many_steps_are_numbered_sparsely(self) -> None:
+    def test_many_steps_are_numbered_sparsely(self):
         """Labels keep apart."""
         figure = some_rewards(120)
         assert figure.get_size_inches()[0] < 16
         assert len(figure.axes[0].get_xticks()) < 50
 
-    def test_what_cannot_be_drawn_is_refused(self) -> None:
+    def test_what_cannot_be_drawn_is_refused(self):
         """No step, or an action that nobody knows."""
         with pytest.raises(ValueError, match="no step"):
             rewards_figure([], ["B0"], HEADING)
         with pytest.raises(ValueError, match="'B9' is none"):
             rewards_figure([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
 
-    def test_small_rewards_are_seen_beside_a_large_one(self) -> None:
+    def test_small_rewards_are_seen_beside_a_large_one(self):
         """On a logarithmic axis each bar is as high as a twentieth of it at least."""
         rewards = [-0.0038, -0.014, -0.021, 10.0]
         steps = [RewardStep("t", "B0", "", reward) for reward in rewards]
@@ -535,15 +528,13 @@ class TestRewards:
         heights = [bar.get_window_extent().height for bar in axes.patches]
         assert min(heights) > axes.get_window_extent().height / 20
 
-    def test_rewards_of_like_size_keep_a_linear_axis(self) -> None:
+    def test_rewards_of_like_size_keep_a_linear_axis(self):
         assert "linear" == some_rewards().axes[0].get_yscale()
 
 
 class TestLearning:
     @pytest.mark.parametrize(("most", "shown"), [(7.0, {"6", "7"}), (40.0, {"10", "20"})])
-    def test_a_short_axis_is_labelled_with_plain_numbers(
-        self, most: float, shown: set[str]
-    ) -> None:
+    def test_a_short_axis_is_labelled_with_plain_numbers(self, most, shown):
         """Between powers of ten too, and never by a formula."""
         episodes = np.arange(1.0, 50.0)
         curve = LearningCurve("set 1", episodes, np.linspace(most, 5.5, 98).reshape(2, 49))
@@ -551,14 +542,14 @@ class TestLearning:
         assert shown <= written
         assert not any("mathdefault" in text or "$" in text for text in written)
 
-    def test_both_sets_and_the_fewest_steps_are_named(self) -> None:
+    def test_both_sets_and_the_fewest_steps_are_named(self):
         """On axes with units."""
         written = set(texts(some_learning()))
         assert {"set 1", "set 2", "fewest, mean over all starts", "base-1"} <= written
         assert {"episode [-]", "steps of an episode [-]"} <= written
 
     @given(st.integers(1, 400), st.integers(1, 90))
-    def test_binning_keeps_the_sum_of_steps(self, points: int, every: int) -> None:
+    def test_binning_keeps_the_sum_of_steps(self, points, every):
         """A constant stays what it is, and no stretch is lost."""
         episodes = np.arange(1.0, points + 1) * every
         middles, steps = LearningCurve("c", episodes, np.full((2, points), 7.0)).binned()
@@ -576,14 +567,12 @@ class TestLearning:
             ([0.0, 2.0], np.zeros((1, 2)), "must ascend from 1"),
         ],
     )
-    def test_a_curve_is_of_ascending_episodes(
-        self, episodes: list[float], steps: np.ndarray, message: str
-    ) -> None:
+    def test_a_curve_is_of_ascending_episodes(self, episodes, steps, message):
         """With steps for each of them."""
         with pytest.raises(ValueError, match=message):
             LearningCurve("c", np.array(episodes), steps)
 
-    def test_a_panel_has_one_or_two_curves(self) -> None:
+    def test_a_panel_has_one_or_two_curves(self):
         """And a figure at least one panel."""
         with pytest.raises(ValueError, match="1 to 2 curves, not 0"):
             LearningPanel("p", ())
@@ -592,17 +581,17 @@ class TestLearning:
 
 
 class TestQValues:
-    def test_every_state_names_its_best_action(self) -> None:
+    def test_every_state_names_its_best_action(self):
         """And the legend all actions, in their order."""
         written = texts(some_values())
         assert {"state C66, best action B0", "state C13, best action B5"} <= set(written)
         assert [f"B{i}" for i in range(11)] == [text for text in written if text[0] == "B"]
 
-    def test_no_two_actions_look_alike(self) -> None:
+    def test_no_two_actions_look_alike(self):
         """Told apart by colour and marker together, up to 24 of them."""
         assert 24 == len({look(number) for number in range(24)})
 
-    def test_values_must_be_there_for_every_episode(self) -> None:
+    def test_values_must_be_there_for_every_episode(self):
         """Of every action."""
         with pytest.raises(ValueError, match="all of them as many"):
             StateValues("C1", {"B0": [0.0], "B1": []})
@@ -615,19 +604,19 @@ class TestQValues:
 
 
 class TestFleet:
-    def test_robots_and_steps_are_named(self) -> None:
+    def test_robots_and_steps_are_named(self):
         """With the number of swings of each."""
         written = texts(a_fleet())
         assert {"r1: 2 swings", "r2: 1 swing", "start", "goal", "C40"} <= set(written)
         assert 2 == written.count("1")
         assert 1 == written.count("2")
 
-    def test_a_path_says_when_a_robot_is_where(self) -> None:
+    def test_a_path_says_when_a_robot_is_where(self):
         """A robot that waits has no entry for that step."""
         paths = paths_of({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
         assert {"a": [(0, 1), (1, 2), (2, 3)], "b": [(0, 5), (2, 6)]} == paths
 
-    def test_robots_must_be_known(self) -> None:
+    def test_robots_must_be_known(self):
         """By where they start."""
         with pytest.raises(ValueError, match="at least one robot"):
             paths_of({}, [])
@@ -635,7 +624,7 @@ class TestFleet:
             paths_of({"a": 1}, [[("b", 2)]])
 
 
-def test_a_run_has_a_seed() -> None:
+def test_a_run_has_a_seed():
     """That is not negative."""
     with pytest.raises(ValueError, match="seed must be >= 0"):
         Run(seed=-1)

@@ -28,7 +28,7 @@ def tetrahedron(name: str, role: HullRole, x_m: float = 0.0) -> Hull:
 
 
 @pytest.fixture
-def figure() -> Figure:
+def figure():
     """Something swept that runs into a box, beside a post."""
     scene = HullScene(
         [
@@ -45,18 +45,18 @@ def gids(figure: Figure) -> set[str]:
     return {one.get_gid() or "" for one in figure.axes[0].get_children()}
 
 
-def test_every_hull_is_drawn_and_where_it_is_touched(figure: Figure) -> None:
+def test_every_hull_is_drawn_and_where_it_is_touched(figure):
     assert {"moving the hand", "met box", "standing post", "touches"} <= gids(figure)
 
 
-def test_bodies_are_named_and_what_moves_is_not(figure: Figure) -> None:
+def test_bodies_are_named_and_what_moves_is_not(figure):
     """The hand is told by its colour."""
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"box", "post"} <= texts
     assert "the hand" not in texts
 
 
-def test_the_bodies_of_a_verdict_and_no_others_are_named() -> None:
+def test_the_bodies_of_a_verdict_and_no_others_are_named():
     """The load that would tip is named, too, though it moves."""
     scene = HullScene(
         [
@@ -71,7 +71,7 @@ def test_the_bodies_of_a_verdict_and_no_others_are_named() -> None:
     assert [text.get_text() for text in axes.texts] == ["lid", "box"]
 
 
-def test_names_stand_before_all_hulls_and_not_across_each_other() -> None:
+def test_names_stand_before_all_hulls_and_not_across_each_other():
     """Also of what stands in the same place, and however many hulls there are."""
     scene = HullScene(
         [tetrahedron("the hand", HullRole.MOVING)]
@@ -86,7 +86,7 @@ def test_names_stand_before_all_hulls_and_not_across_each_other() -> None:
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
-def test_what_stands_far_off_is_not_drawn_beyond_the_axes() -> None:
+def test_what_stands_far_off_is_not_drawn_beyond_the_axes():
     scene = HullScene(
         [tetrahedron("the hand", HullRole.MOVING), tetrahedron("far", HullRole.STANDING, 0.5)]
     )
@@ -95,23 +95,23 @@ def test_what_stands_far_off_is_not_drawn_beyond_the_axes() -> None:
     assert "far" not in {text.get_text() for text in drawn.axes[0].texts}
 
 
-def test_the_legend_holds_only_what_there_is() -> None:
+def test_the_legend_holds_only_what_there_is():
     scene = HullScene([tetrahedron("the hand", HullRole.MOVING)])
     (legend,) = hulls_figure(scene, HEADING).legends
     assert ["swept by hand, load and arm"] == [text.get_text() for text in legend.get_texts()]
 
 
-def test_no_hull_is_no_figure() -> None:
+def test_no_hull_is_no_figure():
     with pytest.raises(ValueError, match="no hull"):
         hulls_figure(HullScene([]), HEADING)
 
 
-def test_a_triangle_needs_its_corners() -> None:
+def test_a_triangle_needs_its_corners():
     with pytest.raises(ValueError, match="'box' has a corner without a place"):
         Hull("box", HullRole.MET, ((0.0, 0.0, 0.0),), ((0, 1, 2),))
 
 
-def test_a_figure_becomes_a_picture_of_its_size(figure: Figure) -> None:
+def test_a_figure_becomes_a_picture_of_its_size(figure):
     """In pixels, as the dots per inch have it."""
     wide_in, tall_in = figure.get_size_inches()
     image = figure_image(figure, dpi=50)

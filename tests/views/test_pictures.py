@@ -10,7 +10,7 @@ import pytest
 
 from skillplan.chart import Alternatives, DerivedChart, Relation
 from skillplan.pipeline import load_problem
-from skillplan.task import Pose, Task
+from skillplan.task import Pose
 from skillplan.views.figures import (
     COLOURS,
     FAILED,
@@ -40,13 +40,13 @@ PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     """The paper's inverter board."""
     return load_problem("configs/inverter_board.yaml").task
 
 
 @pytest.fixture(scope="module")
-def plan(board: Task) -> list[str]:
+def plan(board):
     """Its best plan."""
     return [board.skills[action].name for action in PLAN]
 
@@ -72,27 +72,25 @@ def chart(*relations: Relation, either: tuple[Alternatives, ...] = ()) -> Derive
     return DerivedChart(relations, None, (), (), {}, {}, (), either)
 
 
-def test_a_layout_numbers_every_step_that_moves_the_arm(board: Task, plan: list[str]) -> None:
+def test_a_layout_numbers_every_step_that_moves_the_arm(board, plan):
     """Steps that end at one place share a label."""
     shown = ", ".join(labels(layout_picture(board, plan)))
     assert set(range(1, 16)) <= {int(number) for number in re.findall(r"\b\d+\b", shown)}
     assert "8, 10" in shown
 
 
-def test_a_layout_without_a_plan_shows_the_cell(board: Task) -> None:
+def test_a_layout_without_a_plan_shows_the_cell(board):
     assert {"pcb", "brace"} <= set(labels(layout_picture(board, [])))
 
 
-def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(
-    board: Task, plan: list[str]
-) -> None:
+def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(board, plan):
     """The board first, the screws last; each has a number and a name."""
     found = labels(exploded_picture(board, plan))
     named = dict(zip(found[1::2], map(int, found[::2]), strict=True))
     assert {"pcb": 1, "switch_1": 2, "brace": 5, "screw_2": 8}.items() <= named.items()
 
 
-def test_a_film_brings_part_after_part_along_its_way(board: Task, plan: list[str]) -> None:
+def test_a_film_brings_part_after_part_along_its_way(board, plan):
     """The first comes from above, gently, and then rests."""
     first = [image.rgb for image in islice(assembly_film(board, plan, width_px=300.0), 14)]
     assert len(set(first[:10])) == 10
@@ -111,7 +109,7 @@ def test_a_film_brings_part_after_part_along_its_way(board: Task, plan: list[str
     assert heights[0] < heights[-1]
 
 
-def test_a_time_line_has_a_row_for_each_tool(board: Task, plan: list[str]) -> None:
+def test_a_time_line_has_a_row_for_each_tool(board, plan):
     """A change of tools has its own."""
     bars = plan_bars(board, plan, [1.0] * len(plan))
     assert ["panda, gripper", "panda, tool change", "panda, screwdriver"] == list(
@@ -120,15 +118,13 @@ def test_a_time_line_has_a_row_for_each_tool(board: Task, plan: list[str]) -> No
     assert [float(k) for k in range(15)] == [bar.start_s for bar in bars]
 
 
-def test_measured_times_go_before_planned_ones(board: Task, plan: list[str]) -> None:
+def test_measured_times_go_before_planned_ones(board, plan):
     times = {k: (2.0 * k, 2.0 * k + 1.5) for k in range(len(plan))}
     bars = plan_bars(board, plan, [1.0] * len(plan), times)
     assert [(28.0, 29.5)] == [(bar.start_s, bar.end_s) for bar in bars[-1:]]
 
 
-def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(
-    board: Task, plan: list[str]
-) -> None:
+def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(board, plan):
     times = {0: (0.5, 2.0), 1: (2.0, 5.0)}
     bars = plan_bars(board, plan, [1.0] * len(plan), times, failed=1)
     assert ["", FAILED] + [NOT_SIMULATED] * (len(plan) - 2) == [bar.mark for bar in bars]
@@ -138,9 +134,7 @@ def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(
     assert bars[1].title.endswith(", fails in simulation")
 
 
-def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(
-    board: Task, plan: list[str]
-) -> None:
+def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(board, plan):
     bars = plan_bars(board, plan, [1.0] * len(plan), {0: (0.0, 2.0)}, failed=0)
     whole = gantt_picture(plan_bars(board, plan, [1.0] * len(plan)), "Times")
     marked = gantt_picture(bars, "Times")
@@ -151,17 +145,17 @@ def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(
     assert left == right
 
 
-def test_a_time_line_needs_a_bar() -> None:
+def test_a_time_line_needs_a_bar():
     with pytest.raises(ValueError, match="at least one bar"):
         gantt_picture([], "nothing")
 
 
-def test_a_bar_does_not_end_before_it_begins() -> None:
+def test_a_bar_does_not_end_before_it_begins():
     with pytest.raises(ValueError, match="cannot run"):
         PlanBar("arm", "part", "pick", 2.0, 1.0, "")
 
 
-def test_pairs_that_follow_from_others_are_not_drawn(board: Task) -> None:
+def test_pairs_that_follow_from_others_are_not_drawn(board):
     """The hand-made chart and the derived one are laid over each other."""
     graph = precedence_graph(board, chart(relation("pcb", "clock"), relation("clock", "brace")))
     pairs = {(edge.before, edge.after): edge for edge in graph.edges}
@@ -172,13 +166,13 @@ def test_pairs_that_follow_from_others_are_not_drawn(board: Task) -> None:
     assert "pcb is beneath clock" in pairs["pcb", "clock"].why
 
 
-def test_layers_follow_the_longest_chain(board: Task) -> None:
+def test_layers_follow_the_longest_chain(board):
     graph = precedence_graph(board, None)
     depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
     assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
 
 
-def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there() -> None:
+def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there():
     """So that it runs through no node of that layer."""
     edges = [("a", "b"), ("b", "c"), ("a", "d"), ("d", "c"), ("e", "c"), ("c", "f"), ("a", "f")]
     placed = layers_of("abcdef", edges)
@@ -188,7 +182,7 @@ def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there() -> None:
     assert {"b", "d", Bend(("e", "c"), 1), Bend(("a", "f"), 1)} == set(placed.layers[1])
 
 
-def test_numbers_of_steps_cover_no_others() -> None:
+def test_numbers_of_steps_cover_no_others():
     """Where places are near each other the longer row goes aside, with a line to its place."""
     ends = {(100.0, 50.0): [1], (112.0, 50.0): [2, 4, 6, 8, 10], (118.0, 52.0): [3, 5, 7]}
     rows = number_rows(ends, (300.0, 300.0))
@@ -200,7 +194,7 @@ def test_numbers_of_steps_cover_no_others() -> None:
         assert across >= one.half_px + other.half_px or down >= 2 * NUMBER_PX
 
 
-def test_names_stand_where_they_do_in_every_process(board: Task, plan: list[str]) -> None:
+def test_names_stand_where_they_do_in_every_process(board, plan):
     """They are placed in the order of the bodies, the same whatever the seed of hashes is."""
     names = [body.name for body in board.scene.bodies]
     starts = board.scene.at(board.initial)
@@ -208,7 +202,7 @@ def test_names_stand_where_they_do_in_every_process(board: Task, plan: list[str]
     assert placed == sorted(placed, key=lambda name: (name not in starts, names.index(name)))
 
 
-def test_a_circle_is_drawn_all_the_same(board: Task) -> None:
+def test_a_circle_is_drawn_all_the_same(board):
     """No order exists, and the picture says so; the other pairs are in layers as ever."""
     graph = precedence_graph(board, chart(relation("clock", "pcb"), relation("clock", "brace")))
     assert [("clock", "pcb")] == [(e.before, e.after) for e in graph.edges if e.closing]
@@ -217,7 +211,7 @@ def test_a_circle_is_drawn_all_the_same(board: Task) -> None:
     assert any("closes a cycle" in text for text in labels(precedence_picture(graph, "circle")))
 
 
-def test_alternatives_stand_below_the_graph(board: Task) -> None:
+def test_alternatives_stand_below_the_graph(board):
     groups = ((("clock", "brace"),), (("clock", "switch_1"),))
     either = tuple(
         Alternatives("clock", skill, groups) for skill in ("pick(clock)", "place(clock)")
@@ -228,7 +222,7 @@ def test_alternatives_stand_below_the_graph(board: Task) -> None:
     assert 1 == labels(picture).count("or")
 
 
-def test_a_picture_of_a_page_has_no_style_attribute(board: Task, plan: list[str]) -> None:
+def test_a_picture_of_a_page_has_no_style_attribute(board, plan):
     """The policy of the page forbids them; a title says what an arrow means."""
     graph = precedence_graph(board, None)
     text = picture_svg(precedence_picture(graph, "Precedence"), "p")
@@ -237,7 +231,7 @@ def test_a_picture_of_a_page_has_no_style_attribute(board: Task, plan: list[str]
     assert any("pcb before" in (one.text or "") for one in root.iter("title"))
 
 
-def test_a_bar_of_a_page_says_where_it_leads(board: Task, plan: list[str]) -> None:
+def test_a_bar_of_a_page_says_where_it_leads(board, plan):
     bars = plan_bars(board, plan, [1.0] * 15)
     text = picture_svg(gantt_picture(bars, "Times", seeks=True), "g")
     assert 'id="gantt-cursor"' in text
@@ -245,9 +239,7 @@ def test_a_bar_of_a_page_says_where_it_leads(board: Task, plan: list[str]) -> No
     assert "data-seek-s" not in picture_svg(gantt_picture(bars, "Times"), "g")
 
 
-def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(
-    board: Task, plan: list[str]
-) -> None:
+def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(board, plan):
     """And the picture says so; no name is cut to a few letters."""
     names = {"pcb", "switch_1", "switch_2", "transformer", "brace", "clock"}
     wide = labels(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"))
@@ -259,7 +251,7 @@ def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(
     assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in narrow)
 
 
-def test_names_of_others_are_no_markup() -> None:
+def test_names_of_others_are_no_markup():
     picture = Picture(10, 10, "<b>")
     picture.line(((0, 0), (1, 1)), "ink", note=Note("</title><script>"))
     picture.label((1, 1), '"><img src=x>\x1b[31m')
@@ -268,7 +260,7 @@ def test_names_of_others_are_no_markup() -> None:
     assert "\\x1b[31m" in text
 
 
-def test_a_page_colours_a_picture_by_roles() -> None:
+def test_a_page_colours_a_picture_by_roles():
     """Numbers of the drawing are attributes."""
     picture = Picture(96, 48, "colours")
     square = [(0.0, 0.0), (48.0, 0.0), (48.0, 48.0)]
@@ -284,23 +276,23 @@ def test_a_page_colours_a_picture_by_roles() -> None:
 
 
 @pytest.mark.parametrize("change", [{"fill": "pink"}, {"stroke": "#fff"}])
-def test_a_colour_is_a_role(change: dict[str, str]) -> None:
+def test_a_colour_is_a_role(change):
     with pytest.raises(KeyError):
         Picture(5, 5, "colours").polygon([(0.0, 0.0), (1.0, 1.0)], **change)
 
 
-def test_a_picture_has_an_extent() -> None:
+def test_a_picture_has_an_extent():
     with pytest.raises(ValueError, match="cannot be"):
         Picture(0, 5, "nothing")
 
 
-def test_equal_pictures_are_equal_markup(board: Task, plan: list[str]) -> None:
+def test_equal_pictures_are_equal_markup(board, plan):
     """Also of solids."""
     first, second = (picture_svg(exploded_picture(board, plan), "e") for _ in range(2))
     assert first == second
 
 
-def test_the_nearer_of_two_solids_is_seen(board: Task) -> None:
+def test_the_nearer_of_two_solids_is_seen(board):
     """Whichever is drawn first."""
     body, pose = board.scene.bodies[0], Pose((0.0, 0.0, 0.0))
     above = pose.moved((0.0, 0.0, 0.05))
@@ -316,12 +308,12 @@ def test_the_nearer_of_two_solids_is_seen(board: Task) -> None:
     assert (painter.image()[..., 3] > 0).sum() == sum(counts[0])
 
 
-def test_a_hull_leaves_out_what_is_inside() -> None:
+def test_a_hull_leaves_out_what_is_inside():
     square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     assert set(square) == set(hull([*square, (0.5, 0.5), (0.5, 0.0)]))
 
 
-def test_long_names_are_shortened_to_their_room() -> None:
+def test_long_names_are_shortened_to_their_room():
     assert "ab" == shortened("ab", 100)
     assert shortened("a very long name of a part", 60).endswith("\N{HORIZONTAL ELLIPSIS}")
     assert "" == shortened("abc", 1)

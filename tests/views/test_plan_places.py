@@ -1,7 +1,5 @@
 """The path of a plan over the table."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +14,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize("config", ["inverter_board", "battery_module"])
-def test_arrows_are_as_long_as_the_plan_costs(config: str) -> None:
+def test_arrows_are_as_long_as_the_plan_costs(config):
     """They call at every feeder and holder that the cost counts."""
     problem = load_problem(CONFIGS / f"{config}.yaml")
     result = solve_problem(problem, setup=Setup(collision=("precedence",)))

@@ -71,7 +71,7 @@ def a_motion(frames: int = 600) -> Numbers:
     )
 
 
-def test_every_pose_is_played_within_a_tenth_of_a_millimetre() -> None:
+def test_every_pose_is_played_within_a_tenth_of_a_millimetre():
     """With a fraction of the rows."""
     rows, tracks = a_motion(), Tracks(600)
     track = tracks.add(rows)
@@ -81,13 +81,13 @@ def test_every_pose_is_played_within_a_tenth_of_a_millimetre() -> None:
     assert 300 > tracks.document()["key_counts"][0]
 
 
-def test_what_stands_takes_two_rows() -> None:
+def test_what_stands_takes_two_rows():
     tracks = Tracks(1000)
     tracks.add(np.tile([1.0, 2.0, 3.0, 0, 0, 0, 1], (1000, 1)))
     assert [2] == tracks.document()["key_counts"]
 
 
-def test_a_body_that_is_nowhere_is_hidden() -> None:
+def test_a_body_that_is_nowhere_is_hidden():
     """No number of a document is NaN; where it appears it comes from nowhere."""
     rows, tracks = a_motion(), Tracks(600)
     rows[:250] = np.nan
@@ -100,12 +100,12 @@ def test_a_body_that_is_nowhere_is_hidden() -> None:
 
 
 @pytest.mark.parametrize("rows", [np.full((5, 7), np.nan), np.zeros((4, 7))])
-def test_a_motion_has_a_row_for_each_frame_and_a_pose(rows: Numbers) -> None:
+def test_a_motion_has_a_row_for_each_frame_and_a_pose(rows):
     with pytest.raises(ValueError, match="a row for each"):
         Tracks(5).add(rows)
 
 
-def test_the_flange_is_where_the_arm_puts_it() -> None:
+def test_the_flange_is_where_the_arm_puts_it():
     """At its home posture the Panda's flange is 0.3069 m ahead and points down."""
     joints = np.array([PANDA.home_rad, PANDA.home_rad])
     flange = link_frames(PANDA, Pose((0.1, 0.0, 0.0)), joints)[-1]
@@ -113,7 +113,7 @@ def test_the_flange_is_where_the_arm_puts_it() -> None:
     assert np.allclose((0.0, 0.0, -1.0), flange[0, :3, 2], atol=1e-9)
 
 
-def test_quaternions_of_neighbours_are_near_each_other() -> None:
+def test_quaternions_of_neighbours_are_near_each_other():
     """Over a whole turn about every axis, all four ways to a quaternion are taken."""
     angles = np.linspace(0, 2 * math.pi, 50)
     for axis in range(3):
@@ -127,7 +127,7 @@ def test_quaternions_of_neighbours_are_near_each_other() -> None:
         assert np.allclose(np.abs(quaternions[:, axis]), np.abs(np.sin(angles / 2)), atol=1e-9)
 
 
-def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path: Any) -> None:
+def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path):
     import trimesh
 
     ball = trimesh.creation.icosphere(3, 0.1)
@@ -139,7 +139,7 @@ def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path: Any) -> No
     assert [[0, 1, 2], [0, 2, 3]] == read_obj(path)[1].tolist()
 
 
-def test_a_document_holds_what_stands_and_what_moves() -> None:
+def test_a_document_holds_what_stands_and_what_moves():
     playback = Playback("t", 600)
     playback.add_body("table", "environment", [box((1, 1, 0.1))])
     playback.add_body(
@@ -158,11 +158,11 @@ def test_a_document_holds_what_stands_and_what_moves() -> None:
 
 
 @pytest.mark.parametrize("along", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0, -0.8)])
-def test_a_cylinder_lies_along_its_axis(along: tuple[float, float, float]) -> None:
+def test_a_cylinder_lies_along_its_axis(along):
     assert np.allclose(along, upright_along((0, 0, 0), along).rotate((0, 0, 1)), atol=1e-9)
 
 
-def test_a_base_ends_a_swing_where_the_lattice_has_it() -> None:
+def test_a_base_ends_a_swing_where_the_lattice_has_it():
     """Whatever it turns about, and however far."""
     bench = Bench(6, 13, 0.34, 11)
     start = bench.position("C41")
@@ -195,35 +195,35 @@ def pressed(forces_n: list[float], place_m: float = 0.0) -> list[Sample]:
     ]
 
 
-def test_a_steady_contact_is_one_entry_as_strong_as_its_peak() -> None:
+def test_a_steady_contact_is_one_entry_as_strong_as_its_peak():
     (entry,) = contact_entries(pressed([20.0, 21.0, 20.0, 19.0] * 100))
     assert (0.0, 6.65, -21.0) == (entry["time_s"], entry["until_s"], entry["force_n"][2])
     assert ["peg", "block"] == entry["bodies"]
 
 
-def test_a_blow_is_an_entry_beside_the_steady_contact() -> None:
+def test_a_blow_is_an_entry_beside_the_steady_contact():
     entries = contact_entries(pressed([20.0] * 30 + [80.0] + [20.0] * 30))
     assert [-20.0, -80.0, -20.0] == [entry["force_n"][2] for entry in entries]
     assert entries[1]["time_s"] == entries[1]["until_s"] == 0.5
 
 
-def test_contacts_that_cannot_be_seen_are_left_out() -> None:
+def test_contacts_that_cannot_be_seen_are_left_out():
     assert [] == contact_entries(pressed([0.5] * 10))
 
 
-def test_a_contact_that_travels_stays_with_its_bodies() -> None:
+def test_a_contact_that_travels_stays_with_its_bodies():
     """An entry stands where it began."""
     entries = contact_entries(pressed([20.0] * 61, place_m=0.005))
     assert 0.021 > max(entry["until_s"] * 60 * 0.005 - entry["position_m"][0] for entry in entries)
 
 
-def test_no_trace_has_more_contacts_than_a_page_can_hold() -> None:
+def test_no_trace_has_more_contacts_than_a_page_can_hold():
     entries = contact_entries(pressed([5.0, 90.0, 300.0, 20.0] * 400), most=50)
     assert len(entries) <= 50
     assert -300.0 == min(entry["force_n"][2] for entry in entries)
 
 
-def test_meshes_of_a_page_load_no_trimesh() -> None:
+def test_meshes_of_a_page_load_no_trimesh():
     """It takes as long to import as a page without it."""
     code = (
         "import sys\n"

@@ -68,7 +68,7 @@ def a_page(words: str = "calm", playing: bool = True) -> str:
     return page_html(words, [chapter(words)], playback, PLAYER)
 
 
-def test_names_of_others_are_text_and_no_markup() -> None:
+def test_names_of_others_are_text_and_no_markup():
     """Neither in headings, tables and attributes nor in the data of the player."""
     plain, hostile = Elements(a_page()), Elements(a_page(HOSTILE))
     assert [name for name, _ in plain.found] == [name for name, _ in hostile.found]
@@ -79,7 +79,7 @@ def test_names_of_others_are_text_and_no_markup() -> None:
     assert HOSTILE == json.loads(data)["title"]
 
 
-def test_the_policy_allows_what_the_page_holds_and_nothing_else() -> None:
+def test_the_policy_allows_what_the_page_holds_and_nothing_else():
     """By its hashes; there is no style attribute, and nothing is loaded."""
     page = a_page()
     elements = Elements(page)
@@ -95,26 +95,26 @@ def test_the_policy_allows_what_the_page_holds_and_nothing_else() -> None:
     assert not [link for link in links if link and not link.startswith(("#", "data:"))]
 
 
-def test_a_script_ends_where_it_ends() -> None:
+def test_a_script_ends_where_it_ends():
     """Whatever its strings hold."""
     page = a_page()
     assert 2 == page.count("</script>")
     assert r"'<\/script><\!--'" in page
 
 
-def test_without_a_playback_there_is_no_script() -> None:
+def test_without_a_playback_there_is_no_script():
     page = a_page(playing=False)
     assert "<script" not in page
     (policy,) = (a["content"] or "" for _, a in Elements(page).found if "http-equiv" in a)
     assert "script-src 'none'" in policy
 
 
-def test_numbers_that_are_none_are_no_json() -> None:
+def test_numbers_that_are_none_are_no_json():
     with pytest.raises(ValueError, match="JSON"):
         json_in_page({"x": float("nan")})
 
 
-def test_a_page_has_landmarks_and_says_what_tables_show() -> None:
+def test_a_page_has_landmarks_and_says_what_tables_show():
     """For who does not see it."""
     names = [name for name, _ in Elements(a_page()).found]
     assert {"header", "nav", "main", "footer", "caption", "h1", "h2"} <= set(names)
@@ -127,7 +127,7 @@ def test_a_page_has_landmarks_and_says_what_tables_show() -> None:
     ]
 
 
-def test_the_page_serves_dark_rooms_narrow_screens_and_paper() -> None:
+def test_the_page_serves_dark_rooms_narrow_screens_and_paper():
     style = page_style()
     assert {"prefers-color-scheme:dark", "max-width:560px", "@media print"} <= {
         one
@@ -137,7 +137,7 @@ def test_the_page_serves_dark_rooms_narrow_screens_and_paper() -> None:
     assert "url(" not in style
 
 
-def test_a_comparison_from_elsewhere_is_data() -> None:
+def test_a_comparison_from_elsewhere_is_data():
     """Whatever stands in it: words for numbers, rows that are none, names that are markup."""
     rows = [
         {"solver": HOSTILE, "status": HOSTILE, "cost": "1", "stats": {"wall_s": -1}},
@@ -152,7 +152,7 @@ def test_a_comparison_from_elsewhere_is_data() -> None:
     assert "No" not in comparison_chapter({"rows": 7}, "c1").heading
 
 
-def test_texts_are_escaped_once() -> None:
+def test_texts_are_escaped_once():
     assert "&lt;" == text("<")
     assert "<b>" == text(Markup("<b>"))
     assert '<i a="&quot;&gt;">&amp;</i>' == tag("i", {"a": '">', "b": None, "c": False}, "&")
@@ -173,17 +173,17 @@ def test_texts_are_escaped_once() -> None:
         (share(float("nan")), "-"),
     ],
 )
-def test_numbers_are_shown_as_such_and_nothing_else_is(shown: str, expected: str) -> None:
+def test_numbers_are_shown_as_such_and_nothing_else_is(shown, expected):
     assert expected == shown
 
 
-def test_numbers_of_a_column_have_the_same_decimals() -> None:
+def test_numbers_of_a_column_have_the_same_decimals():
     """As many as the longest needs, five at most; counts stay whole, and what is none a dash."""
     assert numbers([0.038, 0.0816088, 1.5]) == ["0.03800", "0.08161", "1.50000"]
     assert numbers([0.25, 2.0, None, 3]) == ["0.25", "2.00", "-", "3"]
 
 
-def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures() -> None:
+def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures():
     """Each reason is a sentence of its own."""
     why = "pcb before clock before pcb: clock belongs on pcb\nwith another start it has an order"
     said = str(lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"}))
@@ -216,13 +216,13 @@ def leads(document: dict[str, object]) -> list[str]:
 
 
 class TestTheHeadline:
-    def test_names_the_back_ends_of_the_proof(self) -> None:
+    def test_names_the_back_ends_of_the_proof(self):
         (words,) = leads(OPTIMAL)
         assert words == (
             "A valid plan, proved to be the best by geometry (kinematic, swept, precedence)."
         )
 
-    def test_of_a_failed_simulation_says_so_in_the_first_sentence(self) -> None:
+    def test_of_a_failed_simulation_says_so_in_the_first_sentence(self):
         shown = leads({**OPTIMAL, "simulation": FAILURE})
         assert shown == [
             "Proved by geometry (kinematic, swept, precedence); the simulation by mujoco fails at "
@@ -232,16 +232,16 @@ class TestTheHeadline:
         assert '<span class="chip bad">fails</span><small>at step 9 of 30</small>' in figures
         assert '<span class="chip good">optimal</span>' in figures, "the status stays"
 
-    def test_of_a_plan_not_proved_to_be_the_best_claims_no_proof(self) -> None:
+    def test_of_a_plan_not_proved_to_be_the_best_claims_no_proof(self):
         (words,) = leads({**OPTIMAL, "status": "solved", "simulation": FAILURE})
         assert words.startswith("Checked by geometry (kinematic, swept, precedence), not proved")
 
-    def test_of_a_complete_simulation_says_by_which_engine(self) -> None:
+    def test_of_a_complete_simulation_says_by_which_engine(self):
         done = {**FAILURE, "complete": True, "failed_step": None, "skill": None, "reason": ""}
         (words,) = leads({**OPTIMAL, "simulation": done})
         assert words.endswith("The simulation by mujoco completes the plan.")
 
-    def test_of_the_chart_alone_mentions_no_geometry_and_lists_it_as_not_checked(self) -> None:
+    def test_of_the_chart_alone_mentions_no_geometry_and_lists_it_as_not_checked(self):
         sentence = "geometry (collisions): only the chart is checked"
         by_chart = {**OPTIMAL, "collision": "precedence", "not_checked": [sentence]}
         assert leads(by_chart) == [
@@ -263,9 +263,7 @@ class TestTheHeadline:
         (None, None, "69.47 s<small>planned</small>"),
     ],
 )
-def test_the_time_of_a_plan_says_whose_it_is(
-    measured_s: float | None, played_s: float | None, expected: str
-) -> None:
+def test_the_time_of_a_plan_says_whose_it_is(measured_s, played_s, expected):
     """A task's figures, paths and simulation differ, and a reader sees which is which."""
     said = lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
     assert expected in str(said)

@@ -10,7 +10,7 @@ from rich.cells import cell_len
 
 from skillplan.physics import Arrival, Performance, PerformedSkill
 from skillplan.records import PlannedTimes, Simulation
-from skillplan.task import Pose, Task, Verdict
+from skillplan.task import Pose, Verdict
 from skillplan.views import render
 from skillplan.views.tables import simulation_tables
 
@@ -22,7 +22,7 @@ FIGURES = {
 
 
 @pytest.fixture
-def simulation(board_task: Task) -> Simulation:
+def simulation(board_task):
     """Three skills of the board, of which the last fails."""
     skills = board_task.parse_sequence("0,1,2")
     none = board_task.facts.none
@@ -40,16 +40,14 @@ def simulation(board_task: Task) -> Simulation:
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_no_line_is_wider_than_the_output(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
+def test_no_line_is_wider_than_the_output(simulation, monkeypatch, width):
     """Though every skill comes with all that was measured."""
     monkeypatch.setenv("COLUMNS", str(width))
     text = render(simulation_tables(simulation), "table", io.StringIO())
     assert max(map(cell_len, text.splitlines())) <= width
 
 
-def test_the_failure_is_told_with_its_step(simulation: Simulation) -> None:
+def test_the_failure_is_told_with_its_step(simulation):
     notes = simulation_tables(simulation)[-1].notes
     assert [
         "failure    at step 3 (pick(switch_1)): the jaws closed on nothing, at the place where "
@@ -57,7 +55,7 @@ def test_the_failure_is_told_with_its_step(simulation: Simulation) -> None:
     ] == [note for note in notes if note.startswith("failure")]
 
 
-def test_arrivals_have_a_table_of_their_own(simulation: Simulation) -> None:
+def test_arrivals_have_a_table_of_their_own(simulation):
     """Before that of the skills, which CSV holds."""
     first, last = simulation_tables(simulation)
     assert [("pcb", "0.120", "0.057", "0.4890 0.0000 0.0000")] == list(first.rows)
@@ -80,9 +78,7 @@ def times_note(simulation: Simulation) -> str:
     return note
 
 
-def test_the_difference_from_the_planned_time_is_told_with_its_reasons(
-    simulation: Simulation,
-) -> None:
+def test_the_difference_from_the_planned_time_is_told_with_its_reasons(simulation):
     """Over the skills that succeeded, whose dwells are 3 s each; shares add up."""
     made = timed(simulation, "swept", 3.0, 3.5)
     assert times_note(made) == (
@@ -96,16 +92,14 @@ def test_the_difference_from_the_planned_time_is_told_with_its_reasons(
     assert "planned [s]" in planned
 
 
-def test_without_trajectories_the_note_says_that_strokes_are_left_out(
-    simulation: Simulation,
-) -> None:
+def test_without_trajectories_the_note_says_that_strokes_are_left_out(simulation):
     """Travel is by the task's speed then."""
     note = times_note(timed(simulation, "", 3.0, 3.0))
     assert "planned by the task's travel speed" in note
     assert "planned without strokes" in note
 
 
-def test_an_engine_that_measures_no_acting_is_said_to(simulation: Simulation) -> None:
+def test_an_engine_that_measures_no_acting_is_said_to(simulation):
     """The sum is told all the same."""
     note = times_note(timed(simulation, "swept", None, None))
     assert note.endswith("2.5 s planned by swept: +1.5 s; the engine measures no more")

@@ -1,7 +1,5 @@
 """Lines end between words, else in lists, else in names, else anywhere."""
 
-from __future__ import annotations
-
 import pytest
 
 from skillplan.views import printable, wrapped, wrapped_note
@@ -20,26 +18,26 @@ from skillplan.views import printable, wrapped, wrapped_note
         ("two\nlines", 20, ["two", "lines"]),
     ],
 )
-def test_a_text_is_broken_where_it_reads_best(text: str, width: int, lines: list[str]) -> None:
+def test_a_text_is_broken_where_it_reads_best(text, width, lines):
     """Words whole as long as they fit a line."""
     assert lines == wrapped(text, width)
 
 
-def test_further_lines_hang() -> None:
+def test_further_lines_hang():
     assert ["one two", "  three", "  four"] == wrapped("one two three four", 7, 2)
 
 
-def test_a_note_hangs_under_its_text() -> None:
+def test_a_note_hangs_under_its_text():
     """Behind the label and the blanks that follow it."""
     assert ["cost   one two", "       three"] == wrapped_note("cost   one two three", 15)
 
 
-def test_wide_characters_take_two_columns() -> None:
+def test_wide_characters_take_two_columns():
     assert ["\N{CJK UNIFIED IDEOGRAPH-4E00}" * 2] * 2 == wrapped(
         "\N{CJK UNIFIED IDEOGRAPH-4E00}" * 4, 4
     )
 
 
-def test_nothing_moves_the_cursor() -> None:
+def test_nothing_moves_the_cursor():
     """A name in a task file cannot colour or overwrite what is printed."""
     assert r"\x1b[31mred bell\x07\x0d" == printable("\x1b[31mred\tbell\x07\r")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -33,9 +32,7 @@ def shown(path: Path) -> list[tuple[bytes, int]]:
 
 @settings(max_examples=examples(40))
 @given(st.lists(st.integers(0, 255), min_size=1, max_size=12), st.floats(1, 50))
-def test_a_gif_shows_every_picture_as_long_as_it_lasts(
-    tmp_path_factory: Any, colours: list[int], frames_per_s: float
-) -> None:
+def test_a_gif_shows_every_picture_as_long_as_it_lasts(tmp_path_factory, colours, frames_per_s):
     """Equal ones in a row are one; the whole lasts as long as all, to a fiftieth of a second."""
     path = tmp_path_factory.mktemp("gif") / "video.gif"
     with video_file(path, frames_per_s, "--video") as video:
@@ -50,7 +47,7 @@ def test_a_gif_shows_every_picture_as_long_as_it_lasts(
     assert abs(lasts_ms - 1000 * len(colours) / frames_per_s) <= 20 * len(colours)
 
 
-def test_only_what_changes_is_kept(tmp_path: Path) -> None:
+def test_only_what_changes_is_kept(tmp_path):
     """A small change makes a small picture, and what is shown is the whole."""
     path = tmp_path / "video.gif"
     pixels = bytearray(bytes(one // 600 for one in range(76_800)))
@@ -70,7 +67,7 @@ def test_only_what_changes_is_kept(tmp_path: Path) -> None:
 
 @pytest.mark.slow(reason="films twice; one film in every run")
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_equal_pictures_make_equal_files(tmp_path: Path, suffix: str) -> None:
+def test_equal_pictures_make_equal_files(tmp_path, suffix):
     """Bit for bit."""
     made = []
     for name in ("one", "other"):
@@ -83,7 +80,7 @@ def test_equal_pictures_make_equal_files(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_what_breaks_off_leaves_what_was_there(tmp_path: Path, suffix: str) -> None:
+def test_what_breaks_off_leaves_what_was_there(tmp_path, suffix):
     """And nothing beside."""
     path = tmp_path / f"video{suffix}"
     path.write_text("precious")
@@ -100,7 +97,7 @@ def test_what_breaks_off_leaves_what_was_there(tmp_path: Path, suffix: str) -> N
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_without_a_picture_nothing_is_written(tmp_path: Path, suffix: str) -> None:
+def test_without_a_picture_nothing_is_written(tmp_path, suffix):
     """Not even an empty file."""
     with video_file(tmp_path / f"video{suffix}", 10, "--video"):
         pass
@@ -108,7 +105,7 @@ def test_without_a_picture_nothing_is_written(tmp_path: Path, suffix: str) -> No
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, suffix: str) -> None:
+def test_a_file_that_cannot_be_written_is_named(tmp_path, suffix):
     """In one message, with the option."""
     path = tmp_path / "gone" / f"video{suffix}"
     with pytest.raises(OptionError) as raised:  # noqa: SIM117
@@ -117,9 +114,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, suffix: str) -> 
     assert str(raised.value).startswith(f"--video {path}: cannot be written: ")
 
 
-def test_mp4_without_its_library_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mp4_without_its_library_says_what_to_install(tmp_path, monkeypatch):
     """Or to end the name in .gif."""
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with (
@@ -129,7 +124,7 @@ def test_mp4_without_its_library_says_what_to_install(
         pass
 
 
-def test_a_picture_is_what_was_drawn(tmp_path: Path) -> None:
+def test_a_picture_is_what_was_drawn(tmp_path):
     """To the last byte, as PNG."""
     picture = Image(4, 2, bytes(range(24)))
     save_picture(picture, tmp_path / "moment.png", "--picture")

@@ -1,9 +1,6 @@
 """The 3-D player in a real browser: what it draws, what keys do, and what it asks for."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -30,7 +27,7 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def page(tmp_path_factory):
     scratch = tmp_path_factory.mktemp("browser")
     opened = Page(scratch)
     opened.open(write_page(scratch / "page.html", playback()))
@@ -38,14 +35,14 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     opened.close()
 
 
-def test_the_page_asks_for_nothing_but_itself_and_complains_of_nothing(page: Page) -> None:
+def test_the_page_asks_for_nothing_but_itself_and_complains_of_nothing(page):
     page.seek(0.0)
     assert [url.partition(":")[0] for url in page.requests] == ["file"]
     assert page.complaints == []
     assert page.evaluate("skillplanPlayer.webgl") is True
 
 
-def test_the_picture_moves_with_time(page: Page) -> None:
+def test_the_picture_moves_with_time(page):
     drawn = "document.querySelector('.player-canvas').toDataURL()"
     page.seek(1.0)
     before = page.evaluate(drawn)
@@ -56,7 +53,7 @@ def test_the_picture_moves_with_time(page: Page) -> None:
 
 
 @pytest.mark.parametrize("time_s", [0.0, 2.75, 13.5, 24.0])
-def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page: Page, time_s: float) -> None:
+def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page, time_s):
     page.seek(time_s)
     tip = page.evaluate("skillplanPlayer.poseOf('arm')")
     np.testing.assert_allclose(tip[:3], tip_at(np.array(time_s)), atol=TENTH_OF_A_MM)
@@ -64,7 +61,7 @@ def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page: Page, time_s: fl
     np.testing.assert_allclose(board[:3], part_at(1, np.array(time_s)), atol=TENTH_OF_A_MM)
 
 
-def test_a_planned_motion_is_played_within_a_tenth_of_a_millimetre(tmp_path: Path) -> None:
+def test_a_planned_motion_is_played_within_a_tenth_of_a_millimetre(tmp_path):
     """The board's arm along its planned paths: tip, and every part that is there."""
     swept = pytest.importorskip("skillplan_pinocchio.swept")
     task = load_problem(str(BOARD)).task
@@ -86,7 +83,7 @@ def test_a_planned_motion_is_played_within_a_tenth_of_a_millimetre(tmp_path: Pat
     assert complaints == []
 
 
-def test_tracks_of_some_frames_only_are_read_between_them(tmp_path: Path) -> None:
+def test_tracks_of_some_frames_only_are_read_between_them(tmp_path):
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", with_keys(playback())))
     page.seek(13.6)
@@ -99,14 +96,14 @@ def test_tracks_of_some_frames_only_are_read_between_them(tmp_path: Path) -> Non
     np.testing.assert_allclose(between[:3], ends.mean(axis=0), atol=TENTH_OF_A_MM)
 
 
-def test_a_body_that_is_not_there_has_no_pose(page: Page) -> None:
+def test_a_body_that_is_not_there_has_no_pose(page):
     page.seek(5.0)
     assert page.evaluate("skillplanPlayer.poseOf('cover')") is None
     page.seek(12.0)
     assert page.evaluate("skillplanPlayer.poseOf('cover')") is not None
 
 
-def test_keys_play_step_and_switch(page: Page) -> None:
+def test_keys_play_step_and_switch(page):
     page.evaluate("document.querySelector('.player-canvas').focus()")
     page.seek(0.0)
     page.press("n")
@@ -128,7 +125,7 @@ def test_keys_play_step_and_switch(page: Page) -> None:
     page.evaluate("document.querySelector('.player-help').close()")
 
 
-def test_the_chart_leads_and_follows_and_a_screen_reader_hears_the_skill(page: Page) -> None:
+def test_the_chart_leads_and_follows_and_a_screen_reader_hears_the_skill(page):
     page.seek(0.0)
     page.evaluate(
         "document.getElementById('bar').dispatchEvent(new MouseEvent('click', {bubbles: true}))"
@@ -141,14 +138,14 @@ def test_the_chart_leads_and_follows_and_a_screen_reader_hears_the_skill(page: P
     assert spoken == "3 of 6: pick(board), with gripper"
 
 
-def test_nothing_sticks_out_where_the_page_is_360_pixels_wide(page: Page) -> None:
+def test_nothing_sticks_out_where_the_page_is_360_pixels_wide(page):
     page.resize(360, 700)
     width = page.evaluate("document.documentElement.scrollWidth")
     page.resize(900, 800)
     assert width <= 360
 
 
-def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path: Path) -> None:
+def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path):
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", playback()), before=NO_WEBGL)
     assert page.evaluate("skillplanPlayer.webgl") is False
@@ -163,7 +160,7 @@ def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path: Path) ->
     assert complaints == []
 
 
-def test_every_skill_is_one_step_from_the_last(page: Page) -> None:
+def test_every_skill_is_one_step_from_the_last(page):
     page.seek(0.0)
     steps = [page.evaluate("skillplanPlayer.time()")]
     page.evaluate("document.querySelector('.player-canvas').focus()")
@@ -173,7 +170,7 @@ def test_every_skill_is_one_step_from_the_last(page: Page) -> None:
     assert [b - a for a, b in itertools.pairwise(steps)] == [4.0] * 6
 
 
-def test_the_page_takes_the_theme_of_its_button_and_is_printed_light(tmp_path: Path) -> None:
+def test_the_page_takes_the_theme_of_its_button_and_is_printed_light(tmp_path):
     """Styles of the page and of the player alike; nobody prints white on black."""
     back = "getComputedStyle(document.body).backgroundColor"
     ink = "getComputedStyle(document.querySelector('.player')).getPropertyValue('--player-text')"

@@ -6,7 +6,6 @@ import csv
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -52,7 +51,7 @@ def skillplan(*words: object) -> None:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     """The page of the inverter board's optimum as pybullet executes it."""
     pytest.importorskip("skillplan_pybullet")
     path = tmp_path_factory.mktemp("board") / "page.html"
@@ -61,7 +60,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bench(tmp_path_factory):
     """Four bases on a bench."""
     path = tmp_path_factory.mktemp("bench") / "page.html"
     skillplan("report", CONFIGS / "swarmitfix_fleet.yaml", "--out", path)
@@ -69,14 +68,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def page(written: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def page(written, tmp_path_factory):
     opened = Page(tmp_path_factory.mktemp("browser"))
     opened.open(written)
     yield opened
     opened.close()
 
 
-def test_the_page_of_the_board_is_light_and_asks_for_nothing(page: Page, written: Path) -> None:
+def test_the_page_of_the_board_is_light_and_asks_for_nothing(page, written):
     """Ready, at most 1.5 MB, nothing in the console, and itself the only thing that is read."""
     assert written.stat().st_size <= MOST_BYTES
     assert [written.as_uri()] == page.requests
@@ -84,7 +83,7 @@ def test_the_page_of_the_board_is_light_and_asks_for_nothing(page: Page, written
     assert page.evaluate("skillplanPlayer.webgl") is True
 
 
-def test_ten_seconds_on_the_picture_is_another(page: Page) -> None:
+def test_ten_seconds_on_the_picture_is_another(page):
     drawn = "document.querySelector('.player-canvas').toDataURL()"
     page.seek(10.0)
     before = page.evaluate(drawn)
@@ -93,9 +92,7 @@ def test_ten_seconds_on_the_picture_is_another(page: Page) -> None:
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
-def test_tip_and_parts_are_within_a_tenth_of_a_millimetre_of_the_trace(
-    engine: str, tmp_path: Path
-) -> None:
+def test_tip_and_parts_are_within_a_tenth_of_a_millimetre_of_the_trace(engine, tmp_path):
     """What `simulate --trace` writes; two parts, at some moments of each skill."""
     pytest.importorskip(f"skillplan_{engine}")
     task, page_file, trace = (tmp_path / name for name in ("two.yaml", "page.html", "trace.csv"))
@@ -121,9 +118,7 @@ def test_tip_and_parts_are_within_a_tenth_of_a_millimetre_of_the_trace(
         page.close()
 
 
-def test_on_a_narrow_screen_nothing_sticks_out_and_rows_are_one_line_high(
-    page: Page, bench: Path
-) -> None:
+def test_on_a_narrow_screen_nothing_sticks_out_and_rows_are_one_line_high(page, bench):
     page.resize(360, 700)
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     heights = "[...document.querySelectorAll('#c1-plan tbody tr')].map(row => row.offsetHeight)"
@@ -134,9 +129,7 @@ def test_on_a_narrow_screen_nothing_sticks_out_and_rows_are_one_line_high(
     assert ([], True) == (page.complaints, width <= 360)
 
 
-def test_without_javascript_tables_and_pictures_stay(
-    written: Path, bench: Path, tmp_path: Path
-) -> None:
+def test_without_javascript_tables_and_pictures_stay(written, bench, tmp_path):
     """A still stands where the playback would be, and a line says what that needs."""
     page = Page(tmp_path / "browser")
     try:
@@ -153,7 +146,7 @@ def test_without_javascript_tables_and_pictures_stay(
         page.close()
 
 
-def test_without_webgl_the_still_of_the_product_stays(written: Path, tmp_path: Path) -> None:
+def test_without_webgl_the_still_of_the_product_stays(written, tmp_path):
     page = Page(tmp_path / "browser")
     try:
         page.open(written, before=NO_WEBGL)
@@ -165,7 +158,7 @@ def test_without_webgl_the_still_of_the_product_stays(written: Path, tmp_path: P
         page.close()
 
 
-def test_it_prints_as_a_few_pages_with_the_picture_on_them(page: Page, written: Path) -> None:
+def test_it_prints_as_a_few_pages_with_the_picture_on_them(page, written):
     """Of A4 or letter; what is only for a screen is left out."""
     page.open(written)
     page.seek(12.0)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import pytest
@@ -49,7 +47,7 @@ ELSEWHERE = Setup(executor=ExecutorChoice("elsewhere", "there"))
 
 
 @pytest.fixture
-def elsewhere(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def elsewhere(monkeypatch):
     """An executor that is registered from outside; returns what was asked of it."""
     known = registry.load
     ours = {"elsewhere": Elsewhere, ExpensiveBoxes.name: ExpensiveBoxes}
@@ -66,7 +64,7 @@ def purposes(started: list[str]) -> list[str]:
 
 
 @pytest.fixture
-def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def learner(tmp_path, monkeypatch):
     """The name of a learner that is quick."""
     with learner_installed(tmp_path / "site", monkeypatch) as name:
         yield name
@@ -75,7 +73,7 @@ def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 class TestWhoeverHasJobs:
     """Takes the executor of the setup, even for a single job."""
 
-    def test_checks(self, elsewhere: list[str]) -> None:
+    def test_checks(self, elsewhere):
         task = lid_task()
         checks = make_feasibility(task, ELSEWHERE, jobs=3, back_ends=[ExpensiveBoxes(task)])
         alone = make_feasibility(task, back_ends=[ExpensiveBoxes(task)])
@@ -83,7 +81,7 @@ class TestWhoeverHasJobs:
         assert alone.verdicts(queries) == checks.verdicts(queries)
         assert {"checks, 3 slots at there"} == set(elsewhere)
 
-    def test_searches(self, elsewhere: list[str]) -> None:
+    def test_searches(self, elsewhere):
         """The cost is the one that is proved here."""
         task = lid_task()
         here, there = (
@@ -93,14 +91,14 @@ class TestWhoeverHasJobs:
         assert (here.cost, here.checks) == (there.cost, there.checks)
         assert {"checks, 1 slots at there"} == set(elsewhere)
 
-    def test_studies(self, elsewhere: list[str]) -> None:
+    def test_studies(self, elsewhere):
         """With the runs that are done here."""
         plan, job = plan_study(lid_task(), "exact", setup=ELSEWHERE, runs=2)
         result = do_study(plan, job, jobs=2)
         assert 2 == len(result.records)
         assert ["the runs, 2 slots at there"] * 2 == elsewhere
 
-    def test_what_is_sent_elsewhere_names_the_executor_by_data_alone(self) -> None:
+    def test_what_is_sent_elsewhere_names_the_executor_by_data_alone(self):
         """No process is asked for, or connected to, before there are jobs."""
         assert Setup().make_executor is None
         assert Setup(executor=ExecutorChoice("local")).make_executor is None
@@ -111,14 +109,14 @@ class TestWhatIsSentElsewhere:
 
     setup = replace(ELSEWHERE, collision=(ExpensiveBoxes.name,))
 
-    def test_studies(self, elsewhere: list[str]) -> None:
+    def test_studies(self, elsewhere):
         """The optimum is proved before, by checks elsewhere."""
         plan, job = plan_study(lid_task(), "exact", setup=self.setup, runs=2)
         result = do_study(plan, job, jobs=2)
         assert [None, None] == [record.error for record in result.records]
         assert ["checks", "the runs", "the runs"] == purposes(elsewhere)
 
-    def test_comparisons(self, elsewhere: list[str]) -> None:
+    def test_comparisons(self, elsewhere):
         """Rows as they are in turn."""
         problem = load_problem(BOARD)
         here = compare_solvers(problem, SOLVERS, replace(self.setup, executor=ExecutorChoice()))
@@ -127,7 +125,7 @@ class TestWhatIsSentElsewhere:
         assert ["optimal", "optimal"] == [row.status for row in there]
         assert ["the comparison"] * 2 == purposes(elsewhere)
 
-    def test_trainings(self, elsewhere: list[str], learner: str, tmp_path: Path) -> None:
+    def test_trainings(self, elsewhere, learner, tmp_path):
         """The optimum is proved afterwards, by checks elsewhere."""
         problem = load_problem(BOARD)
         plan = plan_training(problem, learner, self.setup, runs=2, steps=100)
@@ -137,7 +135,7 @@ class TestWhatIsSentElsewhere:
         assert ["the training", "the training", "checks"] == purposes(elsewhere)
 
 
-def test_a_lost_machine_is_told_from_a_process_that_failed() -> None:
+def test_a_lost_machine_is_told_from_a_process_that_failed():
     """By words, as there is no exit code."""
     lost = Ended(None, started=True, cause="the loss of node 7")
     assert (True, "the loss of node 7") == (lost.killed, lost.how)

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -17,7 +17,7 @@ from skillplan.workers import Answer, Ended, FedProgram, LocalProcesses, Worker,
 
 
 @pytest.fixture
-def executor() -> Iterator[LocalProcesses]:
+def executor():
     """Of two slots; what is left of its processes is ended."""
     made = LocalProcesses(2)
     yield made
@@ -39,7 +39,7 @@ def heard(executor: LocalProcesses, worker: Worker) -> Answer | Ended:
 
 
 class TestJobs:
-    def test_a_job_is_done_elsewhere(self, executor: LocalProcesses) -> None:
+    def test_a_job_is_done_elsewhere(self, executor):
         """One after another, in a process that has another number."""
         worker = started(executor, eval)
         worker.take("__import__('os').getpid()")
@@ -49,7 +49,7 @@ class TestJobs:
         worker.take("6 * 7")
         assert Answer(42) == heard(executor, worker)
 
-    def test_only_those_are_ready_that_have_answered(self, executor: LocalProcesses) -> None:
+    def test_only_those_are_ready_that_have_answered(self, executor):
         """The other is still at its job."""
         slow, quick = started(executor, time.sleep), started(executor, len)
         slow.take(600)
@@ -65,13 +65,13 @@ class TestJobs:
                     answers.append(answer)
         assert [Answer(5)] == answers
 
-    def test_nothing_is_ready_among_none(self, executor: LocalProcesses) -> None:
+    def test_nothing_is_ready_among_none(self, executor):
         """And nobody waits."""
         assert [] == executor.first_ready([], 600.0)
 
 
 class TestEnds:
-    def test_one_that_exits_says_so_by_its_code(self, executor: LocalProcesses) -> None:
+    def test_one_that_exits_says_so_by_its_code(self, executor):
         """It had been ready."""
         worker = started(executor, os._exit)
         worker.take(7)
@@ -79,7 +79,7 @@ class TestEnds:
         assert Ended(7, started=True) == ended
         assert ("exit code 7", False) == (ended.how, ended.killed)
 
-    def test_one_that_is_killed_says_so_by_the_signal(self, executor: LocalProcesses) -> None:
+    def test_one_that_is_killed_says_so_by_the_signal(self, executor):
         """As where memory runs out."""
         worker = started(executor, time.sleep)
         worker.take(600)
@@ -90,15 +90,13 @@ class TestEnds:
         assert ("signal 9", True) == (ended.how, ended.killed)
         assert not worker.alive
 
-    def test_what_cannot_make_itself_ready_is_an_error_in_words(
-        self, executor: LocalProcesses
-    ) -> None:
+    def test_what_cannot_make_itself_ready_is_an_error_in_words(self, executor):
         """`partial` refuses what cannot be called."""
         worker = executor.start(partial, packed("no function", "tests"), "tests")
         with pytest.raises(SkillplanError, match="could not make itself ready: TypeError"):
             heard(executor, worker)
 
-    def test_closing_ends_all_whatever_they_are_at(self) -> None:
+    def test_closing_ends_all_whatever_they_are_at(self):
         """At once, and more can be started afterwards."""
         executor = LocalProcesses(2)
         workers = [started(executor, time.sleep) for _ in range(2)]
@@ -111,7 +109,7 @@ class TestEnds:
         assert Answer(9) == heard(executor, again)
         executor.close()
 
-    def test_to_end_one_twice_does_nothing(self, executor: LocalProcesses) -> None:
+    def test_to_end_one_twice_does_nothing(self, executor):
         """So that whoever cleans up need not know what was ended before."""
         worker = started(executor, len)
         worker.end(gently=False)
@@ -120,12 +118,12 @@ class TestEnds:
 
 
 class TestRefusals:
-    def test_there_is_a_slot_at_least(self) -> None:
+    def test_there_is_a_slot_at_least(self):
         """Otherwise nothing would ever be done."""
         with pytest.raises(ValueError, match="at least one process, not 0"):
             LocalProcesses(0)
 
-    def test_a_process_for_jobs_starts_no_others(self, executor: LocalProcesses) -> None:
+    def test_a_process_for_jobs_starts_no_others(self, executor):
         """It says why; this one may."""
         assert "" == executor.refusal
         worker = started(executor, eval)
@@ -133,14 +131,14 @@ class TestRefusals:
         worker.take(f"{module}.LocalProcesses(1).refusal")
         assert Answer("a process for jobs may not start others") == heard(executor, worker)
 
-    def test_what_cannot_be_sent_is_an_error_in_words(self) -> None:
+    def test_what_cannot_be_sent_is_an_error_in_words(self):
         """Before anything is started."""
         with pytest.raises(SkillplanError, match="processes for tests start from cannot be sent"):
             packed(lambda: None, "tests")
 
 
 class TestPrograms:
-    def test_what_is_fed_arrives(self, tmp_path: Any) -> None:
+    def test_what_is_fed_arrives(self, tmp_path):
         """Once it has finished, all is there."""
         path = tmp_path / "copy"
         words = "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())"
@@ -157,13 +155,13 @@ class TestPrograms:
             ("import sys; sys.exit(3)", "the program failed and printed nothing"),
         ],
     )
-    def test_one_that_fails_is_an_error_in_its_words(self, words: str, message: str) -> None:
+    def test_one_that_fails_is_an_error_in_its_words(self, words, message):
         """By the last line that it printed."""
         program = FedProgram([sys.executable, "-c", words])
         with pytest.raises(OSError, match=message):
             program.finish()
 
-    def test_the_output_of_a_program(self) -> None:
+    def test_the_output_of_a_program(self):
         """None where it fails or is not there."""
         assert "here\n" == output_of([sys.executable, "-c", "print('here')"])
         assert output_of([sys.executable, "-c", "raise SystemExit(1)"]) is None

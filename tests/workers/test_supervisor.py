@@ -80,7 +80,7 @@ def await_end(number: int) -> None:
 
 class TestExitCodes:
     @pytest.mark.parametrize("code", [0, 1, 130])
-    def test_the_code_of_the_command_is_that_of_the_program(self, code: int) -> None:
+    def test_the_code_of_the_command_is_that_of_the_program(self, code):
         """Nothing is reported."""
         assert (code, "", "") == run(f"return {code}")
 
@@ -93,12 +93,12 @@ class TestExitCodes:
             ("os.kill(os.getpid(), 9)", "signal 9 (SIGKILL, maybe for want of memory)"),
         ],
     )
-    def test_a_process_that_ends_without_a_code_has_failed(self, end: str, how: str) -> None:
+    def test_a_process_that_ends_without_a_code_has_failed(self, end, how):
         """Its own exit code does not count, 0 least of all."""
         message = f"3: The process ended without an answer, by {how}.\n"
         assert (3, message, "") == run(end)
 
-    def test_the_message_names_the_innermost_activity(self) -> None:
+    def test_the_message_names_the_innermost_activity(self):
         """Which also decides on the exit code."""
         body = f"""
             with doing("the search"):
@@ -109,7 +109,7 @@ class TestExitCodes:
         assert 2 == code
         assert out.endswith("by signal 11 (SIGSEGV) in the import of x.\n")
 
-    def test_an_activity_that_is_over_is_not_named(self) -> None:
+    def test_an_activity_that_is_over_is_not_named(self):
         """An exception ends it, too."""
         body = """
             try:
@@ -121,12 +121,12 @@ class TestExitCodes:
         assert "search" not in run(body)[1]
 
     @pytest.mark.parametrize("end", ["os._exit(3)", SEGFAULT])
-    def test_a_crash_after_the_code_was_reported_changes_nothing(self, end: str) -> None:
+    def test_a_crash_after_the_code_was_reported_changes_nothing(self, end):
         """Libraries crash while the interpreter ends."""
         assert (1, "", "") == run(f"import atexit\natexit.register(lambda: {end})\nreturn 1")
 
     @pytest.mark.slow(reason="waits five seconds; a crash after the code is in every run")
-    def test_a_thread_does_not_keep_the_program(self) -> None:
+    def test_a_thread_does_not_keep_the_program(self):
         """It is killed five seconds after the command has ended."""
         begin_s = time.monotonic()
         assert 0 == run("threading.Thread(target=time.sleep, args=(600,)).start()\nreturn 0")[0]
@@ -136,7 +136,7 @@ class TestExitCodes:
 class TestSignals:
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     @pytest.mark.parametrize("to_group", [False, True])
-    def test_the_first_ends_the_program(self, number: int, to_group: bool) -> None:
+    def test_the_first_ends_the_program(self, number, to_group):
         """To the process, or to its whole group as a terminal sends it."""
         process = start("print('begun', flush=True)\ntime.sleep(600)")
         wait_for_line(process, "begun")
@@ -144,7 +144,7 @@ class TestSignals:
         assert ("", "skillplan: interrupted\n") == process.communicate(timeout=PATIENCE_S)
         assert 130 == process.returncode
 
-    def test_it_ends_a_command_that_swallows_every_exception(self) -> None:
+    def test_it_ends_a_command_that_swallows_every_exception(self):
         """By force, with the processes that it has started."""
         body = """
             import subprocess
@@ -166,7 +166,7 @@ class TestSignals:
         await_end(other)
 
     @pytest.mark.slow(reason="waits five seconds; a command without a reaction is in every run")
-    def test_a_command_that_writes_its_result_is_given_time(self) -> None:
+    def test_a_command_that_writes_its_result_is_given_time(self):
         """Longer than a search that does not stop at all."""
         body = """
             requested = []
@@ -185,7 +185,7 @@ class TestSignals:
         assert 0 == process.returncode
 
     @pytest.mark.slow(reason="waits three seconds; a command that hangs in every run")
-    def test_a_search_that_does_not_stop_is_left_by_an_exception(self) -> None:
+    def test_a_search_that_does_not_stop_is_left_by_an_exception(self):
         """Which leaves what it has found so far."""
         body = """
             with heeding(lambda: None):
@@ -203,7 +203,7 @@ class TestSignals:
         assert ("", "") == process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
 
-    def test_an_exception_that_is_lost_in_a_callback_is_raised_again(self) -> None:
+    def test_an_exception_that_is_lost_in_a_callback_is_raised_again(self):
         """Without a traceback; libraries in C call back, and so does the end of an object."""
         body = """
             class Loud:
@@ -219,7 +219,7 @@ class TestSignals:
         assert ("", "skillplan: interrupted\n") == process.communicate(timeout=PATIENCE_S)
         assert 130 == process.returncode
 
-    def test_a_time_limit_is_no_interruption(self) -> None:
+    def test_a_time_limit_is_no_interruption(self):
         """So the exit code is not that of Ctrl-C."""
         body = """
             requested = []
@@ -232,7 +232,7 @@ class TestSignals:
         """
         assert (0, "", "") == run(body)
 
-    def test_a_time_limit_waits_until_llvm_has_been_answered(self) -> None:
+    def test_a_time_limit_waits_until_llvm_has_been_answered(self):
         """An exception in its call to Python would be printed and lost, and the code with it."""
         body = """
             import ctypes
@@ -253,7 +253,7 @@ class TestSignals:
         """
         assert (0, "", "") == run(body)
 
-    def test_an_ignored_signal_stays_ignored(self) -> None:
+    def test_an_ignored_signal_stays_ignored(self):
         """As under nohup."""
         body = "print('begun', flush=True)\ntime.sleep(0.5)\nreturn 0"
         before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -266,7 +266,7 @@ class TestSignals:
         process.communicate(timeout=PATIENCE_S)
         assert 0 == process.returncode
 
-    def test_a_program_that_ignores_the_end_of_children_still_gets_the_code(self) -> None:
+    def test_a_program_that_ignores_the_end_of_children_still_gets_the_code(self):
         """As if it was started by a service that leaves no zombies."""
         before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
         try:
@@ -277,7 +277,7 @@ class TestSignals:
         assert 1 == process.returncode
 
     @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no process file system")
-    def test_sigkill_takes_the_command_along(self) -> None:
+    def test_sigkill_takes_the_command_along(self):
         """Even if it is deep in a loop that runs no handler."""
         body = """
             signal.pthread_sigmask(signal.SIG_BLOCK, range(1, 32))
@@ -294,7 +294,7 @@ class TestSignals:
 
 
 class TestLimits:
-    def test_past_the_time_limit_an_exception_ends_the_command(self, tmp_path: Path) -> None:
+    def test_past_the_time_limit_an_exception_ends_the_command(self, tmp_path):
         """So that it tidies up."""
         path = tmp_path / "tidied"
         body = f"""
@@ -308,7 +308,7 @@ class TestLimits:
         assert 130 == code
         assert path.exists()
 
-    def test_one_that_goes_on_is_killed(self) -> None:
+    def test_one_that_goes_on_is_killed(self):
         """With a message that names the limit; the exit code is that of wrong input."""
         body = """
             limit_command(0.3)
@@ -322,7 +322,7 @@ class TestLimits:
         assert (2, f"2: {message}\n", "") == run(body)
 
     @pytest.mark.parametrize("where", ["here", "in a process of its own"])
-    def test_past_the_memory_limit_it_is_killed(self, where: str) -> None:
+    def test_past_the_memory_limit_it_is_killed(self, where):
         """Memory of the processes that it has started counts."""
         hog = "x = bytearray(200 * 2**20); import time; time.sleep(600)"
         other = f"import subprocess; subprocess.run([sys.executable, '-c', {hog!r}])"
@@ -332,7 +332,7 @@ class TestLimits:
             "2: The command held more memory than --memory-limit, 150 MiB, and was ended.\n" == out
         )
 
-    def test_an_activity_is_ended_by_its_own_limit(self) -> None:
+    def test_an_activity_is_ended_by_its_own_limit(self):
         """At once if it is of no use to raise an exception in it."""
         body = """
             with doing("the import of x", limit_s=0.3, forced=True):
@@ -343,7 +343,7 @@ class TestLimits:
         assert "the import of x took longer than 0.3 s" in out
 
     @pytest.mark.slow(reason="waits two seconds; an activity that is ended is in every run")
-    def test_an_activity_that_ends_past_its_limit_after_all_is_forgiven(self) -> None:
+    def test_an_activity_that_ends_past_its_limit_after_all_is_forgiven(self):
         """A solver returns its best plan at the exception."""
         body = """
             try:

@@ -20,7 +20,7 @@ BACK_ENDS = {
 
 
 @pytest.fixture(params=BACK_ENDS)
-def setup(request: pytest.FixtureRequest) -> Setup:
+def setup(request):
     """Each of the back ends that know geometry."""
     if request.param == "pybullet" and sys.version_info >= (3, 12):
         pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
@@ -44,9 +44,7 @@ def verdict_of(content: dict[str, Any], setup: Setup) -> Verdict:
         pytest.param(fetching_board(wall_m=0.008), id="beside a low wall"),
     ],
 )
-def test_a_screw_does_not_collide_with_what_bears_its_feeder(
-    content: dict[str, Any], setup: Setup
-) -> None:
+def test_a_screw_does_not_collide_with_what_bears_its_feeder(content, setup):
     verdict = verdict_of(content, setup)
     assert verdict.is_feasible, verdict.reason
 
@@ -66,9 +64,7 @@ def test_a_screw_does_not_collide_with_what_bears_its_feeder(
         ),
     ],
 )
-def test_what_a_screw_runs_into_at_its_feeder_is_named(
-    content: dict[str, Any], obstacle: str, setup: Setup
-) -> None:
+def test_what_a_screw_runs_into_at_its_feeder_is_named(content, obstacle, setup):
     verdict = verdict_of(content, setup)
     assert verdict.is_infeasible
     assert obstacle in verdict.reason.split(), verdict.reason

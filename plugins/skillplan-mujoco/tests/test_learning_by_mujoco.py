@@ -29,9 +29,7 @@ STACK: dict[str, Any] = {
 
 
 @pytest.mark.slow(reason="two trainings in processes; answers in other processes in every run")
-def test_runs_in_two_processes_learn_what_they_learn_in_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_in_two_processes_learn_what_they_learn_in_one(tmp_path, monkeypatch, capfd):
     """Each process executes skills in a world of its own; metrics and policies are equal."""
     pytest.importorskip("skillplan_torch", reason="what learns is a plugin of its own")
     file = tmp_path / "stack.yaml"

@@ -25,12 +25,12 @@ Query = tuple[Skill, State]
 
 
 @pytest.fixture(scope="module")
-def task() -> Task:
+def task():
     return load_problem(BOARD).task
 
 
 @pytest.fixture(scope="module")
-def engine(task) -> MujocoEngine:
+def engine(task):
     return MujocoEngine(task)
 
 

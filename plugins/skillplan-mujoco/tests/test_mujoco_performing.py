@@ -1,7 +1,5 @@
 """Whole plans in one continuous world of MuJoCo, and pictures of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from skillplan_mujoco import MujocoEngine
 
 
 @pytest.fixture(scope="module")
-def engine() -> MujocoEngine:
+def engine():
     return MujocoEngine(load_problem(BOARD).task)
 
 

@@ -58,7 +58,7 @@ minutes = pytest.mark.release(
 
 
 @pytest.fixture(autouse=True)
-def both_engines() -> None:
+def both_engines():
     """Both are there."""
     if sys.version_info >= (3, 12):
         pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
@@ -122,13 +122,13 @@ def executions() -> list[Any]:
 
 
 @pytest.mark.parametrize(("product", "engine"), executions())
-def test_an_engine_finds_a_plan_of_every_board_and_executes_it(product: str, engine: str) -> None:
+def test_an_engine_finds_a_plan_of_every_board_and_executes_it(product, engine):
     assert_executed(product, proved(product, engine), engine)
 
 
 @pytest.mark.slow(reason="a search by physics and its plan; another arm in every run")
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_ur5e_builds_the_board_that_init_writes(engine: str) -> None:
+def test_a_ur5e_builds_the_board_that_init_writes(engine):
     task = load_problem(STARTER, changes={"robot.model": "ur5e"}).task
     result = solve(task, setup=Setup(engine, CONTACTS, screening=True))
     assert result.status == "optimal", result.reason
@@ -149,14 +149,14 @@ def test_a_ur5e_builds_the_board_that_init_writes(engine: str) -> None:
         for product in BOARDS
     ],
 )
-def test_swept_finds_a_plan_of_every_board(product: str) -> None:
+def test_swept_finds_a_plan_of_every_board(product):
     result = solve(task_of(product), setup=Setup(collision=("swept",)))
     assert result.status == "optimal", result.reason
 
 
 @minutes
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_both_engines_prove_the_same_cost(product: str) -> None:
+def test_both_engines_prove_the_same_cost(product):
     """Each by its own executions; the distance that swept hulls prove, too."""
     costs = [proved(product, engine).cost for engine in ENGINES]
     task = task_of(product)
@@ -168,9 +168,7 @@ def test_both_engines_prove_the_same_cost(product: str) -> None:
 @minutes
 @pytest.mark.parametrize("executing", ENGINES)
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_a_plan_that_one_engine_proves_is_executed_by_the_other(
-    product: str, executing: str
-) -> None:
+def test_a_plan_that_one_engine_proves_is_executed_by_the_other(product, executing):
     """To its end, within half a millimetre and a degree; screws are pressed with 3 N or more."""
     proving = next(engine for engine in ENGINES if engine != executing)
     assert_executed(product, proved(product, proving), executing)
@@ -178,7 +176,7 @@ def test_a_plan_that_one_engine_proves_is_executed_by_the_other(
 
 @minutes
 @pytest.mark.parametrize("product", CHARTED)
-def test_both_engines_derive_the_chart_that_was_drawn_by_hand(product: str) -> None:
+def test_both_engines_derive_the_chart_that_was_drawn_by_hand(product):
     """Without being told it: the same relation, which is that of the file."""
     task = task_of(product)
     bare = task.replace(chart=(), collision=())

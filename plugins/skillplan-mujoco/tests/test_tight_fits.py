@@ -18,7 +18,7 @@ WIDER = pytest.mark.slow(reason="four executions; pieces that block the fit in e
 
 
 @pytest.fixture(autouse=True)
-def both_engines() -> None:
+def both_engines():
     """Both are there."""
     if sys.version_info >= (3, 12):
         pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
@@ -36,8 +36,8 @@ def check(capfd: pytest.CaptureFixture[str], path: Path, *words: str) -> tuple[i
 
 @pytest.mark.parametrize(("clearance_mm", "outside_mm"), [(0.5, 0.0), (0.5, 0.3), (0.8, 0.6)])
 def test_pieces_that_leave_a_fit_its_clearance_are_not_named(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], clearance_mm: float, outside_mm: float
-) -> None:
+    tmp_path, capfd, clearance_mm, outside_mm
+):
     path = write_framed_peg(tmp_path, clearance_mm, outside_mm)
     code, warnings, _ = check(capfd, path)
     assert code == 0
@@ -48,9 +48,7 @@ def test_pieces_that_leave_a_fit_its_clearance_are_not_named(
     ("outside_mm", "figure"),
     [(0.45, "leave 0.05 mm of it"), (0.9, "are 0.40 mm deep in each other")],
 )
-def test_check_warns_of_a_fit_that_pieces_fill(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], outside_mm: float, figure: str
-) -> None:
+def test_check_warns_of_a_fit_that_pieces_fill(tmp_path, capfd, outside_mm, figure):
     """With the pair, the clearance of the meshes, and what the pieces make of it."""
     code, warnings, _ = check(capfd, write_framed_peg(tmp_path, 0.5, outside_mm))
     assert code == 0
@@ -62,9 +60,7 @@ def test_check_warns_of_a_fit_that_pieces_fill(
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], engine: str
-) -> None:
+def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(tmp_path, capfd, engine):
     """A frame with a flange can only come after its peg, whose head is beneath the flange."""
     path = write_framed_peg(tmp_path, 0.5, 0.9, flange=True)
     with pytest.raises(SystemExit) as ended:
@@ -84,9 +80,7 @@ def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(
         0.6,
     ],
 )
-def test_an_engine_executes_what_it_does_not_refuse(
-    tmp_path: Path, engine: str, outside_mm: float
-) -> None:
+def test_an_engine_executes_what_it_does_not_refuse(tmp_path, engine, outside_mm):
     """In one order at least: pybullet has the frame exact where it stands, and the peg goes in."""
     path = write_framed_peg(tmp_path, 0.5, outside_mm)
     task = load_problem(path).task

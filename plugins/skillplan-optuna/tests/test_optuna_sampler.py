@@ -15,11 +15,10 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
-from skillplan.records import SampledPlan, Span
+from skillplan.records import Span
 from skillplan.sweep import (
     Question,
     SharedTrials,
-    StudyJob,
     do_sampled,
     make_sampler,
     open_trials,
@@ -57,7 +56,7 @@ def document(*words: str) -> Any:
     return json.loads(made.stdout)
 
 
-def test_it_finds_what_is_good(tmp_path: Path) -> None:
+def test_it_finds_what_is_good(tmp_path):
     """The least of a bowl within 0.15 of 4 after 60 trials, where even spacing has 0.17."""
     question = Question((Span("x", 0.0, 10.0), Span("y", 0.0, 10.0)), {}, {}, seed=1)
     trials = make_sampler("optuna", {}).join(tmp_path, question)
@@ -70,7 +69,7 @@ def test_it_finds_what_is_good(tmp_path: Path) -> None:
     assert best.value < 0.5
 
 
-def test_one_process_repeats_itself(tmp_path: Path) -> None:
+def test_one_process_repeats_itself(tmp_path):
     """As long as trials end in the order in which they began."""
     found = []
     for name in ("one", "other"):
@@ -88,7 +87,7 @@ def joined(folder: Path) -> SharedTrials:
     return make_sampler("optuna", {}).join(folder, Question((Span("x", 0.0, 1.0),), {}, {}, seed=3))
 
 
-def test_a_line_that_was_cut_off_is_dropped(tmp_path: Path) -> None:
+def test_a_line_that_was_cut_off_is_dropped(tmp_path):
     """And the trials before it are kept."""
     trials = joined(tmp_path)
     trials.tell(trials.ask(), 1.0, ["kept"])
@@ -101,7 +100,7 @@ def test_a_line_that_was_cut_off_is_dropped(tmp_path: Path) -> None:
     assert joined(tmp_path).done() == 2
 
 
-def test_damage_is_one_message(tmp_path: Path) -> None:
+def test_damage_is_one_message(tmp_path):
     """It names the file, and what instead."""
     trials = joined(tmp_path)
     trials.tell(trials.ask(), 1.0, [])
@@ -116,7 +115,7 @@ def test_damage_is_one_message(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow(reason="starts processes; two trials of one journal in every run")
-def test_processes_share_a_study_and_each_shows_all_of_it(tmp_path: Path) -> None:
+def test_processes_share_a_study_and_each_shows_all_of_it(tmp_path):
     """Twelve trials by two processes, at most one more than asked for, and none twice."""
     study = str(tmp_path / "study")
     words = command("--out", study, "--trials", "12", "--format", "json")
@@ -135,7 +134,7 @@ def test_processes_share_a_study_and_each_shows_all_of_it(tmp_path: Path) -> Non
 
 @pytest.mark.slow(reason="starts processes; Ctrl-C of studies and cut journals in every run")
 @pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
-def test_whatever_ends_it_finished_trials_are_kept(tmp_path: Path, blow: signal.Signals) -> None:
+def test_whatever_ends_it_finished_trials_are_kept(tmp_path, blow):
     study = tmp_path / "study"
     words = command("--out", str(study), "--trials", "5000", "--format", "json")
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
@@ -159,15 +158,13 @@ def test_whatever_ends_it_finished_trials_are_kept(tmp_path: Path, blow: signal.
 
 
 @pytest.fixture
-def study() -> tuple[SampledPlan, StudyJob]:
+def study():
     task = load_problem(CASES).part("base-1")
     values = [("episodes", "50:300"), ("gamma", "0.9:0.99")]
     return plan_sampled(task, "sarsa", values, sampler="optuna", starts=["C20"], runs=2)
 
 
-def test_another_study_is_refused_and_what_differs_is_named(
-    study: tuple[SampledPlan, StudyJob], tmp_path: Path
-) -> None:
+def test_another_study_is_refused_and_what_differs_is_named(study, tmp_path):
     plan, job = study
     sampler = make_sampler("optuna", {})
     trials = open_trials(str(tmp_path), plan, sampler, 0)
@@ -182,18 +179,14 @@ def test_another_study_is_refused_and_what_differs_is_named(
         open_trials(str(tmp_path), plan, make_sampler("optuna", {"method": "random"}), 0)
 
 
-def test_a_folder_of_something_else_is_left_alone(
-    study: tuple[SampledPlan, StudyJob], tmp_path: Path
-) -> None:
+def test_a_folder_of_something_else_is_left_alone(study, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OptionError, match=r"is not empty, and holds no trials of optuna"):
         open_trials(str(tmp_path), study[0], make_sampler("optuna", {}), 0)
     assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_runs_in_the_journal_that_are_none_are_refused(
-    study: tuple[SampledPlan, StudyJob], tmp_path: Path
-) -> None:
+def test_runs_in_the_journal_that_are_none_are_refused(study, tmp_path):
     plan, job = study
     sampler = make_sampler("optuna", {})
     do_sampled(plan, job, open_trials(str(tmp_path), plan, sampler, 0), 1)

@@ -1,7 +1,5 @@
 """OR-Tools and highspy both bring HiGHS, and are to live in one process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -21,7 +19,7 @@ INSTANCE = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC07.so
         ),
     ],
 )
-def test_a_comparison_may_hold_both_in_any_order(solvers: str) -> None:
+def test_a_comparison_may_hold_both_in_any_order(solvers):
     """In a process of its own, as what is loaded first stays."""
     words = ["compare", str(INSTANCE), "--solvers", solvers, "--format", "csv"]
     done = subprocess.run(

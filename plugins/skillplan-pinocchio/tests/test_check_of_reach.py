@@ -35,7 +35,7 @@ def warnings(folder: Path, grasp: str) -> list[str]:
     return [line.removeprefix(f"{path}:") for line in preview(load_problem(path)).warnings]
 
 
-def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path: Path) -> None:
+def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path):
     """Jaws would fit, but the arm would have to come from behind; no solver is needed to say so."""
     (told,) = warnings(tmp_path, "{approach: [-1, 0, 0]}")
     assert told.startswith(
@@ -45,7 +45,7 @@ def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path: P
 
 
 @pytest.mark.parametrize("grasp", ["{closing_axis: y}", "[{approach: [-1, 0, 0]}, {}]", "auto"])
-def test_nothing_is_told_of_where_some_grasp_is_within_reach(tmp_path: Path, grasp: str) -> None:
+def test_nothing_is_told_of_where_some_grasp_is_within_reach(tmp_path, grasp):
     """Of several grasps one is enough."""
     assert warnings(tmp_path, grasp) == []
 
@@ -67,14 +67,14 @@ def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(ARMS))
-def test_where_the_arm_surely_points_down_a_posture_does(name: str) -> None:
+def test_where_the_arm_surely_points_down_a_posture_does(name):
     """However the hand is turned about the vertical."""
     assert_points_down_all_over(name, 2, 2)
 
 
 @pytest.mark.slow(reason="1,800 postures an arm; 18 in every run")
 @pytest.mark.parametrize("name", sorted(ARMS))
-def test_so_it_does_on_a_finer_lattice(name: str) -> None:
+def test_so_it_does_on_a_finer_lattice(name):
     assert_points_down_all_over(name, 14, 8)
 
 
@@ -84,9 +84,7 @@ def test_so_it_does_on_a_finer_lattice(name: str) -> None:
     [path for path in sorted(CONFIGS.glob("*.yaml")) if "swarmitfix" not in path.name],
     ids=lambda path: path.stem,
 )
-def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(path, monkeypatch):
     """Asked of all skills, it warns of the same."""
     problem = load_problem(path)
     found = preview(problem).warnings

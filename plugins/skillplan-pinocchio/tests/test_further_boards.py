@@ -1,7 +1,5 @@
 """The boards beyond the paper's, ruled on by swept hulls: the files' charts are right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -21,7 +19,7 @@ SWEPT = Setup(collision=("swept",))
         "inverter_grasps",
     ],
 )
-def test_swept_derives_the_hand_made_chart(name: str) -> None:
+def test_swept_derives_the_hand_made_chart(name):
     """Neither more nor less."""
     derived = derive_chart(make_feasibility(load_problem(CONFIGS / f"{name}.yaml").task, SWEPT))
     assert (derived.missing, derived.extra) == ((), ())
@@ -44,7 +42,7 @@ def test_swept_derives_the_hand_made_chart(name: str) -> None:
         ),
     ],
 )
-def test_swept_gives_the_optimum_of_the_chart(name: str, solver: str) -> None:
+def test_swept_gives_the_optimum_of_the_chart(name, solver):
     """Proved under both."""
     task = load_problem(CONFIGS / f"{name}.yaml").task
     by_hulls, by_chart = solve(task, solver, SWEPT), solve(task, solver)
@@ -64,7 +62,7 @@ def test_swept_gives_the_optimum_of_the_chart(name: str, solver: str) -> None:
         pytest.param(12, marks=pytest.mark.slow(reason="12 boards")),
     ],
 )
-def test_the_layouts_of_the_inverter_s_family_leave_room_for_the_hand(count: int) -> None:
+def test_the_layouts_of_the_inverter_s_family_leave_room_for_the_hand(count):
     """The chart's optimum can be executed on all of them."""
     for task in load_problem(CONFIGS / "inverter_board.yaml").variants(5, count):
         by_hulls = solve(task, setup=SWEPT)

@@ -94,7 +94,7 @@ step_limit: 2
     ],
     ids=["some", "none"],
 )
-def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path, collisions, links):
+def test_swept_plans_for_an_arm_from_a_urdf(tmp_path, collisions, links):
     """One part from here to there, the arm turned; links without shapes are not checked."""
     found = solve(load_problem(box_task(tmp_path, collisions)).task, "exact", SWEPT)
     assert found.status == "optimal"
@@ -111,7 +111,7 @@ def test_arms_that_ship_have_shapes_for_all_links():
 
 @pytest.mark.parametrize("model", sorted(ARMS))
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model: str, mount: Pose):
+def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model, mount):
     """Within limits; jaws close alike with the hand turned by half a turn; always the same."""
     arm = ArmModel.of(robot(model, mount))
     at, rotation = arm.tip(arm.home_rad)

@@ -61,9 +61,7 @@ def solved(folder: Path, content: dict[str, Any]) -> Result:
         (block(1, cup_kg=3.5), "tools.cup.mass_kg: 3.5 kg is more than"),
     ],
 )
-def test_what_is_heavier_than_the_payload_is_one_message(
-    tmp_path: Path, content: dict[str, Any], words: str
-) -> None:
+def test_what_is_heavier_than_the_payload_is_one_message(tmp_path, content, words):
     with pytest.raises(TaskError) as caught:
         solved(tmp_path, content)
     (message,) = str(caught.value).splitlines()
@@ -71,13 +69,11 @@ def test_what_is_heavier_than_the_payload_is_one_message(
 
 
 @pytest.mark.parametrize("content", [block(2.2), block(4.2, {"model": "ur5e"}), block(3, cup_kg=0)])
-def test_what_the_arm_carries_is_planned(tmp_path: Path, content: dict[str, Any]) -> None:
+def test_what_the_arm_carries_is_planned(tmp_path, content):
     assert solved(tmp_path, content).status == "optimal"
 
 
-def test_a_payload_beyond_the_torques_is_infeasible_with_joint_torque_and_limit(
-    tmp_path: Path,
-) -> None:
+def test_a_payload_beyond_the_torques_is_infeasible_with_joint_torque_and_limit(tmp_path):
     """The file may say that the arm carries more; its joints do not bear it."""
     result = solved(tmp_path, block(60, {"payload_kg": 100}))
     assert result.status == "infeasible"
@@ -85,7 +81,7 @@ def test_a_payload_beyond_the_torques_is_infeasible_with_joint_torque_and_limit(
     assert "Nm of gravity with block, and its limit is 12 Nm" in result.reason
 
 
-def test_the_arm_is_blamed_and_not_a_part_that_comes_later(tmp_path: Path) -> None:
+def test_the_arm_is_blamed_and_not_a_part_that_comes_later(tmp_path):
     """Though with everything else in place the part would also run into its neighbour."""
     content = block(60, {"payload_kg": 100})
     roof = {**content["parts"]["block"], "mass_kg": 0.1, "start_m": [0.2, 0.4], "goal_on": "block"}
@@ -94,7 +90,7 @@ def test_the_arm_is_blamed_and_not_a_part_that_comes_later(tmp_path: Path) -> No
     assert "joint_" in solved(tmp_path, content).reason.splitlines()[0]
 
 
-def test_what_a_urdf_does_not_say_is_listed_as_not_checked(tmp_path: Path) -> None:
+def test_what_a_urdf_does_not_say_is_listed_as_not_checked(tmp_path):
     """Industrial files have an effort of 0. With a payload and all torques nothing is listed."""
     arm, _ = ARMS["panda"]
     text = urdf_of(arm)
@@ -124,9 +120,7 @@ def gravity_of(name: str) -> tuple[ArmModel, GravityCheck]:
     mass_kg=st.floats(0.01, 20),
     where=st.tuples(*[st.floats(-0.2, 0.2)] * 3),
 )
-def test_torques_equal_those_of_recursive_newton_euler(
-    name: str, seed: int, mass_kg: float, where: tuple[float, float, float]
-) -> None:
+def test_torques_equal_those_of_recursive_newton_euler(name, seed, mass_kg, where):
     """Featherstone's algorithm in pinocchio, with the load as a part of the last link."""
     arm, gravity = gravity_of(name)
     posture = np.random.default_rng(seed).uniform(arm.low_rad, arm.high_rad)
@@ -142,7 +136,7 @@ def test_torques_equal_those_of_recursive_newton_euler(
 
 @pytest.mark.parametrize("name", sorted(ARMS))
 @given(seed=st.integers(0, 2**32 - 1))
-def test_the_bound_on_all_postures_holds_in_each(name: str, seed: int) -> None:
+def test_the_bound_on_all_postures_holds_in_each(name, seed):
     arm, gravity = gravity_of(name)
     posture = np.random.default_rng(seed).uniform(arm.low_rad, arm.high_rad)
     assert (np.abs(gravity.torques_nm([posture], [])) <= gravity.most_nm + 1e-9).all()

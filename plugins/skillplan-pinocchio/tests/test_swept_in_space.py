@@ -79,12 +79,12 @@ def verdict_on(task: Task, skill: str, *facts: str) -> Verdict:
     return SweptDetector(task).check(task.skill(skill), task.facts.of(*facts))
 
 
-def test_a_drawer_is_pushed_in_from_the_side() -> None:
+def test_a_drawer_is_pushed_in_from_the_side():
     assert verdict_on(task_with(), "place(drawer)", *PLACED).is_feasible
 
 
 @pytest.mark.slow(reason="a scene more; the drawer itself in every run")
-def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion() -> None:
+def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion():
     """Straight down beside it, it would have passed."""
     box = {
         "tool": "gripper",
@@ -101,7 +101,7 @@ def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion() -> None:
 
 
 @pytest.mark.slow(reason="a scene more; by physics in every run")
-def test_a_screw_is_driven_along_its_axis_into_what_is_there() -> None:
+def test_a_screw_is_driven_along_its_axis_into_what_is_there():
     """Its head lies against the cabinet's side, which supports it along the axis."""
     task = task_with()
     there = ("placed(cabinet)", "tool(driver)", "hand_free", "at(home)")
@@ -112,7 +112,7 @@ def test_a_screw_is_driven_along_its_axis_into_what_is_there() -> None:
     assert "screw has nothing beneath it" in verdict.reason
 
 
-def test_the_tip_follows_the_stretches_of_the_motion() -> None:
+def test_the_tip_follows_the_stretches_of_the_motion():
     """And the hand is not turned on them."""
     task = task_with()
     arm = ArmModel((0.0, 0.0, 0.0))
@@ -143,7 +143,7 @@ def unit_of(begin: Any, end: Any) -> Any:
     return along / np.linalg.norm(along)
 
 
-def test_a_hand_that_cannot_point_there_is_said_with_its_direction() -> None:
+def test_a_hand_that_cannot_point_there_is_said_with_its_direction():
     found = next(postures(ArmModel(), hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0))))
     assert isinstance(found, Unreachable)
     assert "cannot point along (0.00, 0.00, 1.00) at (1.500, 0.000, 0.200)" in found.reason
@@ -155,9 +155,7 @@ directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).fil
 
 
 @given(directions, directions)
-def test_every_posture_brings_the_hand_there_within_the_joints_limits(
-    points: tuple[float, float, float], aside: tuple[float, float, float]
-) -> None:
+def test_every_posture_brings_the_hand_there_within_the_joints_limits(points, aside):
     along = unit(points)
     across = cross(along, aside)
     if sum(x * x for x in across) < 1e-4:

@@ -108,7 +108,7 @@ class Situations:
 )
 @settings(max_examples=examples(60))
 @given(data=st.data())
-def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data) -> None:
+def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data):
     cell = workcell(product)
     situations = Situations(cell, data)
     state = situations.first()
@@ -122,7 +122,7 @@ def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data)
 @pytest.mark.parametrize("product", PRODUCTS)
 @settings(max_examples=examples(60))
 @given(data=st.data())
-def test_states_that_agree_on_what_fell_have_the_same_thing_fall(product, data) -> None:
+def test_states_that_agree_on_what_fell_have_the_same_thing_fall(product, data):
     cell = workcell(product)
     situations = Situations(cell, data)
 

@@ -1,7 +1,5 @@
 """What both contact detectors make of records: whose they read, what they leave to the engine."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -52,7 +50,7 @@ def bump(frames, value, begin=10, length=30):
 
 class TestBoth:
     @pytest.mark.parametrize("detector", DETECTORS)
-    def test_a_verdict_rests_on_what_decides_the_simulated_world(self, task, detector) -> None:
+    def test_a_verdict_rests_on_what_decides_the_simulated_world(self, task, detector):
         """Present and absent are those of the record; the evidence is JSON."""
         record = a_record(task)
         verdict = detector(task).verdict_on(record)
@@ -62,7 +60,7 @@ class TestBoth:
 
     @pytest.mark.parametrize("detector", DETECTORS)
     @pytest.mark.parametrize("fault", ["unreachable", "unsettled", "upset"])
-    def test_what_the_engine_beside_it_rules_on_is_left_to_it(self, task, detector, fault) -> None:
+    def test_what_the_engine_beside_it_rules_on_is_left_to_it(self, task, detector, fault):
         """Alone it rules itself: what says nothing about the skill is unknown."""
         record = a_record(task, **{fault: "it came to nothing"})
         alone, beside, engine = detector(task), detector(task), PybulletEngine(task)
@@ -74,7 +72,7 @@ class TestBoth:
         assert (fault != "upset") == verdict.is_infeasible
         assert not verdict.is_feasible
 
-    def test_detectors_read_the_simulation_of_the_engine_beside_them(self, task) -> None:
+    def test_detectors_read_the_simulation_of_the_engine_beside_them(self, task):
         """One and the same engine, whose options belong to what their answers depend on."""
         engine = PybulletEngine(task, PybulletEngine.Options(drop_height_m=0.002))
         detectors = [detector(task) for detector in DETECTORS]
@@ -84,7 +82,7 @@ class TestBoth:
             assert detector.basis["options"]["drop_height_m"] == 0.002
             assert not detector.basis["alone"]
 
-    def test_detectors_without_an_engine_share_one(self, task) -> None:
+    def test_detectors_without_an_engine_share_one(self, task):
         """With default options; so that one execution serves both."""
         pairs, force = ContactPairsDetector(task), ContactForceDetector(task)
         introduce([pairs, force])
@@ -92,7 +90,7 @@ class TestBoth:
         assert pairs.basis["alone"]
         assert PybulletEngine.Options().model_dump(mode="json") == pairs.basis["options"]
 
-    def test_a_collision_is_named_before_the_disorder_it_causes(self) -> None:
+    def test_a_collision_is_named_before_the_disorder_it_causes(self):
         """Detectors are asked before the engine."""
         assert all(one.expected_s < PybulletEngine.expected_s for one in DETECTORS)
         assert all(one.expensive for one in DETECTORS)
@@ -100,7 +98,7 @@ class TestBoth:
 
 class TestFrameMeans:
     @given(arrays(float, st.integers(0, 20), elements=st.floats(0, 100)), st.integers(1, 8))
-    def test_each_is_the_mean_of_the_frames_up_to_it(self, values, frames) -> None:
+    def test_each_is_the_mean_of_the_frames_up_to_it(self, values, frames):
         """Before the first frame nothing touched."""
         means = frame_means(values, frames)
         padded = [0.0] * frames + list(values)
@@ -108,7 +106,7 @@ class TestFrameMeans:
             window = padded[index + 1 : index + 1 + frames]
             assert mean == pytest.approx(sum(window) / frames)
 
-    def test_axes_are_averaged_apart(self) -> None:
+    def test_axes_are_averaged_apart(self):
         """Shape in is shape out."""
         values = np.arange(12.0).reshape(4, 3)
         assert frame_means(values, 2).shape == (4, 3)
@@ -116,7 +114,7 @@ class TestFrameMeans:
 
 
 class TestContactPairs:
-    def test_an_unexpected_pair_that_presses_is_a_collision(self, task) -> None:
+    def test_an_unexpected_pair_that_presses_is_a_collision(self, task):
         """Phase, bodies and figure in words, the mover first."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
         verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=pressing))
@@ -131,19 +129,19 @@ class TestContactPairs:
         assert evidence["limits"] == {"force_n": 0.05, "moved_mm": 1.0}
 
     @pytest.mark.parametrize(("after", "at_s"), [(10, 28.166667), (11, 20.166667)])
-    def test_a_dwell_before_a_collision_is_in_its_time(self, task, after, at_s) -> None:
+    def test_a_dwell_before_a_collision_is_in_its_time(self, task, after, at_s):
         """As in the rows of the trace; one that comes later is not."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
         record = a_record(task, pairs_n=pressing, begin_s=20.0, pauses=((after, 8.0),))
         assert ContactPairsDetector(task).verdict_on(record).evidence["at_s"] == at_s
 
-    def test_what_touches_by_its_side_is_told_how_much_room_it_needs(self, task) -> None:
+    def test_what_touches_by_its_side_is_told_how_much_room_it_needs(self, task):
         pair = ("switch_2", "transformer")
         pressing = a_record(task, pairs_n={pair: bump(8, 0.6)}, beside=frozenset([pair]))
         reason = ContactPairsDetector(task).verdict_on(pressing).reason
         assert reason.endswith("; the limit is 0.05 N; leave 0.3 mm between them")
 
-    def test_a_touch_of_one_frame_is_none(self, task) -> None:
+    def test_a_touch_of_one_frame_is_none(self, task):
         """Averaged over six frames it stays below the threshold; the figure is told."""
         touch = {("left finger", "transformer"): bump(1, 0.29)}
         verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=touch))
@@ -152,7 +150,7 @@ class TestContactPairs:
         assert verdict.evidence["peak_n"] == 0.29
 
     @given(st.integers(1, 12), st.floats(0.01, 1.0))
-    def test_the_mean_of_six_frames_decides(self, frames, force_n) -> None:
+    def test_the_mean_of_six_frames_decides(self, frames, force_n):
         """Frames beyond the sixth add nothing."""
         board = assembly(config_content("inverter_board"))
         record = a_record(board, pairs_n={("left finger", "pcb"): bump(frames, force_n)})
@@ -161,7 +159,7 @@ class TestContactPairs:
         if abs(mean_n - 0.05) > 1e-9:
             assert verdict.is_infeasible == (mean_n > 0.05)
 
-    def test_what_is_pushed_aside_without_a_force_is_a_collision(self, task) -> None:
+    def test_what_is_pushed_aside_without_a_force_is_a_collision(self, task):
         """At any moment, also where it comes back."""
         moved = {"pcb": np.zeros(30), "transformer": bump(1, 0.0021, begin=25)}
         verdict = ContactPairsDetector(task).verdict_on(a_record(task, moved_m=moved))
@@ -171,7 +169,7 @@ class TestContactPairs:
         )
         assert verdict.evidence["moved_mm"] == {"transformer": 2.1}
 
-    def test_what_came_first_is_the_reason(self, task) -> None:
+    def test_what_came_first_is_the_reason(self, task):
         """The rest stands in the evidence."""
         pairs = {
             ("left finger", "transformer"): bump(10, 3.0, begin=15),
@@ -185,7 +183,7 @@ class TestContactPairs:
         assert pressed.reason.startswith("the left finger pressed on transformer with 3 N")
         assert pressed.evidence["readings"]["force_n"] == 80.0
 
-    def test_limits_are_options(self, task) -> None:
+    def test_limits_are_options(self, task):
         """Threshold, frames and displacement."""
         pairs = {("left finger", "transformer"): bump(2, 6.0)}
         moved = {"pcb": np.full(30, 0.0005), "transformer": np.zeros(30)}
@@ -198,7 +196,7 @@ class TestContactPairs:
         strict = options(threshold_n=2.5, displacement_m=0.0004)
         assert ContactPairsDetector(task, strict).verdict_on(record).is_infeasible
 
-    def test_a_record_that_broke_off_at_once_is_read_as_far_as_it_goes(self, task) -> None:
+    def test_a_record_that_broke_off_at_once_is_read_as_far_as_it_goes(self, task):
         """No frames, no contact."""
         record = a_record(
             task,
@@ -211,7 +209,7 @@ class TestContactPairs:
 
 
 class TestContactForce:
-    def test_a_resting_part_fires_only_to_the_letter(self, task) -> None:
+    def test_a_resting_part_fires_only_to_the_letter(self, task):
         """The paper's detector takes the weight of 250 g for a collision."""
         forces = {"transformer": np.tile([0.0, 0.0, 2.4525], (30, 1))}
         record = a_record(task, forces_n=forces)
@@ -223,7 +221,7 @@ class TestContactForce:
         )
         assert verdict.evidence["readings"]["force_n"] == 2.4525
 
-    def test_what_something_else_than_a_contact_carries_reads_nothing(self, task) -> None:
+    def test_what_something_else_than_a_contact_carries_reads_nothing(self, task):
         """Under suction no contact carries the pcb, and none is missed."""
         record = a_record(task, forces_n={"pcb": np.zeros((30, 3))})
         verdict = ContactForceDetector(task).verdict_on(record)
@@ -231,7 +229,7 @@ class TestContactForce:
 
     @pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y"), (2, "z")])
     @pytest.mark.parametrize("sign", [1, -1])
-    def test_a_force_along_any_axis_counts_either_way(self, task, axis, name, sign) -> None:
+    def test_a_force_along_any_axis_counts_either_way(self, task, axis, name, sign):
         """Its absolute value, apart from the other axes."""
         force = np.zeros((30, 3))
         force[10:20, axis] = sign * 5.0
@@ -242,13 +240,13 @@ class TestContactForce:
         expected_n = 5.0 - (0.2943 if (name, sign) == ("z", 1) else 0.0)
         assert expected_n == pytest.approx(verdict.evidence["force_n"], abs=1e-6)
 
-    def test_forces_that_cancel_are_not_seen(self, task) -> None:
+    def test_forces_that_cancel_are_not_seen(self, task):
         """The net force of a jammed part may be nothing: what the pairs show."""
         record = a_record(task, pairs_n={("switch_2", "transformer"): bump(20, 30.0)})
         assert ContactForceDetector(task).verdict_on(record).is_feasible
         assert ContactPairsDetector(task).verdict_on(record).is_infeasible
 
-    def test_only_parts_of_the_product_are_watched(self, task) -> None:
+    def test_only_parts_of_the_product_are_watched(self, task):
         """Not the tools, nor the robot."""
         force = np.full((30, 3), 50.0)
         record = a_record(task, forces_n={"screwdriver": force})

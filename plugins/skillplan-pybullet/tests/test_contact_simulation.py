@@ -1,7 +1,5 @@
 """The contact detectors on real simulations of the board: right orders, wrong ones, intruders."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
@@ -49,7 +47,7 @@ def after(task, *actions):
         for done in range(len(OPTIMUM))
     ],
 )
-def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors, done) -> None:
+def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors, done):
     """Not a thousandth of a newton between bodies that should not touch, and all arrive."""
     engine, pairs, _ = detectors
     skill, state = task.skills[OPTIMUM[done]], after(task, *OPTIMUM[:done])
@@ -60,7 +58,7 @@ def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors, don
 
 
 @pytest.mark.slow(reason="an execution; a hand that hits something in every run")
-def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
+def test_a_part_put_through_another_is_a_collision(task, detectors):
     """The first touch is named, with the facts that it rests on."""
     _, pairs, _ = detectors
     verdict = pairs.check(task.skill("place(transformer)"), after(task, 0, 1, 10, 11, 8))
@@ -73,7 +71,7 @@ def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
 
 
 @pytest.mark.slow(reason="executes a skill; the words in every run")
-def test_a_part_that_scrapes_past_another_is_told_to_leave_room() -> None:
+def test_a_part_that_scrapes_past_another_is_told_to_leave_room():
     """Half a millimetre beside the middle of a slot that leaves 0.3 mm on each side."""
     floor = {"size_m": [0.1, 0.08, 0.004], "centre_m": [0, 0, 0.002]}
     sides = [
@@ -111,7 +109,7 @@ def test_a_part_that_scrapes_past_another_is_told_to_leave_room() -> None:
 
 
 @pytest.mark.slow(reason="an execution; a part put through another in every run")
-def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> None:
+def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors):
     """A switch that falls past the missing board touches nothing that it should not."""
     engine, pairs, _ = detectors
     question = (task.skill("place(switch_1)"), after(task, 2))
@@ -122,7 +120,7 @@ def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> No
 @pytest.mark.slow(
     reason="three back ends; a part put through another in every run, by the same execution"
 )
-def test_one_question_is_simulated_once(task, monkeypatch) -> None:
+def test_one_question_is_simulated_once(task, monkeypatch):
     """Engine and detectors share the execution."""
     made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
     introduce(made)
@@ -141,7 +139,7 @@ def test_one_question_is_simulated_once(task, monkeypatch) -> None:
 
 
 @pytest.mark.slow(reason="two executions; bodies far off change no digit in every run")
-def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) -> None:
+def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors):
     """In another state that agrees on the facts, from detectors that were asked nothing yet."""
     skill = task.skill("place(switch_1)")
     here, there = after(task, 0, 1, 2), after(task, 0, 1, 10, 11, 2)
@@ -166,7 +164,7 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) 
         "too deep",
     ],
 )
-def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
+def test_a_hand_that_hits_something_is_caught(task, kind):
     """A finger, the palm, a light block, the table."""
     trials = injected_collisions(task, task.skill("pick(switch_1)"), task.initial)
     trial = next(one for one in trials if one.kind == kind)
@@ -180,7 +178,7 @@ def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
 
 
 @pytest.mark.release(reason="90 executions of the whole board")
-def test_pairs_tell_right_from_wrong_on_the_whole_board(task) -> None:
+def test_pairs_tell_right_from_wrong_on_the_whole_board(task):
     """No false alarm on 60 right executions, no miss on 30 wrong ones; the paper's has many."""
 
     def make(scene):

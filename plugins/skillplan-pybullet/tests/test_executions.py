@@ -1,7 +1,5 @@
 """Executions that have to be right for any task: what they rest on, and how they go wrong."""
 
-from __future__ import annotations
-
 import copy
 import math
 
@@ -57,7 +55,7 @@ class TestWhatAVerdictRestsOn:
             [0.25, 1.20],
         ],
     )
-    def test_a_way_that_depends_on_the_tool_rests_on_the_tool(self, holder_m) -> None:
+    def test_a_way_that_depends_on_the_tool_rests_on_the_tool(self, holder_m):
         found = content("motor_drive", tool_change={"style": "swap"})
         found["tools"]["suction_cup"]["holder_m"] = holder_m
         task = assembly(found)
@@ -74,7 +72,7 @@ class TestWhatAVerdictRestsOn:
     @pytest.mark.slow(
         reason="several executions; every run finds other collisions on the way of a hand"
     )
-    def test_what_stands_above_the_safe_height_is_gone_round_on_the_travel(self) -> None:
+    def test_what_stands_above_the_safe_height_is_gone_round_on_the_travel(self):
         found = content("inverter_board")
         found["parts"]["switch_1"]["start_m"] = [0.30, -0.40]
         found["parts"]["mast"] = {
@@ -120,14 +118,14 @@ class TestScrews:
         return make
 
     @pytest.mark.slow(reason="executions beside a post; what it passes by is none in every run")
-    def test_what_the_screwdriver_hits_while_it_presses_is_a_collision(self, beside_a_post) -> None:
+    def test_what_the_screwdriver_hits_while_it_presses_is_a_collision(self, beside_a_post):
         _, hit = beside_a_post(-0.0005)
         assert hit.is_infeasible
         assert set(hit.evidence["bodies"]) == {"screwdriver", "post"}
         assert hit.evidence["during"] == "the driving of screw_1"
 
     @pytest.mark.slow(reason="an execution; a driven screw in every run")
-    def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
+    def test_a_driven_screw_is_solid_for_the_robot_again(self, board):
         skill, state = imagined(board, "fasten(screw_1)")
         (motion,) = linear_motions(board, skill, state)
         settings = SimulationSettings()
@@ -144,7 +142,7 @@ class TestScrews:
             assert pybullet.getContactPoints(*numbers, physicsClientId=world.client)
 
     @pytest.mark.slow(reason="executes a skill; other screws in every run")
-    def test_what_it_passes_by_is_none(self, beside_a_post) -> None:
+    def test_what_it_passes_by_is_none(self, beside_a_post):
         driven, passed = beside_a_post(0.003)
         assert driven.is_feasible, driven.reason
         assert passed.is_feasible, passed.reason
@@ -159,7 +157,7 @@ class TestSimulationsThatSayNothing:
             pytest.param(1e200, marks=pytest.mark.slow(reason="two speeds in every run")),
         ],
     )
-    def test_a_blow_up_is_unknown_with_a_reason(self, board, monkeypatch, speed_m_per_s) -> None:
+    def test_a_blow_up_is_unknown_with_a_reason(self, board, monkeypatch, speed_m_per_s):
         step = World.step
 
         def upset(world):
@@ -198,7 +196,7 @@ class TestHands:
             pytest.param("capacitor_2", marks=pytest.mark.slow(reason="the other in every run")),
         ],
     )
-    def test_light_parts_stay_between_the_jaws_that_take_them_over(self, part) -> None:
+    def test_light_parts_stay_between_the_jaws_that_take_them_over(self, part):
         task = assembly(content("motor_drive"))
         held = task.facts.of(
             "placed(housing)",
@@ -218,9 +216,7 @@ class TestHands:
             0.02,
         ],
     )
-    def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(
-        self, board, height_m
-    ) -> None:
+    def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(self, board, height_m):
         engine = PybulletEngine(board, PybulletEngine.Options(drop_height_m=height_m))
         state = after(board, "pick(pcb)", "place(pcb)", "pick(switch_1)")
         verdict = engine.check(board.skill("place(switch_1)"), state)
@@ -229,7 +225,7 @@ class TestHands:
 
 
 class TestMassProperties:
-    def test_a_wedge_is_heavy_where_it_is_thick(self) -> None:
+    def test_a_wedge_is_heavy_where_it_is_thick(self):
         corners = ((0, 0, 0), (6, 0, 0), (0, 2, 0), (6, 2, 0), (0, 0, 3), (0, 2, 3))
         faces = ((0, 2, 1), (1, 2, 3), (0, 1, 4), (2, 5, 3), (0, 4, 2), (2, 4, 5), (1, 3, 4))
         found = mass_properties(Body("wedge", (Mesh(corners, (*faces, (3, 5, 4))),), (), 1.0))
@@ -238,7 +234,7 @@ class TestMassProperties:
         spread = np.array([36 / 18, 4 / 12, 9 / 18])
         assert found.inertia_kg_m2 == pytest.approx(spread.sum() - spread)
 
-    def test_a_box_weighs_the_same_as_a_mesh(self) -> None:
+    def test_a_box_weighs_the_same_as_a_mesh(self):
         box = Box((0.02, 0.03, 0.05), (0.01, 0.0, 0.025))
         corners = tuple(
             (0.01 + x * 0.01, y * 0.015, 0.025 + z * 0.025)
@@ -255,7 +251,7 @@ class TestMassProperties:
         assert one.centre == pytest.approx(other.centre)
         assert one.inertia_kg_m2 == pytest.approx(other.inertia_kg_m2)
 
-    def test_a_cylinder_turns_as_the_textbook_says(self) -> None:
+    def test_a_cylinder_turns_as_the_textbook_says(self):
         found = mass_properties(Body("pin", (Cylinder(0.04, 0.1, (0.0, 0.0, 0.05)),), (), 2.0))
         across = 2.0 * (3 * 0.02**2 + 0.1**2) / 12
         assert found.inertia_kg_m2 == pytest.approx([across, across, 2.0 * 0.02**2 / 2])

@@ -1,7 +1,5 @@
 """The boards beyond the paper's, executed: what the files' charts allow can be done."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -24,7 +22,7 @@ PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
         pytest.param("relay_rail", marks=pytest.mark.release(reason="minutes of executions")),
     ],
 )
-def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
+def test_physics_proves_the_optimum_of_the_chart(name):
     """Asked about what comes up on the way to the proof: 49 and 167 executions."""
     task = load_problem(CONFIGS / f"{name}.yaml").task
     simulated, drawn = solve(task, setup=PHYSICS), solve(task)
@@ -34,7 +32,7 @@ def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
 
 
 @pytest.mark.release(reason="executions of a board with uncertain grasps")
-def test_physics_gives_the_expected_cost_of_the_chart() -> None:
+def test_physics_gives_the_expected_cost_of_the_chart():
     """By the outcome in which the grasp holds; no proof is audited where checks are expensive."""
     task = load_problem(CONFIGS / "inverter_grasps.yaml").task
     simulated = solve(task, "value-iteration", PHYSICS)

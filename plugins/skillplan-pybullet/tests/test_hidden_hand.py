@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pybullet
 import pytest
 
@@ -19,7 +17,7 @@ SCREWDRIVER = Tool("screwdriver", "tool(screwdriver)", (0.0, 0.0, 0.0), kind=Too
 
 
 @pytest.fixture
-def arm() -> Iterator[SimulatedArm]:
+def arm():
     """Return an arm at rest in a world of its own."""
     settings = SimulationSettings()
     with World(settings.friction) as world:
@@ -56,7 +54,7 @@ def on_block(arm: SimulatedArm) -> set[int]:
 
 
 class TestAHiddenHand:
-    def test_it_leaves_what_it_touched(self, arm) -> None:
+    def test_it_leaves_what_it_touched(self, arm):
         put_block(arm.world)
         assert on_block(arm)
         arm.show_hand(False)
@@ -64,7 +62,7 @@ class TestAHiddenHand:
         arm.show_hand(True)
         assert on_block(arm)
 
-    def test_it_touches_nothing_that_passed_through_the_robot_before(self, arm) -> None:
+    def test_it_touches_nothing_that_passed_through_the_robot_before(self, arm):
         put_block(arm.world)
         pass_and_touch_again(arm.world)
         assert on_block(arm)
@@ -73,7 +71,7 @@ class TestAHiddenHand:
         arm.show_hand(True)
         assert on_block(arm)
 
-    def test_it_touches_nothing_that_passes_through_the_robot_later(self, arm) -> None:
+    def test_it_touches_nothing_that_passes_through_the_robot_later(self, arm):
         put_block(arm.world)
         arm.show_hand(False)
         pass_and_touch_again(arm.world)
@@ -81,7 +79,7 @@ class TestAHiddenHand:
         arm.show_hand(True)
         assert on_block(arm)
 
-    def test_it_touches_nothing_that_comes_later(self, arm) -> None:
+    def test_it_touches_nothing_that_comes_later(self, arm):
         arm.show_hand(False)
         put_block(arm.world)
         assert on_block(arm) == set()
@@ -90,7 +88,7 @@ class TestAHiddenHand:
         arm.show_hand(True)
         assert on_block(arm)
 
-    def test_what_passes_through_the_robot_does_so_when_it_is_shown_again(self, arm) -> None:
+    def test_what_passes_through_the_robot_does_so_when_it_is_shown_again(self, arm):
         put_block(arm.world)
         arm.show_hand(False)
         arm.world.part("block", [ROBOT])
@@ -102,7 +100,7 @@ class TestAHiddenHand:
 
 class TestADockedTool:
     @pytest.fixture
-    def tools(self, arm) -> ToolChanger:
+    def tools(self, arm):
         """Return a robot that has just left its screwdriver where it is."""
         robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {}, tools=(SCREWDRIVER,))
         scene = Scene((), (robot,))
@@ -113,17 +111,17 @@ class TestADockedTool:
     def touches_block(self, world: World) -> bool:
         return bool(touching(world, "screwdriver", "block"))
 
-    def test_it_is_not_solid_for_what_comes_later(self, arm, tools) -> None:
+    def test_it_is_not_solid_for_what_comes_later(self, arm, tools):
         put_block(arm.world)
         assert not self.touches_block(arm.world)
 
-    def test_it_is_not_solid_for_what_passed_through_everything_before(self, arm, tools) -> None:
+    def test_it_is_not_solid_for_what_passed_through_everything_before(self, arm, tools):
         world = arm.world
         put_block(world)
         world.part("block", world.others("block"))
         world.join("block", world.others("block"))
         assert not self.touches_block(world)
 
-    def test_it_is_not_solid_for_the_hand_that_comes_next(self, arm, tools) -> None:
+    def test_it_is_not_solid_for_the_hand_that_comes_next(self, arm, tools):
         arm.show_hand(True)
         assert touching(arm.world, ROBOT, "screwdriver") == set()

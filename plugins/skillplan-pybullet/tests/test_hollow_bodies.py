@@ -62,7 +62,7 @@ def settle(world: World) -> None:
         world.step()
 
 
-def test_a_part_lies_on_the_floor_of_a_case_that_stands() -> None:
+def test_a_part_lies_on_the_floor_of_a_case_that_stands():
     with World(0.6) as world:
         world.add(CASE, Pose((0.4, 0.1, 0.0)), stands=True)
         world.add(PART, Pose.upright((0.42, 0.08, FLOOR_M + 0.001), 0.3))
@@ -71,7 +71,7 @@ def test_a_part_lies_on_the_floor_of_a_case_that_stands() -> None:
         assert world.fixed == {"case"}
 
 
-def test_a_lid_lies_on_its_walls() -> None:
+def test_a_lid_lies_on_its_walls():
     with World(0.6) as world:
         world.add(CASE, Pose((0.4, 0.1, 0.0)), stands=True)
         world.add(LID, Pose((0.4, 0.1, HEIGHT_M + 0.001)))
@@ -79,7 +79,7 @@ def test_a_lid_lies_on_its_walls() -> None:
         assert world.pose("lid").position == pytest.approx((0.4, 0.1, HEIGHT_M), abs=5e-5)
 
 
-def test_a_case_that_is_to_be_moved_is_made_of_pieces_and_falls() -> None:
+def test_a_case_that_is_to_be_moved_is_made_of_pieces_and_falls():
     with World(0.6) as world:
         world.add(CASE, Pose.turned((0.4, 0.1, 0.2), (0.1, 0.2, 0.3)), stands=True)
         settle(world)
@@ -91,7 +91,7 @@ def test_a_case_that_is_to_be_moved_is_made_of_pieces_and_falls() -> None:
         assert world.pose("case").position[2] < 0.1
 
 
-def test_what_is_fastened_to_a_case_stays_fastened_to_it() -> None:
+def test_what_is_fastened_to_a_case_stays_fastened_to_it():
     screw = Body("screw", (Box((0.01, 0.01, 0.005), (0.0, 0.0, 0.0025)),), (), 0.01)
     with World(0.6) as world:
         world.add(CASE, Pose((0.4, 0.1, 0.0)), stands=True)
@@ -145,7 +145,7 @@ def boxed_task() -> Task:
 
 
 @pytest.mark.slow(reason="executes; a drawer is pushed in in every run")
-def test_a_chip_is_put_into_a_case_and_the_case_holds_it() -> None:
+def test_a_chip_is_put_into_a_case_and_the_case_holds_it():
     task = boxed_task()
     engine, detector = PybulletEngine(task), ContactPairsDetector(task)
     introduce([engine, detector])
@@ -159,7 +159,7 @@ def test_a_chip_is_put_into_a_case_and_the_case_holds_it() -> None:
 
 
 @pytest.mark.slow(reason="four skills; a chip that is put into a case in every run")
-def test_a_case_is_moved_and_filled_in_one_plan() -> None:
+def test_a_case_is_moved_and_filled_in_one_plan():
     task = boxed_task()
     engine = PybulletEngine(task)
     introduce([engine, ContactPairsDetector(task)])
@@ -199,7 +199,7 @@ parts:
 @pytest.mark.slow(
     reason="a mesh in pieces and a search by physics; bodies by themselves in every run"
 )
-def test_a_ur5e_carries_a_hollow_mesh_and_fills_it(tmp_path, capfd, monkeypatch) -> None:
+def test_a_ur5e_carries_a_hollow_mesh_and_fills_it(tmp_path, capfd, monkeypatch):
     """As a user describes it: the tub is held by its walls, and the core goes between them."""
     pytest.importorskip("coacd", reason="pieces of what moves come from CoACD")
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))

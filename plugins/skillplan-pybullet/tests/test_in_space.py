@@ -118,20 +118,20 @@ def bar() -> Task:
 
 class TestAPartThatIsTurned:
     @pytest.mark.slow(reason="an execution; a screw from the side in every run")
-    def test_it_is_picked_where_it_lies(self) -> None:
+    def test_it_is_picked_where_it_lies(self):
         task = bar()
         for verdict in verdicts(task, "pick(bar)", task.initial):
             assert verdict.is_feasible, verdict.reason
 
     @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
-    def test_it_stands_where_the_hand_has_turned_it(self) -> None:
+    def test_it_stands_where_the_hand_has_turned_it(self):
         task = bar()
         for verdict in verdicts(task, "place(bar)", after(task, "pick(bar)")):
             assert verdict.is_feasible, verdict.reason
         assert "at(bar.start)" in verdict.facts
 
     @pytest.mark.slow(reason="two skills and the travels between them; one skill in every run")
-    def test_a_whole_plan_turns_it(self) -> None:
+    def test_a_whole_plan_turns_it(self):
         performance = plan(bar(), "pick(bar)", "place(bar)")
         assert performance.failed is None, performance.failed.verdict.reason
         (arrival,) = performance.arrivals
@@ -145,7 +145,7 @@ BY_A_CUP = Grasp(GraspKind.SUCTION, (-0.015, 0.0, 0.06), AXES["y"], 0.0, approac
 class TestSuctionFromTheSide:
     @pytest.mark.slow(reason="an execution; jaws from the side in every run")
     @pytest.mark.parametrize("control", ["osc", "position"])
-    def test_a_plate_is_stood_up_by_a_cup(self, control) -> None:
+    def test_a_plate_is_stood_up_by_a_cup(self, control):
         parts = {"plate": block((0.03, 0.05, 0.09), (0.5, -0.2), (0.5, 0.15), tool="cup")}
         found = content(parts)
         found["tools"] = {"cup": {"holder_m": [0.6, 0.4], "type": "suction"}}
@@ -205,7 +205,7 @@ class TestInsertionFromTheSide:
     STATE = ("pick(housing)", "place(housing)", "pick(drawer)")
 
     @pytest.mark.slow(reason="an execution; a screw from the side in every run")
-    def test_a_drawer_is_pushed_into_its_housing(self) -> None:
+    def test_a_drawer_is_pushed_into_its_housing(self):
         task = drawer()
         engine, detector = verdicts(task, "place(drawer)", after(task, *self.STATE))
         assert engine.is_feasible, engine.reason
@@ -214,14 +214,14 @@ class TestInsertionFromTheSide:
         assert "placed(housing)" in engine.facts
 
     @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
-    def test_a_drawer_that_misses_the_opening_is_stopped(self) -> None:
+    def test_a_drawer_that_misses_the_opening_is_stopped(self):
         goal = Pose((0.55, 0.11, FLOOR_M))
         task = drawer(goal=goal)
         engine, detector = verdicts(task, "place(drawer)", after(task, *self.STATE))
         assert engine.is_infeasible or detector.is_infeasible
 
     @pytest.mark.slow(reason="two skills and the travels between them; one skill in every run")
-    def test_a_whole_plan_leaves_it_there(self) -> None:
+    def test_a_whole_plan_leaves_it_there(self):
         task = drawer()
         task = replace(task, initial=after(task, "pick(housing)", "place(housing)"))
         performance = plan(task, "pick(drawer)", "place(drawer)")
@@ -256,7 +256,7 @@ def bracket(mass_kg: float = 3.0) -> Task:
 class TestHorizontalScrews:
     STATE = ("pick(block)", "place(block)", "load(driver)")
 
-    def test_it_is_pressed_into_the_side(self) -> None:
+    def test_it_is_pressed_into_the_side(self):
         task = bracket()
         engine, detector = verdicts(task, "fasten(screw)", after(task, *self.STATE))
         assert engine.is_feasible, engine.reason
@@ -264,7 +264,7 @@ class TestHorizontalScrews:
         assert engine.evidence["sensed"]["fastening_force_n"] >= 3.0
 
     @pytest.mark.slow(reason="two skills of a plan; the screw by itself in every run")
-    def test_it_holds_where_gravity_would_have_it_fall(self) -> None:
+    def test_it_holds_where_gravity_would_have_it_fall(self):
         task = bracket()
         task = replace(task, initial=after(task, "pick(block)", "place(block)"))
         performance = plan(task, "load(driver)", "fasten(screw)")
@@ -274,7 +274,7 @@ class TestHorizontalScrews:
         assert arrivals["screw"].tilt_rad < math.radians(1)
 
     @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
-    def test_a_light_block_yields(self) -> None:
+    def test_a_light_block_yields(self):
         task = bracket(0.2)
         for verdict in verdicts(task, "fasten(screw)", after(task, *self.STATE)):
             if verdict.is_infeasible:

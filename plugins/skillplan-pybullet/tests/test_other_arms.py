@@ -65,7 +65,7 @@ def performed(task: Task, plan, **options):
         ),
     ],
 )
-def test_a_ur5e_picks_a_part(changes) -> None:
+def test_a_ur5e_picks_a_part(changes):
     task = by_ur5e(lid(), **changes)
     verdict = PybulletEngine(task).check(task.skill("pick(lid)"), task.initial)
     assert verdict.is_feasible, verdict.reason
@@ -73,7 +73,7 @@ def test_a_ur5e_picks_a_part(changes) -> None:
 
 @pytest.mark.slow(reason="a plan of four skills; one skill in every run")
 @pytest.mark.parametrize("control", ["osc", "position"])
-def test_a_ur5e_screws_a_lid_on(control) -> None:
+def test_a_ur5e_screws_a_lid_on(control):
     performed(
         by_ur5e(lid()),
         ("pick(lid)", "place(lid)", "load(screwdriver)", "fasten(screw)"),

@@ -1,7 +1,5 @@
 """What holds of single skills holds of the whole plan: same contacts expected, same limits."""
 
-from __future__ import annotations
-
 import json
 import random
 import re
@@ -116,7 +114,7 @@ def assert_proved_is_performed(task, setup=PHYSICS):
 
 
 @pytest.mark.slow(reason="a whole plan by physics; skills of plans in every run")
-def test_a_thin_part_from_a_feeder_on_the_table_is_picked_in_a_whole_plan() -> None:
+def test_a_thin_part_from_a_feeder_on_the_table_is_picked_in_a_whole_plan():
     """It rubs on the table once the feeder lets go of it, in a plan as by itself."""
     limits = {"contact-pairs": {"threshold_n": 0.001}}
     assert_proved_is_performed(assembly(memory(collision=limits)), Setup(physics="pybullet"))
@@ -124,7 +122,7 @@ def test_a_thin_part_from_a_feeder_on_the_table_is_picked_in_a_whole_plan() -> N
 
 @pytest.mark.slow(reason="executes two plans; a plan with jaws in every run")
 @pytest.mark.parametrize("first", ["narrow", "wide"])
-def test_jaws_are_ready_before_the_hand_comes_down(first) -> None:
+def test_jaws_are_ready_before_the_hand_comes_down(first):
     """However wide the part before was, and however low the hand travels."""
     parts = {
         "narrow": {"size_m": [0.01, 0.03, 0.03], "start_m": [0.36, 0.1], "goal_m": [0.4, -0.1]},
@@ -139,7 +137,7 @@ def test_jaws_are_ready_before_the_hand_comes_down(first) -> None:
 
 
 @pytest.mark.slow(reason="four executions; a whole plan and its skills agree in every run")
-def test_both_have_the_limits_of_the_detector(call, tmp_path) -> None:
+def test_both_have_the_limits_of_the_detector(call, tmp_path):
     """Those of the file, and -O before them: a module is set down on what may not move at all."""
     limits = {"displacement_m": 1e-10}
     base = {"tool": "gripper", "mass_kg": 0.1, "size_m": [0.05, 0.08, 0.01]}
@@ -168,7 +166,7 @@ def test_both_have_the_limits_of_the_detector(call, tmp_path) -> None:
 
 
 @pytest.mark.slow(reason="a search by physics and two plans; limits of a file in every run")
-def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path) -> None:
+def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path):
     """A limit below what resting bodies tremble by: no skill by itself has one in its world."""
     made = memory()
     made["parts"]["ram_1"]["goal_m"], made["parts"]["ram_2"]["goal_m"] = [0.3, 0.3], [0.6, 0.1]
@@ -187,7 +185,7 @@ def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path)
 
 
 @pytest.mark.slow(reason="executes until it collides; a whole plan in every run")
-def test_a_collision_names_force_instant_and_limit(call, tmp_path) -> None:
+def test_a_collision_names_force_instant_and_limit(call, tmp_path):
     """In simulate and in explain: a finger comes down on the part beside."""
     file = tmp_path / "memory.yaml"
     made = memory()
@@ -211,7 +209,7 @@ def test_a_collision_names_force_instant_and_limit(call, tmp_path) -> None:
 
 
 @pytest.mark.slow(reason="three skills of a larger board, twice")
-def test_what_came_to_rest_within_tolerance_is_no_fault_of_a_later_skill() -> None:
+def test_what_came_to_rest_within_tolerance_is_no_fault_of_a_later_skill():
     """A switch 6 mm below its goal is allowed here, and is not moved by what follows."""
     task = assembly(config_content("inverter_board"))
     lenient = PybulletEngine.Options(position_tolerance_m=0.01)
@@ -224,7 +222,7 @@ def test_what_came_to_rest_within_tolerance_is_no_fault_of_a_later_skill() -> No
 @pytest.mark.slow(reason="a search and a plan each; a board of two parts in every run")
 @pytest.mark.parametrize("seed", [0])
 @pytest.mark.parametrize("board", [small_board, generated])
-def test_what_a_search_proves_is_performed(board, seed) -> None:
+def test_what_a_search_proves_is_performed(board, seed):
     """Parts by jaws from feeder and table; boards of `skillplan generate assembly`."""
     assert_proved_is_performed(assembly(board(seed)))
 
@@ -232,14 +230,14 @@ def test_what_a_search_proves_is_performed(board, seed) -> None:
 @pytest.mark.release(reason="50 searches by physics and their plans")
 @pytest.mark.parametrize("seed", range(25))
 @pytest.mark.parametrize("board", [small_board, generated])
-def test_what_a_search_proves_is_performed_on_50_boards(board, seed) -> None:
+def test_what_a_search_proves_is_performed_on_50_boards(board, seed):
     """As above, with other seeds."""
     assert_proved_is_performed(assembly(board(100 + seed)))
 
 
 @pytest.mark.release(reason="the plan of every shipped board, skill by skill and at once")
 @pytest.mark.parametrize("name", CONFIGS)
-def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name) -> None:
+def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name):
     """The chart's optimum, each skill of which physics finds feasible."""
     task = load_problem(FOLDER / f"{name}.yaml").task
     solver = ("value-iteration",) if name == "inverter_grasps" else ()
@@ -252,7 +250,7 @@ def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name) -> Non
 @pytest.mark.release(reason="plans of layouts, skill by skill and at once")
 @pytest.mark.parametrize("index", range(5))
 @pytest.mark.parametrize("name", [name for name in CONFIGS if "\nfamily:" in TEXTS[name]])
-def test_the_plan_of_a_layout_that_holds_singly_is_performed(name, index) -> None:
+def test_the_plan_of_a_layout_that_holds_singly_is_performed(name, index):
     """Of every family that the shipped boards describe."""
     config = AssemblyConfig.model_validate(config_content(name))
     task = ground(draw_layouts(config, 1, index + 1)[index], "")

@@ -17,12 +17,12 @@ from skillplan_pybullet import PybulletEngine
 
 
 @pytest.fixture(scope="module")
-def task() -> Task:
+def task():
     return load_problem(BOARD).task
 
 
 @pytest.fixture(scope="module")
-def engine(task) -> PybulletEngine:
+def engine(task):
     return PybulletEngine(task)
 
 

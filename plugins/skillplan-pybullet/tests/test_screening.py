@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -47,7 +46,7 @@ parts:
 
 
 @pytest.fixture
-def tight(tmp_path: Path) -> Task:
+def tight(tmp_path):
     """A product that cannot be built."""
     (tmp_path / "tight.yaml").write_text(TIGHT)
     return load_problem(tmp_path / "tight.yaml").task
@@ -59,13 +58,13 @@ def names(setup: Setup, task: Task) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def board() -> Task:
+def board():
     """The inverter board."""
     return load_problem(BOARD).task
 
 
 class TestWhoIsAsked:
-    def test_hulls_come_before_an_engine_that_executes(self, board: Task) -> None:
+    def test_hulls_come_before_an_engine_that_executes(self, board):
         assert names(PHYSICS, board) == ["swept", "contact-pairs"]
         assert [one.name for one in PHYSICS.back_ends(board) if one.screens] == ["swept"]
 
@@ -78,12 +77,12 @@ class TestWhoIsAsked:
         ],
         ids=["not asked for", "nothing to execute", "named anyway"],
     )
-    def test_otherwise_only_what_was_named_is_asked(self, board: Task, setup: Setup) -> None:
+    def test_otherwise_only_what_was_named_is_asked(self, board, setup):
         assert names(setup, board) == list(setup.collision)
         assert not any(one.screens for one in setup.back_ends(board))
 
 
-def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(tight: Task) -> None:
+def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(tight):
     result = solve(tight, "exact", PHYSICS)
     assert result.status is Status.INFEASIBLE
     assert result.trace["screening"] == {"refused": 2, "executed": 2}
@@ -93,13 +92,13 @@ def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(ti
 @pytest.mark.slow(
     reason="executes what hulls refuse; they agree on every pair in test_agreement.py"
 )
-def test_execution_alone_says_the_same(tight: Task) -> None:
+def test_execution_alone_says_the_same(tight):
     result = solve(tight, "exact", Setup("pybullet", ("contact-pairs",)))
     assert result.status is Status.INFEASIBLE
 
 
 @pytest.mark.slow(reason="executes the board; hulls alone prove its optimum in every run")
-def test_the_board_keeps_its_proved_optimum() -> None:
+def test_the_board_keeps_its_proved_optimum():
     result = solve(load_problem(BOARD).task, "exact", PHYSICS)
     assert (result.status, round(result.cost or 0.0, 5)) == (Status.OPTIMAL, 1.86709)
     assert result.trace["screening"]["executed"] == 2
@@ -109,9 +108,7 @@ ASKED = ["--physics", "pybullet", "--collision", "contact-pairs", "--no-cache"]
 
 
 @pytest.mark.slow(reason="executes a chart; a search is screened in every run")
-def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(tmp_path, capsys):
     """What geometry refuses names it, and not the engine."""
     (tmp_path / "tight.yaml").write_text(TIGHT, "utf-8")
     with pytest.raises(SystemExit, match="0"):
@@ -123,7 +120,7 @@ def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(
 
 
 @pytest.mark.slow(reason="learns from a simulation; a chart is screened in every run")
-def test_a_training_says_in_its_folder_that_geometry_was_asked_first(tmp_path: Path) -> None:
+def test_a_training_says_in_its_folder_that_geometry_was_asked_first(tmp_path):
     """And what evaluates it asks the same."""
     (tmp_path / "tight.yaml").write_text(TIGHT, "utf-8")
     task, out = str(tmp_path / "tight.yaml"), tmp_path / "run"

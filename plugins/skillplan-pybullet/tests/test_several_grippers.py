@@ -81,7 +81,7 @@ def board(pin_tool: str = "tweezers") -> Task:
     )
 
 
-def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples() -> None:
+def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples():
     (robot,) = board().scene.robots
     cup, tweezers, clamp = robot.tools
     assert hand_of(robot, cup) == hand_of(robot, tweezers) != hand_of(robot, clamp)
@@ -98,7 +98,7 @@ def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples() -> None:
 
 
 @pytest.mark.slow(reason="eight skills; jaws are changed in every run")
-def test_each_part_is_handled_by_the_jaws_of_its_own_gripper() -> None:
+def test_each_part_is_handled_by_the_jaws_of_its_own_gripper():
     task = board()
     engine = PybulletEngine(task)
     introduce([engine, ContactPairsDetector(task)])
@@ -111,7 +111,7 @@ def test_each_part_is_handled_by_the_jaws_of_its_own_gripper() -> None:
 
 @pytest.mark.slow(reason="two skills; jaws are changed in every run")
 @pytest.mark.parametrize("tool", ["tweezers", "clamp"])
-def test_jaws_fit_between_walls_or_meet_them(tool) -> None:
+def test_jaws_fit_between_walls_or_meet_them(tool):
     task = board(tool)
     engine, detector = PybulletEngine(task), ContactPairsDetector(task)
     introduce([engine, detector])

@@ -1,7 +1,5 @@
 """The commands that show simulated motion, with the real engine."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -30,7 +28,7 @@ def call(capfd, tmp_path, monkeypatch):
 
 
 @pytest.mark.release(reason="by the engine in every run, by the command in .ci/run")
-def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path) -> None:
+def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path):
     """In one continuous world: every part in its place, every screw pressed; with a trace."""
     trace = tmp_path / "trace.csv"
     words = ("simulate", BOARD, "--sequence", OPTIMUM, "--trace", str(trace), "--format", "json")
@@ -62,7 +60,7 @@ def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path) -> None
 
 
 @pytest.mark.slow(reason="by the engine in every run, and another plan by the command")
-def test_a_wrong_plan_ends_where_it_fails(call) -> None:
+def test_a_wrong_plan_ends_where_it_fails(call):
     """A switch without a board to stand on: exit code 1, and how far it fell."""
     words = ("simulate", BOARD, "--sequence", "2,3,0", "--format", "json")
     code, out = call(*words)
@@ -73,7 +71,7 @@ def test_a_wrong_plan_ends_where_it_fails(call) -> None:
 
 
 @pytest.mark.slow(reason="by the engine in every run, by the command in .ci/run")
-def test_the_moment_of_a_collision_is_drawn(call, tmp_path) -> None:
+def test_the_moment_of_a_collision_is_drawn(call, tmp_path):
     """A picture of it, and the whole skill in motion; stdout holds the document alone."""
     png, gif = tmp_path / "moment.png", tmp_path / "whole.gif"
     words = ("explain", BOARD, "place(transformer)", "--after", "0,1,10,11,8", "--no-cache")
@@ -93,7 +91,7 @@ def test_the_moment_of_a_collision_is_drawn(call, tmp_path) -> None:
 
 
 @pytest.mark.slow(reason="executes and films; a film of a fake engine is in every run")
-def test_a_video_shows_the_plan(call, tmp_path) -> None:
+def test_a_video_shows_the_plan(call, tmp_path):
     """At ten times the speed it takes a tenth of the simulated seconds."""
     path = tmp_path / "plan.gif"
     words = ("simulate", BOARD, "--sequence", "0", "--video", str(path), "--speed", "10")

@@ -36,24 +36,24 @@ def share(force_n: list[float], moment_nm: list[float], pads: Pads = PADS) -> fl
 
 
 class TestLimits:
-    def test_along_the_jaws_friction_bears_its_coefficient_times_both_normal_forces(self) -> None:
+    def test_along_the_jaws_friction_bears_its_coefficient_times_both_normal_forces(self):
         assert share([0.0, 0.0, 6.0], [0.0, 0.0, 0.0]) == pytest.approx(1.0)
         assert share([4.8, 0.0, 3.6], [0.0, 0.0, 0.0]) == pytest.approx(1.0)
 
-    def test_across_them_a_load_opens_a_jaw_beyond_its_own_force(self) -> None:
+    def test_across_them_a_load_opens_a_jaw_beyond_its_own_force(self):
         assert share([0.0, 5.0, 0.0], [0.0, 0.0, 0.0]) == pytest.approx(1.0)
 
-    def test_the_wider_the_patches_the_more_moment_they_bear(self) -> None:
+    def test_the_wider_the_patches_the_more_moment_they_bear(self):
         wide = Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.02)
         for moment_nm in ([0.0, 0.1, 0.0], [0.1, 0.0, 0.0]):
             assert share([0.0] * 3, moment_nm, wide) < share([0.0] * 3, moment_nm) < 1.0
 
-    def test_force_and_moment_together_slip_before_either(self) -> None:
+    def test_force_and_moment_together_slip_before_either(self):
         assert share([0.0, 0.0, 5.0], [0.0, 0.0, 0.0]) < 1.0
         assert share([0.0, 0.0, 0.0], [0.0, 0.1, 0.0]) < 1.0
         assert share([0.0, 0.0, 5.0], [0.0, 0.1, 0.0]) > 1.0
 
-    def test_what_no_jaw_presses_on_is_not_held(self) -> None:
+    def test_what_no_jaw_presses_on_is_not_held(self):
         slack = Pads((0.0, 5.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
         assert share([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], slack) > 1.0
 
@@ -79,7 +79,7 @@ class Swing:
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def scene():
     """Return a scene of a UR5e with a gripper."""
     part = {"tool": "gripper", "size_m": [0.02] * 3, "start_m": [0.5, 0.0], "goal_m": [0.5, 0.2]}
     return assembly(
@@ -137,9 +137,7 @@ def slip_of(
         ),
     ],
 )
-def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(
-    scene: Scene, shape: Box | Cylinder
-) -> None:
+def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(scene, shape):
     slip_mm, turn_deg = slip_of(scene, Body("part", (shape,), (), 0.1), swing_rad=1.6)
     assert slip_mm < 0.1
     assert turn_deg < 0.2
@@ -156,9 +154,7 @@ def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(
         ),
     ],
 )
-def test_what_friction_cannot_hold_slips(
-    scene: Scene, mass_kg: float, held_m: float, mm: float, deg: float
-) -> None:
+def test_what_friction_cannot_hold_slips(scene, mass_kg, held_m, mm, deg):
     height_m = held_m + 0.02
     bar = Box((0.02, 0.02, height_m), (0.0, 0.0, height_m / 2))
     body = Body("part", (bar,), (), mass_kg)
@@ -167,7 +163,7 @@ def test_what_friction_cannot_hold_slips(
     assert turn_deg > deg
 
 
-def test_a_bar_beside_whose_middle_jaws_close_is_lifted_from_its_feeder_level() -> None:
+def test_a_bar_beside_whose_middle_jaws_close_is_lifted_from_its_feeder_level():
     """That the feeder lets go of it takes nothing from what friction holds."""
     bar = {
         "tool": "gripper",

@@ -9,7 +9,6 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +54,7 @@ print(json.dumps([os.getuid(), can_read, nodes, said]))
 
 
 @pytest.fixture
-def home(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def home(monkeypatch):
     """A home that others may enter, as homes often are."""
     folder = Path(tempfile.mkdtemp(prefix="home-", dir="/tmp"))
     folder.chmod(0o755)
@@ -73,7 +72,7 @@ def mode_of(path: Path) -> int:
 
 
 class TestTheToken:
-    def test_is_written_for_this_user_alone(self, home: Path) -> None:
+    def test_is_written_for_this_user_alone(self, home):
         """Whatever the umask."""
         before = os.umask(0)
         try:
@@ -85,7 +84,7 @@ class TestTheToken:
         assert len(path.read_text()) == 64
         assert os.environ["RAY_AUTH_MODE"] == "token"
 
-    def test_that_is_there_is_kept(self, home: Path) -> None:
+    def test_that_is_there_is_kept(self, home):
         """A cluster elsewhere may use it."""
         access.require_token()
         path = home / ".ray" / "auth_token"
@@ -94,7 +93,7 @@ class TestTheToken:
         assert token == path.read_text()
 
     @pytest.mark.parametrize("mode", [0o644, 0o640, 0o604])
-    def test_that_others_can_read_is_refused(self, home: Path, mode: int) -> None:
+    def test_that_others_can_read_is_refused(self, home, mode):
         """They may have read it; the message says what to do."""
         access.require_token()
         path = home / ".ray" / "auth_token"
@@ -102,7 +101,7 @@ class TestTheToken:
         with pytest.raises(SkillplanError, match=f"has mode {mode:04o}, so that other users"):
             access.require_token()
 
-    def test_that_is_a_link_is_refused(self, home: Path, tmp_path: Path) -> None:
+    def test_that_is_a_link_is_refused(self, home, tmp_path):
         """It leads to a file of somebody else."""
         (tmp_path / "token").write_text("a" * 64)
         (home / ".ray").mkdir()
@@ -110,14 +109,14 @@ class TestTheToken:
         with pytest.raises(SkillplanError, match="is no file of yours"):
             access.require_token()
 
-    def test_is_in_a_folder_that_others_cannot_write_to(self, home: Path) -> None:
+    def test_is_in_a_folder_that_others_cannot_write_to(self, home):
         """Such a folder is tightened: they could put a token of theirs there."""
         (home / ".ray").mkdir()
         (home / ".ray").chmod(0o777)
         access.require_token()
         assert mode_of(home / ".ray") == 0o755
 
-    def test_that_cannot_be_written_is_told(self, home: Path) -> None:
+    def test_that_cannot_be_written_is_told(self, home):
         """In words."""
         (home / ".ray").write_text("a file")
         with pytest.raises(SkillplanError, match=r"cannot be kept in .*auth_token"):
@@ -125,9 +124,7 @@ class TestTheToken:
 
 
 @pytest.mark.parametrize("length", [1, 60])
-def test_the_folder_of_a_session_is_closed_to_others(
-    monkeypatch: pytest.MonkeyPatch, length: int
-) -> None:
+def test_the_folder_of_a_session_is_closed_to_others(monkeypatch, length):
     """Ray opens its own to all; and the paths of its sockets are short enough."""
     place = Path(tempfile.mkdtemp(dir="/tmp")) / ("x" * length)
     place.mkdir(mode=0o755)
@@ -173,7 +170,7 @@ def ask_as(user: int, address: str, token: Path, guess: str, home: Path) -> list
 
 @pytest.mark.slow(reason="starts Ray; modes of the token and of folders in every run")
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for ports in /proc")
-def test_a_cluster_of_this_machine_serves_no_other_user(home: Path, tmp_path: Path) -> None:
+def test_a_cluster_of_this_machine_serves_no_other_user(home, tmp_path):
     """It listens on 127.0.0.1 only, and refuses whoever cannot read the token."""
     cluster = subprocess.Popen(
         [sys.executable, "-c", START], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

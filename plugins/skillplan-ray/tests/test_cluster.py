@@ -76,7 +76,7 @@ def workers_of(executor: Executor) -> dict[str, Worker]:
 
 
 @slow
-def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster: Any) -> None:
+def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster):
     """Verdicts and all that is counted."""
     executor = executor_at(cluster)
     nodes = {cluster.head_node.node_id, cluster.second.node_id}
@@ -96,7 +96,7 @@ def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster: Any) ->
 
 
 @pytest.mark.release(reason="kills a node; that of a process is told in every run")
-def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: Any) -> None:
+def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster):
     """SIGKILL for the node and all that runs there; the check is made once more elsewhere."""
     executor = executor_at(cluster)
     workers = workers_of(executor)
@@ -125,7 +125,7 @@ def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: A
 
 
 @pytest.mark.release(reason="silences a node for seconds; its loss is told in the whole suite")
-def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluster: Any) -> None:
+def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluster):
     """Its processes stand still: nothing is closed, nothing answers; the check is made elsewhere.
 
     Nor does it matter that the node comes back later.
@@ -162,7 +162,7 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
 
 
 @slow
-def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster: Any, tmp_path: Path) -> None:
+def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster, tmp_path):
     """Before anything is done: what differs, and where."""
     about = tmp_path / "skillplan-9.9.9.dist-info"
     about.mkdir()
@@ -192,7 +192,7 @@ def started(words: list[str], cluster: Any) -> subprocess.Popen[str]:
 
 
 @pytest.mark.release(reason="a search by physics with actors; a lost node in the whole suite")
-def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path) -> None:
+def test_a_search_loses_actors_and_proves_the_same(cluster, tmp_path):
     """One by SIGKILL; stdout is one document all the same."""
     pytest.importorskip("pybullet")
     process = started(SEARCH, cluster)
@@ -211,9 +211,7 @@ def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path)
         pytest.param(STUDY, "numpy", 6.0, "skillplan.sweep/1", id="a study"),
     ],
 )
-def test_ctrl_c_ends_all_actors_at_once(
-    words: list[str], plugin: str, wait_s: float, schema: str, cluster: Any, tmp_path: Path
-) -> None:
+def test_ctrl_c_ends_all_actors_at_once(words, plugin, wait_s, schema, cluster, tmp_path):
     """Within two seconds none is left, and the command says what it has."""
     pytest.importorskip(plugin)
     out = ["--out", str(tmp_path / "out")]

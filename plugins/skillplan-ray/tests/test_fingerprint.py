@@ -1,7 +1,5 @@
 """What is compared between the machines of a cluster."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path
@@ -27,14 +25,14 @@ HARMLESS = {
 }
 
 
-def test_the_same_machine_does_not_differ() -> None:
+def test_the_same_machine_does_not_differ():
     """What is compared is the same every time."""
     found = fingerprint()
     assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(found)
     assert differences(found, fingerprint()) == []
 
 
-def test_what_differs_is_named() -> None:
+def test_what_differs_is_named():
     """Versions with both, what is missing there, and another source of the same version."""
     here = {"numpy": "2.4.6", "pybullet": "3.2.7", "skillplan": "1", "source of skillplan": "a"}
     there = {"numpy": "2.4.5", "skillplan": "1", "source of skillplan": "b"}
@@ -45,7 +43,7 @@ def test_what_differs_is_named() -> None:
     ]
 
 
-def test_every_library_that_a_distribution_needs_is_compared_or_known_to_be_harmless() -> None:
+def test_every_library_that_a_distribution_needs_is_compared_or_known_to_be_harmless():
     """A new engine is not forgotten."""
     found = set()
     for path in (ROOT / "pyproject.toml", *ROOT.glob("plugins/*/pyproject.toml")):

@@ -82,7 +82,7 @@ def said(cluster: Any, *, patience_s: float = 60.0) -> Any:
     return found
 
 
-def test_an_actor_that_is_placed_on_a_machine_being_lost_is_placed_again() -> None:
+def test_an_actor_that_is_placed_on_a_machine_being_lost_is_placed_again():
     """Its job has not begun: that is no loss of the job's, and the CPUs are counted once."""
     cluster = Scripted((NODE, None), (NODE, None), (READY_NOW, answered(7)))
     assert said(cluster) == Answer(7)
@@ -98,14 +98,14 @@ def test_an_actor_that_is_placed_on_a_machine_being_lost_is_placed_again() -> No
         pytest.param((PROCESS, None), False, "process", id="a process that becomes ready"),
     ],
 )
-def test_any_other_loss_is_told(actor: tuple[Any, Any], started: bool, how: str) -> None:
+def test_any_other_loss_is_told(actor, started, how):
     """Whoever gave the job decides whether it is done once more."""
     ended = said(Scripted(actor))
     assert isinstance(ended, Ended)
     assert (ended.started, ended.how) == (started, f"the loss of its {how} on 10.0.0.7")
 
 
-def test_a_machine_that_stays_lost_is_told_in_the_end() -> None:
+def test_a_machine_that_stays_lost_is_told_in_the_end():
     """After as long as a worker may take to be ready."""
     ended = said(Scripted((NODE, None)), patience_s=-1.0)
     assert isinstance(ended, Ended)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,9 +29,7 @@ class TestRayExecutor(ExecutorSuite):
 
 
 @pytest.mark.parametrize("connected", [False, True])
-def test_only_the_first_worker_waits_for_ray(
-    connected: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_first_worker_waits_for_ray(connected, monkeypatch):
     """To start a cluster takes longer than to join one."""
     monkeypatch.setattr(executors, "is_connected", lambda: connected)
     here, there = RayExecutor(1), RayExecutor(1, address="head:6379")
@@ -46,7 +43,7 @@ FATAL = "pick(fuse)"
 
 
 @pytest.fixture(scope="module")
-def ray() -> Iterator[Setup]:
+def ray():
     """The choice of Ray, whose actors can import the back ends of tests."""
     import ray
 
@@ -72,9 +69,7 @@ def checked(setup: Setup, options: dict[str, Any]) -> dict[str, Verdict]:
 
 @pytest.mark.slow(reason="a Ray cluster, two actors lost; a local process killed in every run")
 @pytest.mark.parametrize("once", [True, False])
-def test_a_check_whose_actor_is_killed_is_made_once_more_and_then_unknown(
-    once: bool, ray: Setup, tmp_path: Path
-) -> None:
+def test_a_check_whose_actor_is_killed_is_made_once_more_and_then_unknown(once, ray, tmp_path):
     """SIGKILL in the middle of it: once costs one more execution, and no other check anything."""
     log = {"log": str(tmp_path)}
     found = checked(ray, {**log, "fail_on": FATAL, "how": "kill", "once": once})

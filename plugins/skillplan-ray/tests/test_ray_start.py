@@ -20,7 +20,7 @@ GONE_S = 2.0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_amid_the_start_is_heard_once_that_is_over(number: int) -> None:
+def test_a_signal_amid_the_start_is_heard_once_that_is_over(number):
     """By whoever hears it, as often as it came."""
     heard: list[int] = []
     before = signal.signal(number, lambda one, _: heard.append(one))
@@ -60,7 +60,7 @@ def words_of(process: int) -> bytes:
 
 @pytest.mark.release(reason="breaks off a start of Ray; held signals in every run")
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
-def test_ctrl_c_twice_amid_the_start_leaves_no_process() -> None:
+def test_ctrl_c_twice_amid_the_start_leaves_no_process():
     """Not even those that Ray's own processes have started."""
     words = ["search-optimal", str(ORDERING), "--solver", "portfolio", "--jobs", "2"]
     search = subprocess.Popen(

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -48,9 +47,7 @@ def learned(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.release(reason="trains twice; a loss in the middle without a cluster in every run")
-def test_a_training_goes_on_from_its_checkpoint_when_its_node_is_killed(
-    cluster: Any, tmp_path: Path
-) -> None:
+def test_a_training_goes_on_from_its_checkpoint_when_its_node_is_killed(cluster, tmp_path):
     """On the node that is left, to the bit; every checkpoint that is seen before is a whole one."""
     pytest.importorskip("skillplan_torch")
     here, there = tmp_path / "here", tmp_path / "there"

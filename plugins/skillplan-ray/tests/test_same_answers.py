@@ -34,7 +34,7 @@ release = pytest.mark.release(reason="whole commands at four places; two of them
 
 
 @pytest.fixture
-def generated(tmp_path: Path) -> Path:
+def generated(tmp_path):
     """A board at random."""
     path = tmp_path / "generated.yaml"
     words = ["generate", "assembly", "--parts", "6", "--density", "0.3", "--seed", "1"]
@@ -98,7 +98,7 @@ def same_everywhere(words: list[str], cluster: Any, tmp_path: Path) -> dict[str,
 
 
 @release
-def test_searches_by_physics(cluster: Any, tmp_path: Path) -> None:
+def test_searches_by_physics(cluster, tmp_path):
     """Plan, proof, verdicts reused and all counts."""
     pytest.importorskip("mujoco")
     words = ["search-optimal", str(BOARD), *PHYSICS, "--no-cache", "--no-screening"]
@@ -106,7 +106,7 @@ def test_searches_by_physics(cluster: Any, tmp_path: Path) -> None:
 
 
 @release
-def test_verdicts_that_are_kept(cluster: Any, tmp_path: Path) -> None:
+def test_verdicts_that_are_kept(cluster, tmp_path):
     """Whoever made them, the head has written them: same files, same figures in them."""
     pytest.importorskip("mujoco")
     folders = same_everywhere(["cache", "fill", str(BOARD), *PHYSICS], cluster, tmp_path)
@@ -117,23 +117,21 @@ def test_verdicts_that_are_kept(cluster: Any, tmp_path: Path) -> None:
 
 
 @release
-def test_sweeps_of_a_generated_board(generated: Path, cluster: Any, tmp_path: Path) -> None:
+def test_sweeps_of_a_generated_board(generated, cluster, tmp_path):
     """Records and what they show."""
     words = ["sweep", str(generated), "--solver", "sarsa", "-O", "alpha=0.1,0.5", "--runs", "2"]
     same_everywhere(words, cluster, tmp_path)
 
 
 @release
-def test_solvers_side_by_side_on_a_generated_board(
-    generated: Path, cluster: Any, tmp_path: Path
-) -> None:
+def test_solvers_side_by_side_on_a_generated_board(generated, cluster, tmp_path):
     """A row each."""
     words = ["compare", str(generated), "--solvers", "exact,sarsa,value-iteration"]
     same_everywhere(words, cluster, tmp_path)
 
 
 @pytest.mark.slow(reason="a search of seconds twice, and a start of Ray; local ones in every run")
-def test_the_portfolio_finds_the_same_order_and_bound_on_ray(tmp_path: Path) -> None:
+def test_the_portfolio_finds_the_same_order_and_bound_on_ray(tmp_path):
     """Plan, proof and all counts; an actor takes its share, and none is lost."""
     words = ["search-optimal", str(ORDERING), "--solver", "portfolio", "--jobs", "2"]
     here = answers(words, tmp_path)
@@ -144,7 +142,7 @@ def test_the_portfolio_finds_the_same_order_and_bound_on_ray(tmp_path: Path) -> 
 
 
 @release
-def test_trainings(cluster: Any, tmp_path: Path) -> None:
+def test_trainings(cluster, tmp_path):
     """Weights, metrics and counts, physics in the loop; two runs fill two slots."""
     pytest.importorskip("mujoco")
     pytest.importorskip("skillplan_torch")
@@ -167,7 +165,7 @@ def learned(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.release(reason="a check by an engine on a cluster; what is sent once in every run")
 @pytest.mark.parametrize("config", ["inverter_board.yaml", "inverter_ur5e.yaml"])
-def test_nodes_need_no_files_of_the_head(config: str, cluster: Any, tmp_path: Path) -> None:
+def test_nodes_need_no_files_of_the_head(config, cluster, tmp_path):
     """Task, meshes and the description of the arm travel: the folder is gone before a check."""
     pytest.importorskip("mujoco")
     there = tmp_path / "configs"

@@ -38,7 +38,7 @@ class Started:
 
 
 @pytest.fixture
-def store(monkeypatch: pytest.MonkeyPatch) -> Store:
+def store(monkeypatch):
     """A cluster that keeps what is put into it."""
     made = Store()
     monkeypatch.setattr(executors, "connected", lambda address, mib: made)
@@ -46,7 +46,7 @@ def store(monkeypatch: pytest.MonkeyPatch) -> Store:
     return made
 
 
-def test_equal_content_is_sent_once_however_many_workers_start_from_it(store: Store) -> None:
+def test_equal_content_is_sent_once_however_many_workers_start_from_it(store):
     """By its hash, not by which object it is."""
     executor = RayExecutor(3)
     content = packed({"task": "lid"}, "tests")
@@ -56,7 +56,7 @@ def test_equal_content_is_sent_once_however_many_workers_start_from_it(store: St
     assert len(store.objects) == 2
 
 
-def test_after_closing_it_is_sent_anew(store: Store) -> None:
+def test_after_closing_it_is_sent_anew(store):
     """Nothing is kept in the cluster's memory for nobody."""
     executor = RayExecutor(1)
     content = packed({"task": "lid"}, "tests")

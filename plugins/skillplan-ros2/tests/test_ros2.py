@@ -47,7 +47,7 @@ class TestRos2AsText(ExporterSuite):
 
 
 @pytest.mark.parametrize("name", [TEXT_TYPE, TRAJECTORY_TYPE])
-def test_messages_are_defined_as_ros_has_them(name: str) -> None:
+def test_messages_are_defined_as_ros_has_them(name):
     """By text and by the hash that tells a reader of another definition."""
     own, known = message_types(), get_typestore(Stores.ROS2_HUMBLE)
     assert known.generate_msgdef(name) == own.generate_msgdef(name)
@@ -108,7 +108,7 @@ def written(folder: Path, handover: Handover, **options: Any) -> Path:
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bag(tmp_path_factory):
     """The inverter board's optimum as a bag."""
     return written(tmp_path_factory.mktemp("bag"), best("inverter_board"))
 
@@ -126,7 +126,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
     ],
 )
-def test_the_cubics_through_the_points_keep_half_the_limits(config: str, tmp_path: Path) -> None:
+def test_the_cubics_through_the_points_keep_half_the_limits(config, tmp_path):
     """Times rise; speeds and accelerations of what a controller interpolates are in the limits.
 
     Accelerations within 1 %: between two points of a bent path the run is a cubic up to that.
@@ -154,7 +154,7 @@ def test_the_cubics_through_the_points_keep_half_the_limits(config: str, tmp_pat
 
 
 @pytest.mark.slow(reason="a bag more; limits and times in every run")
-def test_each_skill_begins_where_and_when_the_one_before_ends(bag: Path) -> None:
+def test_each_skill_begins_where_and_when_the_one_before_ends(bag):
     """To the bit, and to the nanosecond; the whole takes as long as `swept` says."""
     found = trajectories(bag)
     for before, after in pairwise(found):
@@ -166,7 +166,7 @@ def test_each_skill_begins_where_and_when_the_one_before_ends(bag: Path) -> None
     assert expected_s == pytest.approx([one.times_ns[-1] / 1e9 for one in found], abs=1e-6)
 
 
-def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag: Path) -> None:
+def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag):
     """A name at the time of each trajectory; the hand acts while the arm stands still."""
     found = trajectories(bag)
     handover = best("inverter_board")
@@ -182,7 +182,7 @@ def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag: Path) -> 
         assert not one.speeds[begin : begin + 2].any(), text
 
 
-def test_as_text_it_says_the_same_in_nine_digits(tmp_path: Path) -> None:
+def test_as_text_it_says_the_same_in_nine_digits(tmp_path):
     """A document a message, with the fields of ROS 2 in their order; both may be asked for."""
     folder = written(tmp_path, solved_lid(lid_task()), format="both", topic="/arm/go")
     assert {"metadata.yaml", "trajectories.mcap", "trajectories.yaml"} == {
@@ -205,7 +205,7 @@ def test_as_text_it_says_the_same_in_nine_digits(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow(reason="a search and two bags; limits in every run")
-def test_speed_is_that_of_swept_unless_it_is_set(tmp_path: Path) -> None:
+def test_speed_is_that_of_swept_unless_it_is_set(tmp_path):
     """Where `swept` judges the plan, it moves with the options that it was judged by."""
     (slow := tmp_path / "slow").mkdir()
     (fast := tmp_path / "fast").mkdir()
@@ -231,9 +231,7 @@ def refusal(handover: Handover) -> str:
         ("swarmitfix_polygonal.yaml", "base-1", ("B2", "B2")),
     ],
 )
-def test_a_task_without_an_arm_is_refused_in_words(
-    config: str, part: str | None, plan: tuple[str, ...] | None
-) -> None:
+def test_a_task_without_an_arm_is_refused_in_words(config, part, plan):
     """An order of TSPLIB has none, nor has a bench on which bases walk."""
     task = load_problem(CONFIGS / config).part(part)
     model = make_model(task, Setup())
@@ -252,21 +250,21 @@ def any_order(model: SkillModel) -> list[Skill]:
     return skills
 
 
-def test_a_skill_that_swept_does_not_grant_is_refused_with_its_reason() -> None:
+def test_a_skill_that_swept_does_not_grant_is_refused_with_its_reason():
     """The chart of this task has the fuse put into a box that is shut."""
     said = refusal(solved(shut_box_task()))
     assert "swept does not grant place(fuse): " in said
     assert "runs into lid" in said
 
 
-def test_the_topic_is_one_of_ros() -> None:
+def test_the_topic_is_one_of_ros():
     """And none that texts have."""
     for topic in ("no slash", "/2", "/a//b", "/skillplan/hand"):
         with pytest.raises(OptionError, match="topic"):
             make_exporter("ros2", {"topic": topic})
 
 
-def test_that_the_hand_is_left_out_is_noted() -> None:
+def test_that_the_hand_is_left_out_is_noted():
     """And where it stands."""
     (bag_note,) = notes_of(make_exporter("ros2", {}), best("inverter_board"))
     (text_note,) = notes_of(make_exporter("ros2", {"format": "yaml"}), best("inverter_board"))

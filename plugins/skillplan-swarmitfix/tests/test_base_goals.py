@@ -46,7 +46,7 @@ def distance_m(position, point):
     return math.dist(BENCH.centroids_m[position], point)
 
 
-def test_the_polygonal_trajectory_has_the_candidates_of_the_data() -> None:
+def test_the_polygonal_trajectory_has_the_candidates_of_the_data():
     sets = goal_sets(BENCH, SUPPORTS, PAPER, True)
     assert [numbers(one.positions) for one in sets] == DATA["candidates"]
     assert {one.how for one in sets} == {How.EQ34}
@@ -54,14 +54,14 @@ def test_the_polygonal_trajectory_has_the_candidates_of_the_data() -> None:
     assert not any(one.note for one in sets)
 
 
-def test_the_last_support_is_paired_with_the_first_of_a_closed_trajectory_only() -> None:
+def test_the_last_support_is_paired_with_the_first_of_a_closed_trajectory_only():
     closed, opened = (goal_sets(BENCH, SUPPORTS, PAPER, closed) for closed in (True, False))
     assert closed[:-1] == opened
     assert (closed[-1].e1, closed[-1].e2) == (SUPPORTS[-1], SUPPORTS[0])
 
 
 @given(points, points, sides)
-def test_the_quadrilateral_is_a_rectangle_on_the_side_of_the_bases(e1, e2, side) -> None:
+def test_the_quadrilateral_is_a_rectangle_on_the_side_of_the_bases(e1, e2, side):
     assume(math.dist(e1, e2) > 1e-3)
     a, b, c, d = quadrilateral(e1, e2, 0.472, side)
     assert tuple(a) == e1
@@ -74,7 +74,7 @@ def test_the_quadrilateral_is_a_rectangle_on_the_side_of_the_bases(e1, e2, side)
 
 
 @given(points, points, sides)
-def test_candidates_are_the_centroids_inside_the_rectangle_and_not_too_near(e1, e2, side) -> None:
+def test_candidates_are_the_centroids_inside_the_rectangle_and_not_too_near(e1, e2, side):
     """Against coordinates along and across the way instead of sums of areas."""
     length_m = math.dist(e1, e2)
     assume(length_m > 0.02)
@@ -99,24 +99,24 @@ def test_candidates_are_the_centroids_inside_the_rectangle_and_not_too_near(e1, 
     assert set(candidates(BENCH, e1, e2, rules)) ^ set(found) <= unclear
 
 
-def test_a_centroid_on_the_border_counts_as_inside() -> None:
+def test_a_centroid_on_the_border_counts_as_inside():
     centroid = tuple(BENCH.centroids_m[40].tolist())
     e1, e2 = (centroid[0] - 0.3, centroid[1] - 0.45), (centroid[0] + 0.3, centroid[1] - 0.45)
     assert 40 in candidates(BENCH, e1, e2, ReachRules(0.45, 0.3, (0.3, 0.5), 1))
     assert 40 not in candidates(BENCH, e1, e2, ReachRules(0.4499, 0.3, (0.3, 0.5), 1))
 
 
-def test_no_direction_leads_from_a_point_to_itself() -> None:
+def test_no_direction_leads_from_a_point_to_itself():
     with pytest.raises(ValueError, match="No direction leads"):
         quadrilateral((0.1, 0.2), (0.1, 0.2), 0.4, 1)
 
 
-def test_the_inside_of_a_clockwise_trajectory_is_to_the_right() -> None:
+def test_the_inside_of_a_clockwise_trajectory_is_to_the_right():
     assert (inward_side(True), inward_side(False)) == (-1, 1)
 
 
 @given(points, points, sides)
-def test_relaxed_positions_are_within_the_true_reach_of_both_supports(e1, e2, side) -> None:
+def test_relaxed_positions_are_within_the_true_reach_of_both_supports(e1, e2, side):
     rules = ReachRules(0.451, 0.333, (0.333, 0.451), side)
     found = within_reach(BENCH, e1, e2, rules)
     everywhere = [
@@ -136,7 +136,7 @@ def test_relaxed_positions_are_within_the_true_reach_of_both_supports(e1, e2, si
     assert list(found) == (preferred or everywhere)
 
 
-def test_where_the_equations_leave_nothing_the_arms_reach_decides_and_says_so() -> None:
+def test_where_the_equations_leave_nothing_the_arms_reach_decides_and_says_so():
     e1, e2 = (1.0, 0.9), (1.1, 0.9)
     assert candidates(BENCH, e1, e2, NARROW) == ()
     (one,) = goal_sets(BENCH, [e1, e2], NARROW, False)
@@ -145,7 +145,7 @@ def test_where_the_equations_leave_nothing_the_arms_reach_decides_and_says_so() 
     assert one.positions == within_reach(BENCH, e1, e2, NARROW)
 
 
-def test_a_way_too_long_for_the_arm_is_split_and_says_so() -> None:
+def test_a_way_too_long_for_the_arm_is_split_and_says_so():
     sets = goal_sets(BENCH, [(0.4, 0.9), (2.0, 0.9)], NARROW, False)
     assert len(sets) > 1
     assert {one.how for one in sets} == {How.SPLIT}
@@ -156,7 +156,7 @@ def test_a_way_too_long_for_the_arm_is_split_and_says_so() -> None:
     assert all(a.e2 == b.e1 for a, b in itertools.pairwise(sets))
 
 
-def test_a_split_follows_the_trajectory() -> None:
+def test_a_split_follows_the_trajectory():
     def detour(index: int, share: float) -> tuple[float, float]:
         return (0.4 + 1.6 * share, 0.9 + 0.3 * math.sin(math.pi * share))
 
@@ -164,7 +164,7 @@ def test_a_split_follows_the_trajectory() -> None:
     assert any(one.e2 == pytest.approx((1.2, 1.2)) for one in sets)
 
 
-def test_a_trajectory_of_one_support_is_served_from_around_it() -> None:
+def test_a_trajectory_of_one_support_is_served_from_around_it():
     (one,) = goal_sets(BENCH, [(1.2, 0.9)], ARM, True)
     assert one.how is How.RELAXED
     assert one.centre == (1.2, 0.9)
@@ -172,7 +172,7 @@ def test_a_trajectory_of_one_support_is_served_from_around_it() -> None:
 
 
 @given(st.lists(points, min_size=3, max_size=8, unique=True), st.booleans())
-def test_every_pair_is_served_or_named(supports, closed) -> None:
+def test_every_pair_is_served_or_named(supports, closed):
     faults = unreachable(BENCH, supports, ARM, closed)
     pairs = len(supports) - (not closed)
     if faults:
@@ -186,7 +186,7 @@ def test_every_pair_is_served_or_named(supports, closed) -> None:
     assert max(sum(one.index == i for one in sets) for i in range(pairs)) <= 2**MOST_SPLITS
 
 
-def test_a_support_off_the_bench_is_named_with_the_nearest_position() -> None:
+def test_a_support_off_the_bench_is_named_with_the_nearest_position():
     supports = [(1.0, 0.9), (1.2, 0.9), (9.0, 0.9)]
     (fault,) = unreachable(BENCH, supports, NARROW, False)
     assert fault.index == 1
@@ -197,7 +197,7 @@ def test_a_support_off_the_bench_is_named_with_the_nearest_position() -> None:
     assert (again.index, str(again)) == (fault.index, str(fault))
 
 
-def test_supports_that_are_reached_one_by_one_but_not_together_are_named() -> None:
+def test_supports_that_are_reached_one_by_one_but_not_together_are_named():
     e1, e2 = (0.6, 0.9), (1.8, 0.9)
 
     def jump(index: int, share: float) -> tuple[float, float]:
@@ -217,11 +217,11 @@ def test_supports_that_are_reached_one_by_one_but_not_together_are_named() -> No
         ((0.4, 0.2, (0.3, 0.4), 0), "side must be 1 or -1"),
     ],
 )
-def test_rules_out_of_range_are_refused(figures, message: str) -> None:
+def test_rules_out_of_range_are_refused(figures, message):
     with pytest.raises(ValueError, match=message):
         ReachRules(*figures)
 
 
-def test_a_goal_set_is_never_empty() -> None:
+def test_a_goal_set_is_never_empty():
     with pytest.raises(ValueError, match="at least one position"):
         GoalSet(0, (0.0, 0.0), (1.0, 0.0), (), How.EQ34, "", (0.5, 0.2))

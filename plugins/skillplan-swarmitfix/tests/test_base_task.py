@@ -23,25 +23,23 @@ def standing(task: Task, position: int) -> Task:
 
 
 class TestStatesAndActions:
-    def test_a_state_for_every_position_and_one_holds_at_a_time(self) -> None:
+    def test_a_state_for_every_position_and_one_holds_at_a_time(self):
         task = base_task(66, 42)
         assert [at(f"C{i}") for i in range(1, 79)] == list(task.facts.names)
         assert (task.facts.names,) == task.facts.exclusive
         assert (task.stage, task.kind) == ("base", "swarmitfix")
 
-    def test_the_actions_are_b0_to_b10(self) -> None:
+    def test_the_actions_are_b0_to_b10(self):
         task = base_task(66, 42)
         assert [f"B{i}" for i in range(11)] == [skill.name for skill in task.skills]
         assert [skill.kind for skill in task.skills] == ["stay"] + ["swing"] * 10
 
-    def test_with_13_actions_there_are_b11_and_b12(self) -> None:
+    def test_with_13_actions_there_are_b11_and_b12(self):
         task = BaseGrounding(Bench(6, 13, 0.34, 13), SWING_S).task("any", 0, 1)
         assert task.skills[-1].name == "B12"
 
     @given(position=positions, action=st.integers(0, 10))
-    def test_an_action_leads_where_the_bench_says_or_is_not_applicable(
-        self, position: int, action: int
-    ) -> None:
+    def test_an_action_leads_where_the_bench_says_or_is_not_applicable(self, position, action):
         """Off the bench there is no swing, for the model and for the task alike."""
         task = standing(base_task(66, 42), position)
         skill = task.skills[action]
@@ -57,9 +55,7 @@ class TestStatesAndActions:
             assert step.cost == 1.0
 
     @given(position=positions, action=st.integers(1, 10))
-    def test_a_swing_takes_the_time_of_its_angle_and_keeps_its_pins(
-        self, position: int, action: int
-    ) -> None:
+    def test_a_swing_takes_the_time_of_its_angle_and_keeps_its_pins(self, position, action):
         task = standing(base_task(66, 42), position)
         skill = task.skills[action]
         case = skill.case(task.initial)
@@ -71,19 +67,19 @@ class TestStatesAndActions:
         pins = BENCH.swept_pins(position - 1, action)
         assert {BENCH.pin_name(pin) for pin in pins} == case.occupies
 
-    def test_staying_takes_no_time_but_counts_as_a_step(self) -> None:
+    def test_staying_takes_no_time_but_counts_as_a_step(self):
         task = base_task(66, 42)
         assert (
             task.skills[0].duration_s.at(task.initial),
             task.skills[0].cost.at(task.initial),
         ) == (0.0, 1.0)
 
-    def test_every_position_may_be_a_start(self) -> None:
+    def test_every_position_may_be_a_start(self):
         """Exploring starts, and policies for all of them."""
         task = base_task(66, 42)
         assert {(at(f"C{i}"),) for i in range(1, 79)} == {tuple(start) for start in task.starts}
 
-    def test_places_are_the_centroids(self) -> None:
+    def test_places_are_the_centroids(self):
         task = base_task(66, 42)
         for i, (x_m, y_m) in enumerate(BENCH.centroids_m.tolist(), start=1):
             place = task.places[at(f"C{i}")]
@@ -92,7 +88,7 @@ class TestStatesAndActions:
 
 class TestReward:
     @given(start=positions, goal=positions)
-    def test_a_step_is_paid_by_eqs_6_and_7(self, start: int, goal: int) -> None:
+    def test_a_step_is_paid_by_eqs_6_and_7(self, start, goal):
         """Minus the distance of where it begins, and 1 more where it ends at the goal."""
         reward = base_task(start, goal).reward
         assert isinstance(reward, DistanceReward)
@@ -103,7 +99,7 @@ class TestReward:
             assert paid == pytest.approx(at_goal - distance_m)
 
     @given(start=positions, goal=positions)
-    def test_leaving_the_bench_is_paid_less_than_any_step(self, start: int, goal: int) -> None:
+    def test_leaving_the_bench_is_paid_less_than_any_step(self, start, goal):
         reward = base_task(start, goal).reward
         assert isinstance(reward, DistanceReward)
         assert all(-d > reward.infeasible for d in reward.distances.values())
@@ -112,21 +108,19 @@ class TestReward:
 class TestPlans:
     @settings(max_examples=examples(100))
     @given(start=positions, goal=positions)
-    def test_exact_search_takes_as_many_swings_as_the_bench_says(
-        self, start: int, goal: int
-    ) -> None:
+    def test_exact_search_takes_as_many_swings_as_the_bench_says(self, start, goal):
         """None at all where the base is there already."""
         result = solve(base_task(start, goal))
         assert result.status == "optimal"
         assert BENCH.distances(goal - 1)[start - 1] == result.cost == result.makespan
 
-    def test_the_step_limit_grows_with_the_bench(self) -> None:
+    def test_the_step_limit_grows_with_the_bench(self):
         """So that a way round it is never too long; the file may set another."""
         assert base_task(1, 2).step_limit == 100
         assert BaseGrounding(Bench(3, 201, 0.34), SWING_S).step_limit == 2 * (3 + 201)
         assert BaseGrounding(BENCH, SWING_S, 7).task("any", 0, 1).step_limit == 7
 
-    def test_a_bench_of_one_position_is_a_task_that_is_solved(self) -> None:
+    def test_a_bench_of_one_position_is_a_task_that_is_solved(self):
         """Every swing leaves it."""
         task = BaseGrounding(Bench(1, 1, 0.34), SWING_S).task("tiny", 0, 0)
         assert [skill.name for skill in task.skills if skill.applicable(task.initial)] == ["B0"]

@@ -65,7 +65,7 @@ def turn_of(bench: Bench, position: int, action: int) -> Turn:
 
 class TestSuccessors:
     @given(standing())
-    def test_an_action_leads_where_the_rotated_triangle_is(self, at: tuple[Bench, int]) -> None:
+    def test_an_action_leads_where_the_rotated_triangle_is(self, at):
         """And nowhere if a leg would stand beside the bench."""
         bench, position = at
         for action in range(1, bench.actions):
@@ -75,12 +75,12 @@ class TestSuccessors:
             assert bench.successors[position, action] == (-1 if end is None else end)
 
     @given(benches)
-    def test_b0_stays_everywhere(self, bench: Bench) -> None:
+    def test_b0_stays_everywhere(self, bench):
         assert_array_equal(bench.successors[:, 0], np.arange(bench.n_positions))
         assert not bench.swing_deg[:, 0].any()
 
     @given(standing())
-    def test_the_arrays_say_the_same_as_the_swings(self, at: tuple[Bench, int]) -> None:
+    def test_the_arrays_say_the_same_as_the_swings(self, at):
         bench, position = at
         for action in range(bench.actions):
             swing = bench.swing(position, action)
@@ -94,7 +94,7 @@ class TestSuccessors:
                 assert swing.turn == turn_of(bench, position, action)
 
     @given(standing())
-    def test_a_swing_keeps_its_pivot_docked(self, at: tuple[Bench, int]) -> None:
+    def test_a_swing_keeps_its_pivot_docked(self, at):
         bench, position = at
         for action in range(1, bench.actions):
             swing = bench.swing(position, action)
@@ -103,7 +103,7 @@ class TestSuccessors:
                 assert swing.pivot in bench.legs[swing.end]
 
     @given(standing())
-    def test_the_twelve_swings_reach_exactly_what_shares_a_pin(self, at: tuple[Bench, int]) -> None:
+    def test_the_twelve_swings_reach_exactly_what_shares_a_pin(self, at):
         """Not 13 others, as the paper's section 4.1.2 has it: the thirteenth action is to stay."""
         bench, position = at
         full = Bench(bench.rows, bench.cols, bench.pitch_m, actions=13)
@@ -112,12 +112,12 @@ class TestSuccessors:
         assert sorted(ends) == [p for p in np.flatnonzero(sharing).tolist() if p != position]
 
     @given(standing())
-    def test_every_swing_can_be_undone_by_an_action(self, at: tuple[Bench, int]) -> None:
+    def test_every_swing_can_be_undone_by_an_action(self, at):
         bench, position = at
         for end in bench.successors[position, 1:].tolist():
             assert end < 0 or position in bench.successors[end, 1:].tolist()
 
-    def test_adding_offsets_to_numbers_would_be_wrong_fifty_times(self) -> None:
+    def test_adding_offsets_to_numbers_would_be_wrong_fifty_times(self):
         """At the ends of rows, where the sum is a position that the base cannot swing to."""
         wrong = 0
         inside = PAPER.position("C33"), PAPER.position("C34")
@@ -130,16 +130,16 @@ class TestSuccessors:
         assert wrong == 50
 
     @pytest.mark.parametrize("name", ["successors", "swing_deg"])
-    def test_the_arrays_cannot_be_written_to(self, name: str) -> None:
+    def test_the_arrays_cannot_be_written_to(self, name):
         assert getattr(PAPER, name) is getattr(PAPER, name)
         with pytest.raises(ValueError, match="read-only"):
             getattr(PAPER, name)[0, 0] = 1
 
-    def test_eleven_actions_are_the_first_of_thirteen(self) -> None:
+    def test_eleven_actions_are_the_first_of_thirteen(self):
         assert_array_equal(PAPER.successors, FULL.successors[:, :11])
         assert_array_equal(PAPER.swing_deg, FULL.swing_deg[:, :11])
 
-    def test_b11_and_b12_can_be_had_by_two_other_actions(self) -> None:
+    def test_b11_and_b12_can_be_had_by_two_other_actions(self):
         """The paper's reason to leave them out (section 4.1.2); it holds at the borders as well."""
         for position in range(FULL.n_positions):
             for end in FULL.successors[position, 11:].tolist():
@@ -148,9 +148,7 @@ class TestSuccessors:
 
 class TestSwingsBetween:
     @given(standing(), st.data())
-    def test_they_are_all_swings_that_lead_there(
-        self, at: tuple[Bench, int], data: st.DataObject
-    ) -> None:
+    def test_they_are_all_swings_that_lead_there(self, at, data):
         """Two for each shared pin: one in either direction, together a full turn."""
         bench, start = at
         end = data.draw(st.integers(0, bench.n_positions - 1))
@@ -171,7 +169,7 @@ class TestSwingsBetween:
         assert angles == sorted(angles)
 
     @given(standing())
-    def test_an_action_is_among_them_and_gives_them_its_number(self, at: tuple[Bench, int]) -> None:
+    def test_an_action_is_among_them_and_gives_them_its_number(self, at):
         bench, position = at
         for action in range(1, bench.actions):
             swing = bench.swing(position, action)
@@ -181,7 +179,7 @@ class TestSwingsBetween:
                 assert {other.action for other in between} == {action}
 
     @given(standing())
-    def test_every_swing_has_an_inverse(self, at: tuple[Bench, int]) -> None:
+    def test_every_swing_has_an_inverse(self, at):
         """About the same pin by the same angle in the other direction."""
         bench, position = at
         for turn in ALL_TURNS:
@@ -197,11 +195,11 @@ class TestSwingsBetween:
             )
             assert bench.turned(end, back.turn) == position
 
-    def test_actions_beyond_the_eleven_are_named_all_the_same(self) -> None:
+    def test_actions_beyond_the_eleven_are_named_all_the_same(self):
         swings = PAPER.swings_between(PAPER.position("C33"), PAPER.position("C44"))
         assert {swing.action for swing in swings} == {11}
 
-    def test_figure_2_is_walked_by_swings_about_its_pins(self) -> None:
+    def test_figure_2_is_walked_by_swings_about_its_pins(self):
         """Table 1's B1 turns about P16 from C54 to C41, Fig. 2 about P17; both are swings."""
         way = [PAPER.position(name) for name in ("C66", "C54", "C41", "C28", "C16")]
         pivots = ["P9", "P17", "P24", "P32"]
@@ -230,7 +228,7 @@ class TestSwingsBetween:
 
 class TestSweptPins:
     @given(standing())
-    def test_they_are_the_pins_below_the_legs_on_the_way(self, at: tuple[Bench, int]) -> None:
+    def test_they_are_the_pins_below_the_legs_on_the_way(self, at):
         """Of every position between, in the direction of the swing, on the bench or half off it."""
         bench, position = at
         for action in range(1, bench.actions):
@@ -245,9 +243,7 @@ class TestSweptPins:
             assert bench.swept_pins(position, action) == below
 
     @given(standing(), st.sampled_from(ALL_TURNS))
-    def test_both_ways_round_sweep_all_around_the_pivot(
-        self, at: tuple[Bench, int], turn: Turn
-    ) -> None:
+    def test_both_ways_round_sweep_all_around_the_pivot(self, at, turn):
         bench, position = at
         end = bench.turned(position, turn)
         if end is None:
@@ -260,33 +256,33 @@ class TestSweptPins:
         assert swept == {pivot, *around}
 
     @given(standing())
-    def test_b0_sweeps_exactly_its_three_docked_pins(self, at: tuple[Bench, int]) -> None:
+    def test_b0_sweeps_exactly_its_three_docked_pins(self, at):
         bench, position = at
         assert bench.swept_pins(position, 0) == set(bench.legs[position].tolist())
         assert len(bench.swept_pins(position, 0)) == 3
 
-    def test_a_swing_of_the_paper_sweeps_what_it_passes(self) -> None:
+    def test_a_swing_of_the_paper_sweeps_what_it_passes(self):
         """B2 from C66 about P9 clockwise: its legs pass from P8 and P1 to P16 and P17."""
         swept = PAPER.swept_pins(PAPER.position("C66"), 2)
         assert {PAPER.pin_name(pin) for pin in swept} == {"P9", "P1", "P8", "P16", "P17"}
 
-    def test_an_action_that_leaves_the_bench_has_no_swept_pins(self) -> None:
+    def test_an_action_that_leaves_the_bench_has_no_swept_pins(self):
         with pytest.raises(ValueError, match="B1 leaves the bench in C1"):
             PAPER.swept_pins(PAPER.position("C1"), 1)
 
 
 class TestRefusals:
     @pytest.mark.parametrize("actions", [0, 10, 12, 14])
-    def test_a_base_has_11_or_13_actions(self, actions: int) -> None:
+    def test_a_base_has_11_or_13_actions(self, actions):
         with pytest.raises(ValueError, match=f"B11 and B12, 13; not {actions}"):
             Bench(6, 13, 0.34, actions)
 
-    def test_a_bench_is_checked_as_its_lattice_is(self) -> None:
+    def test_a_bench_is_checked_as_its_lattice_is(self):
         with pytest.raises(ValueError, match="odd number of columns, not 12"):
             Bench(6, 12, 0.34)
 
     @pytest.mark.parametrize("position", [-1, 78])
-    def test_a_position_off_the_bench_is_refused(self, position: int) -> None:
+    def test_a_position_off_the_bench_is_refused(self, position):
         match = f"Position {position} is not on the bench, which has 0 to 77"
         with pytest.raises(ValueError, match=match):
             PAPER.swing(position, 1)
@@ -302,7 +298,7 @@ class TestRefusals:
             PAPER.swings_between(position, 0)
 
     @pytest.mark.parametrize("action", [-1, 11])
-    def test_an_action_that_the_base_does_not_have_is_refused(self, action: int) -> None:
+    def test_an_action_that_the_base_does_not_have_is_refused(self, action):
         with pytest.raises(ValueError, match=f"no action {action}; there are B0 to B10"):
             PAPER.swing(0, action)
         with pytest.raises(ValueError, match=f"no action {action}; there are B0 to B10"):

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from skillplan.domains import Account
 from skillplan.files import json_fault
 from skillplan.pipeline import load_problem, solve, solve_chain
 from skillplan_swarmitfix import Job, SwarmitfixConfig, account
@@ -24,14 +23,14 @@ def job_of(plans: dict[str, tuple[str, ...]] | None = None, **keys: Any) -> Job:
 
 
 @pytest.fixture(scope="module")
-def goals_job() -> Job:
+def goals_job():
     """C66 to C42 in two swings, then a stay, then to C29 in one."""
     plans = {"base-1": ("B2", "B2"), "base-2": (), "base-3": ("B1",)}
     return job_of(plans, base={"home": "C66", "goals": ["C42", "C42", "C29"]})
 
 
 @pytest.fixture(scope="module")
-def pentagon() -> Account:
+def pentagon():
     """A trajectory on which some paths between supports are split, as in the paper."""
     as_in_paper = {"base.reachable": "ignored"}
     problem = load_problem(CONFIGS / "swarmitfix_pentagonal.yaml", {}, as_in_paper)
@@ -39,7 +38,7 @@ def pentagon() -> Account:
 
 
 class TestFiveSteps:
-    def test_a_way_is_retract_park_swings_approach_support(self, goals_job: Job) -> None:
+    def test_a_way_is_retract_park_swings_approach_support(self, goals_job):
         """Where the base stays there is nothing to park for."""
         timeline = account(goals_job).document["timeline"]
         found: dict[int, list[str]] = {}
@@ -51,7 +50,7 @@ class TestFiveSteps:
             ["retract", "park", "swing", "approach", "support"],
         ]
 
-    def test_the_makespan_is_the_end_of_the_last_step(self, goals_job: Job) -> None:
+    def test_the_makespan_is_the_end_of_the_last_step(self, goals_job):
         """Swings of 120, 120 and 60 degrees, and the machine's steps in between."""
         made = account(goals_job)
         swings_s = 2 * 11.63 + 7.47
@@ -59,13 +58,13 @@ class TestFiveSteps:
         assert made.makespan_s == made.document["timeline"][-1]["end_s"]
         assert swings_s + 3 * (0.3 + 0.45 + 0.3) + 2 * 0.45 == pytest.approx(made.makespan_s)
 
-    def test_staying_actions_take_no_swing(self) -> None:
+    def test_staying_actions_take_no_swing(self):
         """B0 is an action, but the base does not move."""
         stays = job_of({"base-1": ("B0", "B2", "B0", "B2")}, base={"home": "C66", "goals": ["C42"]})
         steps = [phase["step"] for phase in account(stays).document["timeline"]]
         assert steps.count("swing") == 2
 
-    def test_without_the_ways_there_is_no_timeline(self) -> None:
+    def test_without_the_ways_there_is_no_timeline(self):
         """Nor one of a plan that ends elsewhere, which the referee has refuted."""
         for plans in ({}, {"base-1": ("B1",)}):
             made = account(job_of(plans, base={"home": "C66", "goals": ["C42"]}))
@@ -73,7 +72,7 @@ class TestFiveSteps:
             assert "timeline" not in made.document
             assert made.appendix == {}
 
-    def test_the_appendix_has_a_row_for_every_step(self, goals_job: Job) -> None:
+    def test_the_appendix_has_a_row_for_every_step(self, goals_job):
         made = account(goals_job)
         listing = made.appendix["timeline.csv"]
         timeline = made.document["timeline"]
@@ -85,18 +84,18 @@ class TestFiveSteps:
 
 class TestSupports:
     @pytest.mark.slow(reason="a curve; goals of the paper in every run")
-    def test_every_goal_is_one_of_its_candidates(self, pentagon: Account) -> None:
+    def test_every_goal_is_one_of_its_candidates(self, pentagon):
         for number, goal in enumerate(pentagon.document["goals"], start=1):
             assert number == goal["sequence"]
             assert goal["goal"] in goal["candidates"]
 
-    def test_supports_follow_one_another(self, pentagon: Account) -> None:
+    def test_supports_follow_one_another(self, pentagon):
         """Each begins where the one before ends; the last leads back to the first."""
         supports = [goal["support_m"] for goal in pentagon.document["goals"]]
         for (_, end), (begin, _) in zip(supports, [*supports[1:], supports[0]], strict=True):
             assert end == pytest.approx(begin)
 
-    def test_a_split_puts_a_head_in_between(self, pentagon: Account) -> None:
+    def test_a_split_puts_a_head_in_between(self, pentagon):
         """On the way, marked as inserted; every support has a head."""
         heads, goals = pentagon.document["heads"], pentagon.document["goals"]
         assert len(goals) == len(heads)
@@ -106,7 +105,7 @@ class TestSupports:
         assert len(inserted) == sum(goal["how"] == "split" for goal in goals) - _split_pairs(goals)
         assert all(0 <= head["yaw_rad"] < 2 * math.pi / 3 for head in heads)
 
-    def test_what_was_split_is_said_below_the_table(self, pentagon: Account) -> None:
+    def test_what_was_split_is_said_below_the_table(self, pentagon):
         """Each by its number, and how many there are."""
         (listing,) = pentagon.listings
         split = [goal for goal in pentagon.document["goals"] if goal["how"] == "split"]
@@ -115,7 +114,7 @@ class TestSupports:
         for goal in split:
             assert f"support {goal['sequence']}: {goal['note']}" in listing.notes
 
-    def test_the_workpiece_is_described(self, pentagon: Account) -> None:
+    def test_the_workpiece_is_described(self, pentagon):
         """Five vertices, and as many straight segments, of which the lengths add up."""
         workpiece = pentagon.document["workpiece"]
         assert (
@@ -127,12 +126,12 @@ class TestSupports:
         assert workpiece["length_m"] == pytest.approx(total_m)
         assert workpiece["points_m"][0] == pytest.approx(workpiece["points_m"][-1])
 
-    def test_it_is_json(self, pentagon: Account) -> None:
+    def test_it_is_json(self, pentagon):
         assert json_fault(pentagon.document) is None
 
 
 class TestSampling:
-    def test_the_deviation_of_sampled_curves_is_stated(self) -> None:
+    def test_the_deviation_of_sampled_curves_is_stated(self):
         """A half circle of 0.3 m radius to 1 mm: a chord of angle w is off by 0.3 (1 - cos w/2)."""
         path = [{"arc_to_m": [1.5, 0.8], "through_m": [1.2, 1.1]}]
         trajectory = {"start_m": [0.9, 0.8], "path": path}
@@ -143,14 +142,14 @@ class TestSampling:
         said = f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off"
         assert said in "\n".join(made.listings[0].notes)
 
-    def test_of_straight_lines_nothing_is_said(self) -> None:
+    def test_of_straight_lines_nothing_is_said(self):
         made = account(job_of(trajectory={"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}))
         assert made.document["sampling"] == {"chords": 0, "deviation_m": 0.0}
         assert "sampled" not in "\n".join(made.listings[0].notes)
 
 
 class TestMachine:
-    def test_a_reach_beyond_the_legs_is_told_with_the_leg(self) -> None:
+    def test_a_reach_beyond_the_legs_is_told_with_the_leg(self):
         """Legs of hardly any stroke reach nothing, and the table says so if that is ignored."""
         content = {
             "trajectory": {"vertices_m": [[0.7, 0.5], [1.4, 0.9]]},
@@ -164,7 +163,7 @@ class TestMachine:
         said = "\n".join(made.listings[0].notes)
         assert f"{len(rulings)} of {len(rulings)} supports are beyond its legs' limits" in said
 
-    def test_the_bound_is_that_of_the_best_rule(self) -> None:
+    def test_the_bound_is_that_of_the_best_rule(self):
         """Whatever rule the file asks for."""
         content = {"trajectory": {"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}}
         bounds = {
@@ -175,7 +174,7 @@ class TestMachine:
 
 
 class TestFleet:
-    def test_before_it_is_solved_only_bounds_are_known(self) -> None:
+    def test_before_it_is_solved_only_bounds_are_known(self):
         made = account(job_of(robots=FLEET))
         assert (
             made.document["independent_bound_sum"],
@@ -184,7 +183,7 @@ class TestFleet:
         assert made.listings == ()
         assert made.makespan_s is None
 
-    def test_swings_run_side_by_side_where_no_pin_is_shared(self) -> None:
+    def test_swings_run_side_by_side_where_no_pin_is_shared(self):
         """Both bases go two rows down, each on its own side of the bench."""
         chain = solve_chain_of_fleet(FLEET)
         document = account(chain).document
@@ -196,7 +195,7 @@ class TestFleet:
         ]
         assert account(chain).makespan_s == pytest.approx(longest_swings_s(chain, document))
 
-    def test_a_plan_that_collides_is_found_out_by_the_simulator(self) -> None:
+    def test_a_plan_that_collides_is_found_out_by_the_simulator(self):
         """One base swings through the pins on which the other stands."""
         robots = {"one": {"home": "C1", "goal": "C5"}, "two": {"home": "C3", "goal": "C3"}}
         made = account(job_of({"job": ("one.B10", "one.B10")}, robots=robots))

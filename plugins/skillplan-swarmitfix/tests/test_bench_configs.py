@@ -80,11 +80,11 @@ def swings_to(bench: Bench, goal: int) -> dict[int, int]:
 
 class TestGoals:
     @benches_expecting("goals")
-    def test_the_goals_are_those_declared(self, path: Path) -> None:
+    def test_the_goals_are_those_declared(self, path):
         assert expect_of(path)["goals"] == [part.ends[1] for part in solved(path).main]
 
     @benches_expecting("makespans")
-    def test_every_sequence_is_as_short_as_declared(self, path: Path) -> None:
+    def test_every_sequence_is_as_short_as_declared(self, path):
         """Breadth-first search of the test's own says the same."""
         chain, bench = solved(path), job_of(path).bench
         assert expect_of(path)["makespans"] == [part.result.makespan for part in chain.main]
@@ -93,13 +93,13 @@ class TestGoals:
             assert makespan == swings_to(bench, goal)[start]
 
     @benches_expecting("makespans")
-    def test_every_sequence_starts_where_the_one_before_ended(self, path: Path) -> None:
+    def test_every_sequence_starts_where_the_one_before_ended(self, path):
         paths = [part.path for part in solved(path).main]
         home = problem_of(path).config.base.home  # type: ignore[attr-defined]
         assert [home, *(way[-1] for way in paths[:-1])] == [way[0] for way in paths]
 
     @benches_expecting("steps")
-    def test_no_choice_of_goals_takes_fewer_steps(self, path: Path) -> None:
+    def test_no_choice_of_goals_takes_fewer_steps(self, path):
         """Layer by layer over all positions of all goal sets, without arrays or ties.
 
         Where the heads are planned as well, that is proved for these heads only.
@@ -122,7 +122,7 @@ class TestGoals:
         planned = any(part.task.stage == "heads" for part in chain.parts)
         assert chain.status is (Status.SOLVED if planned else Status.OPTIMAL)
 
-    def test_brute_force_over_the_polygonal_trajectory_agrees(self) -> None:
+    def test_brute_force_over_the_polygonal_trajectory_agrees(self):
         """Every way to choose from the candidates, one by one."""
         job = job_of(FOLDER / "swarmitfix_polygonal.yaml")
         sets = [goal_set.positions for goal_set in job.goal_sets]
@@ -133,7 +133,7 @@ class TestGoals:
         )
         assert expect_of(FOLDER / "swarmitfix_polygonal.yaml")["steps"] == best
 
-    def test_the_polygonal_trajectory_is_that_of_table_3(self) -> None:
+    def test_the_polygonal_trajectory_is_that_of_table_3(self):
         """Its home, its sixteen goals and their makespans are the paper's."""
         path = FOLDER / "swarmitfix_polygonal.yaml"
         assert f"C{HOME}" == solved(path).main[0].ends[0]
@@ -144,7 +144,7 @@ class TestGoals:
 @pytest.mark.slow(reason="plans a bench; its goals in every run")
 class TestSupports:
     @benches_expecting("supports")
-    def test_there_are_as_many_heads_as_declared(self, path: Path) -> None:
+    def test_there_are_as_many_heads_as_declared(self, path):
         document = solved(path).document()
         assert expect_of(path)["supports"] == len(document["heads"])
         assert len(document["goals"]) == len(document["heads"])
@@ -157,7 +157,7 @@ class TestSupports:
             "open_curve",
         ],
     )
-    def test_no_stretch_is_left_bare_for_longer_than_the_rule(self, stem: str) -> None:
+    def test_no_stretch_is_left_bare_for_longer_than_the_rule(self, stem):
         """By the stretches that the planned heads bear."""
         job = job_of(FOLDER / f"swarmitfix_{stem}.yaml")
         for segment in job.workpiece.segments:
@@ -174,7 +174,7 @@ class TestSupports:
                 assert end_m - begin_m <= job.head_rules.max_gap_m + 1e-9
 
     @benches_expecting("relaxed")
-    def test_as_many_goal_sets_are_relaxed_or_split_as_declared(self, path: Path) -> None:
+    def test_as_many_goal_sets_are_relaxed_or_split_as_declared(self, path):
         """And each of those says in words what was done."""
         goals = solved(path).document()["goals"]
         counted = Counter(goal["how"] for goal in goals)
@@ -183,9 +183,7 @@ class TestSupports:
         assert [goal["how"] != "eq34" for goal in goals] == [bool(goal["note"]) for goal in goals]
 
     @benches_expecting("supports")
-    def test_every_position_of_a_goal_set_is_within_the_arm_s_or_the_paper_s_reach(
-        self, path: Path
-    ) -> None:
+    def test_every_position_of_a_goal_set_is_within_the_arm_s_or_the_paper_s_reach(self, path):
         """Measured from the centroids: nothing is nearer than the rule that found it allows."""
         job = job_of(path)
         for goal_set in job.goal_sets:
@@ -199,13 +197,13 @@ class TestSupports:
 @pytest.mark.slow(reason="plans a bench; its goals in every run")
 class TestCsp:
     @benches_expecting("csp")
-    def test_the_paper_s_csp_does_what_is_declared(self, path: Path) -> None:
+    def test_the_paper_s_csp_does_what_is_declared(self, path):
         chain = solved(path, "csp")
         found = chain.cost is not None
         assert expect_of(path)["csp"] == ("solved" if found else "unsolved")
 
     @benches_expecting("csp")
-    def test_its_goals_share_a_pin_where_it_finds_some(self, path: Path) -> None:
+    def test_its_goals_share_a_pin_where_it_finds_some(self, path):
         """The rule it goes by; where it gives up, the next goal set leaves it no such position."""
         chain = solved(path, "csp")
         if chain.cost is None:
@@ -217,14 +215,14 @@ class TestCsp:
             assert set(bench.legs[one].tolist()) & set(bench.legs[other].tolist())
 
     @benches_expecting("csp")
-    def test_it_never_beats_the_optimum(self, path: Path) -> None:
+    def test_it_never_beats_the_optimum(self, path):
         chain = solved(path, "csp")
         assert chain.cost is None or chain.cost >= expect_of(path)["steps"]
 
 
 class TestFleet:
     @benches_expecting("swings")
-    def test_the_fleet_needs_as_many_swings_as_declared(self, path: Path) -> None:
+    def test_the_fleet_needs_as_many_swings_as_declared(self, path):
         """No robot can do with fewer than it needs alone: the sum is a lower bound."""
         chain, expect = solved(path, "fleet"), expect_of(path)
         document = chain.document()
@@ -232,7 +230,7 @@ class TestFleet:
         assert document["independent_bound_sum"] <= expect["swings"]
 
     @benches_expecting("parallel_makespan")
-    def test_the_fleet_needs_as_many_steps_side_by_side_as_declared(self, path: Path) -> None:
+    def test_the_fleet_needs_as_many_steps_side_by_side_as_declared(self, path):
         """No fewer than its farthest robot needs alone, by the test's own search."""
         document = solved(path, "fleet").document()
         declared = expect_of(path)["parallel_makespan"]
@@ -250,7 +248,7 @@ class TestFleet:
         assert document["parallel_s"] == sum(document["steps_s"])
 
     @benches_expecting("parallel_makespan")
-    def test_the_simulator_finds_no_pin_held_twice(self, path: Path) -> None:
+    def test_the_simulator_finds_no_pin_held_twice(self, path):
         """It shares nothing with the task; and it does find fault where a step is missing."""
         document = solved(path, "fleet").document()
         assert document["simulated"] == "valid"

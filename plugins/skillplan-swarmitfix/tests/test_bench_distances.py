@@ -26,7 +26,7 @@ def goals(draw: st.DrawFn) -> tuple[Bench, int]:
 
 class TestDistances:
     @pytest.mark.parametrize(("bench", "diameter"), [(PAPER, 9), (FULL, 8)], ids=["11", "13"])
-    def test_the_diameter_of_the_papers_bench(self, bench: Bench, diameter: int) -> None:
+    def test_the_diameter_of_the_papers_bench(self, bench, diameter):
         """Over all 6006 pairs of positions."""
         distances = np.array([bench.distances(goal) for goal in range(bench.n_positions)])
         assert np.count_nonzero(distances > 0) == 6006
@@ -34,7 +34,7 @@ class TestDistances:
         assert_array_equal(distances, distances.T)
 
     @given(goals())
-    def test_they_are_those_of_a_search_step_by_step(self, to: tuple[Bench, int]) -> None:
+    def test_they_are_those_of_a_search_step_by_step(self, to):
         """Backwards along the swings that lead into a position."""
         bench, goal = to
         into: dict[int, list[int]] = {position: [] for position in range(bench.n_positions)}
@@ -56,7 +56,7 @@ class TestDistances:
         assert bench.distances(goal).tolist() == [expected[p] for p in range(bench.n_positions)]
 
     @given(goals())
-    def test_one_swing_changes_them_by_one_at_most(self, to: tuple[Bench, int]) -> None:
+    def test_one_swing_changes_them_by_one_at_most(self, to):
         bench, goal = to
         distances = bench.distances(goal)
         ends = bench.successors
@@ -65,7 +65,7 @@ class TestDistances:
         assert np.flatnonzero(distances == 0).tolist() == [goal]
 
     @pytest.mark.slow(reason="the largest bench; smaller ones in every run")
-    def test_a_bench_of_780600_positions_is_searched_whole(self) -> None:
+    def test_a_bench_of_780600_positions_is_searched_whole(self):
         """From a corner; a swing gains two columns at most and one row at most."""
         bench = Bench(rows=600, cols=1301, pitch_m=0.34)
         distances = bench.distances(0)

@@ -70,33 +70,31 @@ class TestTheUnit:
         ("insunits", "unit_m", "name"),
         [(UNITLESS, 1.0, "m"), (UNITLESS, INCH, "in"), (MILLIMETRES, 1.0, "m")],
     )
-    def test_of_the_task_file_goes_before_that_of_a_drawing(
-        self, tmp_path: Path, insunits: int, unit_m: float, name: str
-    ) -> None:
+    def test_of_the_task_file_goes_before_that_of_a_drawing(self, tmp_path, insunits, unit_m, name):
         """Whether the drawing says none, or another."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, insunits, unit_m), f"unit: {name}")
         assert near(TRIANGLE) == corners_of(problem)
         assert told(problem) == []
 
-    def test_of_the_drawing_counts_where_the_task_file_says_none(self, tmp_path: Path) -> None:
+    def test_of_the_drawing_counts_where_the_task_file_says_none(self, tmp_path):
         """Inches by $INSUNITS."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, INCHES, INCH))
         assert near(TRIANGLE) == corners_of(problem)
 
-    def test_is_millimetres_where_nothing_says_it_and_the_size_fits(self, tmp_path: Path) -> None:
+    def test_is_millimetres_where_nothing_says_it_and_the_size_fits(self, tmp_path):
         """Without a word of warning, as most drawings are so."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, MM))
         assert near(TRIANGLE) == corners_of(problem)
         assert told(problem) == []
 
-    def test_holds_in_a_program_until_it_says_another(self, tmp_path: Path) -> None:
+    def test_holds_in_a_program_until_it_says_another(self, tmp_path):
         """`unit` before G20 and G21."""
         code = "G0 X1.0 Y0.6\nG1 X1.5\nG21 G1 Y1100\nG1 X1000 Y600\n"
         (tmp_path / "path.nc").write_text(code, "ascii")
         problem = loaded(tmp_path, "path.nc", "unit: m")
         assert near([(1.0, 0.6), (1.5, 0.6), (1.5, 1.1)]) == corners_of(problem)
 
-    def test_makes_a_table_without_one_readable(self, tmp_path: Path) -> None:
+    def test_makes_a_table_without_one_readable(self, tmp_path):
         """With the header x,y."""
         rows = "".join(f"{x * 100},{y * 100}\n" for x, y in (*TRIANGLE, TRIANGLE[0]))
         (tmp_path / "path.csv").write_text("x,y\n" + rows, "ascii")
@@ -105,20 +103,20 @@ class TestTheUnit:
             tmp_path, "path.csv"
         )
 
-    def test_may_not_contradict_the_header_of_a_table(self, tmp_path: Path) -> None:
+    def test_may_not_contradict_the_header_of_a_table(self, tmp_path):
         """One of the two is wrong, and nobody knows which."""
         (tmp_path / "path.csv").write_text("x_mm,y_mm\n600,600\n900,600\n", "ascii")
         said = refused(tmp_path, "path.csv", "unit: m")
         assert "line 1: the header 'x_mm,y_mm' says the unit; leave 'unit' out" in said
 
-    def test_is_one_of_those_known(self, tmp_path: Path) -> None:
+    def test_is_one_of_those_known(self, tmp_path):
         """The message lists them."""
         said = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, MM), "unit: metres")
         assert "task.yaml:6:9: trajectory.unit: must be 'um', 'mm'" in said
 
 
 class TestADoubtfulUnit:
-    def test_is_told_of_a_drawing_that_becomes_a_few_millimetres(self, tmp_path: Path) -> None:
+    def test_is_told_of_a_drawing_that_becomes_a_few_millimetres(self, tmp_path):
         """A triangle drawn in metres, read in millimetres: 1 mm long."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, 1.0), "offset_m: [1.0, 0.6]")
         (warning,) = told(problem)
@@ -128,19 +126,19 @@ class TestADoubtfulUnit:
             "trajectory.unit, such as m or in."
         )
 
-    def test_is_told_beside_the_faults_of_a_drawing_that_becomes_huge(self, tmp_path: Path) -> None:
+    def test_is_told_beside_the_faults_of_a_drawing_that_becomes_huge(self, tmp_path):
         """Drawn in micrometres it is off the bench, and why is told with it."""
         said = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, 1e-5))
         assert "is off the bench" in said
         assert "read in mm it is 100 m long. Give trajectory.unit" in said
 
-    def test_is_no_matter_where_the_drawing_says_it(self, tmp_path: Path) -> None:
+    def test_is_no_matter_where_the_drawing_says_it(self, tmp_path):
         """A jewel of 1 mm is what its author says it is."""
         small = [(x * MM, y * MM) for x, y in TRIANGLE]
         file = drawn(tmp_path, small, MILLIMETRES, MM)
         assert told(loaded(tmp_path, file, "offset_m: [1.0, 0.6]")) == []
 
-    def test_is_told_of_a_program_that_says_none(self, tmp_path: Path) -> None:
+    def test_is_told_of_a_program_that_says_none(self, tmp_path):
         """Neither G20 nor G21, and 1 mm long."""
         (tmp_path / "path.nc").write_text("G0 X0 Y0\nG1 X1\nG1 Y1\n", "ascii")
         problem = loaded(tmp_path, "path.nc", "offset_m: [1.0, 0.6]")
@@ -150,14 +148,14 @@ class TestADoubtfulUnit:
 
 
 class TestPlacingADrawing:
-    def test_turns_it_about_its_origin_and_then_moves_it(self, tmp_path: Path) -> None:
+    def test_turns_it_about_its_origin_and_then_moves_it(self, tmp_path):
         """A quarter turn anticlockwise: (x, y) goes to (-y, x), and on by the offset."""
         file = drawn(tmp_path, [(0.0, 0.0), (0.5, 0.0), (0.5, 0.6)], MILLIMETRES, MM)
         problem = loaded(tmp_path, file, "rotate_deg: 90", "offset_m: [1.5, 0.6]")
         assert near([(1.5, 0.6), (1.5, 1.1), (0.9, 1.1)]) == corners_of(problem)
 
     @pytest.mark.parametrize("angle_deg", [-360, -37.5, 0, 12, 270])
-    def test_keeps_lengths(self, tmp_path: Path, angle_deg: float) -> None:
+    def test_keeps_lengths(self, tmp_path, angle_deg):
         """Of every side, whatever the angle."""
         file = drawn(tmp_path, [(0.0, 0.0), (0.4, 0.0), (0.4, 0.3)], MILLIMETRES, MM)
         problem = loaded(tmp_path, file, f"rotate_deg: {angle_deg}", "offset_m: [1.0, 0.8]")
@@ -165,7 +163,7 @@ class TestPlacingADrawing:
         sides = [math.dist(one, two), math.dist(two, three), math.dist(three, one)]
         assert near([[0.4, 0.3, 0.5]]) == [sides]
 
-    def test_moves_arcs_and_curves_with_it(self, tmp_path: Path) -> None:
+    def test_moves_arcs_and_curves_with_it(self, tmp_path):
         """A circle stays one: the same length about another middle."""
         document = ezdxf.new("R2000", units=MILLIMETRES)
         document.modelspace().add_circle((0, 0), 300)
@@ -176,7 +174,7 @@ class TestPlacingADrawing:
         rounded = [[round(value, 2) for value in corner] for corner in shown["extent_m"]]
         assert rounded == [[0.9, 0.55], [1.5, 1.15]]
 
-    def test_makes_another_task(self, tmp_path: Path) -> None:
+    def test_makes_another_task(self, tmp_path):
         """The hash is that of where the trajectory lies on the bench."""
         file = drawn(tmp_path, TRIANGLE, MILLIMETRES, MM)
         here = loaded(tmp_path, file)
@@ -184,7 +182,7 @@ class TestPlacingADrawing:
         assert here.sha256 != loaded(tmp_path, file, "offset_m: [0.01, 0]").sha256
 
     @pytest.mark.parametrize("key", ["unit: mm", "offset_m: [0, 0]", "rotate_deg: 90"])
-    def test_is_for_files_only(self, tmp_path: Path, key: str) -> None:
+    def test_is_for_files_only(self, tmp_path, key):
         """Vertices in the task file are on the bench already."""
         path = tmp_path / "task.yaml"
         text = FILE.replace("file: FILE", "vertices_m: [[0.75, 0.6], [1.75, 0.6]]")
@@ -194,7 +192,7 @@ class TestPlacingADrawing:
 
 
 class TestTheOverview:
-    def test_tells_extent_and_length_of_the_trajectory(self, tmp_path: Path) -> None:
+    def test_tells_extent_and_length_of_the_trajectory(self, tmp_path):
         """In words and as JSON values."""
         problem = loaded(tmp_path, drawn(tmp_path, TRIANGLE, MILLIMETRES, MM))
         shown = problem.domain.overview(problem.config)

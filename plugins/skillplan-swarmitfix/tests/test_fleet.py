@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -43,7 +42,7 @@ def bench_of(size: tuple[int, int]) -> Bench:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _short_audits() -> Iterator[None]:
+def _short_audits():
     """Whole audits with the whole suite; what is claimed is held against other searches here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(referee, "AUDIT_STATES", examples(referee.AUDIT_STATES))
@@ -92,7 +91,7 @@ def assert_valid(bench: Bench, robots: Robots, result: Result) -> None:
 class TestTwo:
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
     @settings(max_examples=examples(40))
-    def test_the_fewest_swings_are_proved(self, size: tuple[int, int], seed: int) -> None:
+    def test_the_fewest_swings_are_proved(self, size, seed):
         """Against breadth-first search over pins, plans or none."""
         bench = bench_of(size)
         robots = random_robots(bench, 2, seed)
@@ -106,7 +105,7 @@ class TestTwo:
 
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
     @settings(max_examples=examples(40))
-    def test_the_fewest_parallel_steps_are_found(self, size: tuple[int, int], seed: int) -> None:
+    def test_the_fewest_parallel_steps_are_found(self, size, seed):
         bench = bench_of(size)
         robots = random_robots(bench, 2, seed)
         best = fewest(bench, robots, at_once=True)
@@ -119,19 +118,19 @@ class TestTwo:
             assert_valid(bench, robots, result)
 
     @pytest.mark.slow(reason="two robots on the whole bench; on smaller ones in every run")
-    def test_exact_search_agrees_on_the_papers_bench(self) -> None:
+    def test_exact_search_agrees_on_the_papers_bench(self):
         for seed in range(examples(2, fewest=1)):
             task = task_of(BENCH, random_robots(BENCH, 2, seed))
             assert solve(task, "exact").cost == solved(task).cost
 
-    def test_two_that_change_places_go_round_each_other(self) -> None:
+    def test_two_that_change_places_go_round_each_other(self):
         robots = {"a": (BENCH.position("C42"), BENCH.position("C45")), "b": (44, 41)}
         result = solved(task_of(BENCH, robots))
         assert result.status == "optimal"
         assert result.trace["independent_bound_sum"] < (result.cost or 0)
         assert_valid(BENCH, robots, result)
 
-    def test_in_a_corridor_nobody_gets_past(self) -> None:
+    def test_in_a_corridor_nobody_gets_past(self):
         """On one row of triangles two bases cannot change sides."""
         corridor = Bench(1, 9, 0.34)
         result = solved(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
@@ -141,7 +140,7 @@ class TestTwo:
             == "infeasible"
         )
 
-    def test_who_is_there_already_does_nothing(self) -> None:
+    def test_who_is_there_already_does_nothing(self):
         result = solved(task_of(BENCH, {"a": (0, 0), "b": (20, 20)}))
         assert (result.status, result.cost, result.trace["schedule"]) == ("optimal", 0.0, [])
 
@@ -154,9 +153,7 @@ class TestMany:
         st.sampled_from(["swings", "makespan"]),
     )
     @settings(max_examples=examples(50))
-    def test_there_is_a_plan_if_and_only_if_one_is_found(
-        self, size: tuple[int, int], seed: int, objective: str
-    ) -> None:
+    def test_there_is_a_plan_if_and_only_if_one_is_found(self, size, seed, objective):
         """The prioritised method is complete; nothing it claims is below what is possible."""
         bench, count = bench_of(size), CROWDED[size]
         robots = random_robots(bench, count, seed)
@@ -173,7 +170,7 @@ class TestMany:
     @pytest.mark.slow(reason="jointly; two robots in every run")
     @given(st.integers(0, 1_000))
     @settings(max_examples=15)
-    def test_three_can_be_searched_jointly(self, seed: int) -> None:
+    def test_three_can_be_searched_jointly(self, seed):
         bench = bench_of((2, 7))
         robots = random_robots(bench, 3, seed)
         result = solved(task_of(bench, robots), method="joint")
@@ -190,38 +187,38 @@ class TestMany:
         ],
     )
     @pytest.mark.parametrize("objective", ["swings", "makespan"])
-    def test_random_fleets_on_the_papers_bench_are_solved(self, count: int, objective: str) -> None:
+    def test_random_fleets_on_the_papers_bench_are_solved(self, count, objective):
         for seed in range(examples(2, fewest=1)):
             robots = random_robots(BENCH, count, seed)
             result = solved(task_of(BENCH, robots), objective=objective, rounds=20)
             assert_valid(BENCH, robots, result)
 
-    def test_three_rotate(self) -> None:
+    def test_three_rotate(self):
         bench = bench_of((3, 7))
         (a, b, c) = (start for start, _ in random_robots(bench, 3, 2).values())
         robots = {"a": (a, b), "b": (b, c), "c": (c, a)}
         assert_valid(bench, robots, solved(task_of(bench, robots)))
 
     @pytest.mark.slow(reason="two fleets of six; random fleets in every run")
-    def test_the_same_seed_gives_the_same_schedule(self) -> None:
+    def test_the_same_seed_gives_the_same_schedule(self):
         task = task_of(BENCH, random_robots(BENCH, 6, 3))
         first, second = (solved(task, seed=5).trace["schedule"] for _ in range(2))
         assert first == second
 
     @pytest.mark.slow(reason="three fleets of six; random fleets in every run")
-    def test_more_rounds_are_no_worse(self) -> None:
+    def test_more_rounds_are_no_worse(self):
         task = task_of(BENCH, random_robots(BENCH, 6, 3))
         costs = [solved(task, rounds=rounds).cost for rounds in (0, 30, 200)]
         assert sorted(costs, reverse=True) == costs
 
 
 class TestEnds:
-    def test_a_model_without_agents_is_refused_in_words(self, lid_task: Task) -> None:
+    def test_a_model_without_agents_is_refused_in_words(self, lid_task):
         result = solved(lid_task)
         assert result.status == "refused"
         assert "is not a multi-agent problem" in result.reason
 
-    def test_an_interrupted_search_claims_nothing(self) -> None:
+    def test_an_interrupted_search_claims_nothing(self):
         stop = Stop()
         stop.interrupt()
         for count in (2, 6):
@@ -229,7 +226,7 @@ class TestEnds:
             assert result.status == "unsolved"
 
     @pytest.mark.slow(reason="searches for two seconds; its other ends in every run")
-    def test_interrupted_in_its_improvement_it_has_a_plan(self) -> None:
+    def test_interrupted_in_its_improvement_it_has_a_plan(self):
         robots = random_robots(BENCH, 8, 0)
         stop = Stop(time_limit_s=2)
         result = solved(task_of(BENCH, robots), stop=stop, rounds=10_000_000)
@@ -238,21 +235,21 @@ class TestEnds:
         assert_valid(BENCH, robots, result)
 
     @pytest.mark.parametrize("method", ["joint", "prioritised"])
-    def test_a_limit_on_places_is_named(self, method: str) -> None:
+    def test_a_limit_on_places_is_named(self, method):
         task = task_of(BENCH, random_robots(BENCH, 4, 0))
         result = solved(task, method=method, max_nodes=2)
         assert result.status == "unsolved"
         assert "limit of 2 joint places" in result.reason
 
     @pytest.mark.parametrize("method", ["joint", "prioritised"])
-    def test_a_step_limit_below_the_ways_alone_is_infeasible(self, method: str) -> None:
+    def test_a_step_limit_below_the_ways_alone_is_infeasible(self, method):
         bench = bench_of((3, 7))
         robots = {"a": (0, bench.n_positions - 1), "b": (bench.n_positions - 1, 0)}
         result = solved(task_of(bench, robots, step_limit=3), method=method)
         assert solved(task_of(bench, robots)).trace["independent_bound_sum"] > 3
         assert result.status == "infeasible"
 
-    def test_a_step_limit_below_the_optimum_is_infeasible(self) -> None:
+    def test_a_step_limit_below_the_optimum_is_infeasible(self):
         bench = bench_of((3, 7))
         robots = {"a": (8, 11), "b": (11, 8)}
         best = solved(task_of(bench, robots)).cost or 0.0
@@ -294,9 +291,7 @@ class TestRejectedMoves:
         st.integers(0, 1_000),
     )
     @settings(max_examples=examples(40))
-    def test_the_claims_are_those_of_exact_search(
-        self, rule: Callable[[Skill, State], Verdict], method: str, seed: int
-    ) -> None:
+    def test_the_claims_are_those_of_exact_search(self, rule, method, seed):
         bench = bench_of((2, 7))
         task = task_of(bench, random_robots(bench, 2, seed))
         setup = FakeSetup(make=lambda task: [fake_back_end(task, rule)])
@@ -311,7 +306,7 @@ class TestRejectedMoves:
             assert result.status in ("optimal", "solved"), result.reason
             assert (best.cost or 0) <= (result.cost or 0)
 
-    def test_an_unknown_verdict_proves_nothing(self) -> None:
+    def test_an_unknown_verdict_proves_nothing(self):
         task = task_of(BENCH, {"a": (65, 53), "b": (20, 20)})
         setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.unknown("no idea"))])
         result = solve(task, FleetSolver(), setup, stop=Stop(time_limit_s=2))
@@ -319,7 +314,7 @@ class TestRejectedMoves:
 
 
 class TestParts:
-    def test_searches_end_with_a_way_or_with_everything_seen(self) -> None:
+    def test_searches_end_with_a_way_or_with_everything_seen(self):
         corridor = Bench(1, 9, 0.34)
         problem = problem_of(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
         result = search_with_restarts(problem, random.Random(0), never, restarts=3, max_nodes=10**6)
@@ -328,7 +323,7 @@ class TestParts:
         assert search.run(3) is None
         assert not search.exhausted
 
-    def test_a_joint_search_says_how_far_it_got(self) -> None:
+    def test_a_joint_search_says_how_far_it_got(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 2, 2)))
         whole = search_jointly(problem, Objective.SWINGS, never, 10**6)
         part = search_jointly(problem, Objective.SWINGS, never, 10)
@@ -336,7 +331,7 @@ class TestParts:
         assert not part.complete
         assert part.floor <= whole.floor == sum(len(step) for step in whole.steps or ())
 
-    def test_an_improvement_keeps_every_step_free_of_clashes(self) -> None:
+    def test_an_improvement_keeps_every_step_free_of_clashes(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 6, 1)))
         steps = ConfigurationSearch(problem, random.Random(0), never).run(10_000)
         assert steps is not None
@@ -346,7 +341,7 @@ class TestParts:
                 for i, one in enumerate(step):
                     assert not any(one.clashes(other) for other in step[:i])
 
-    def test_an_improvement_wants_moves_that_pass_whoever_stands_where(self) -> None:
+    def test_an_improvement_wants_moves_that_pass_whoever_stands_where(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 2, 0)))
         move = problem.moves[0][0][0]
         other = problem.place_bits[1][50]

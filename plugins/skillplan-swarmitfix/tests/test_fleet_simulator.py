@@ -32,7 +32,7 @@ def place(name: str) -> int:
     return BENCH.position(name)
 
 
-def test_the_pins_of_a_swing_follow_from_where_they_are() -> None:
+def test_the_pins_of_a_swing_follow_from_where_they_are():
     """Angles and distances say the same as the lattice's whole numbers."""
     for start in range(BENCH.n_positions):
         for action in range(1, BENCH.actions):
@@ -40,32 +40,30 @@ def test_the_pins_of_a_swing_follow_from_where_they_are() -> None:
                 assert BENCH.swept_pins(start, action) == passed_pins(BENCH, start, action)
 
 
-def test_what_is_no_swing_passes_no_pins() -> None:
+def test_what_is_no_swing_passes_no_pins():
     with pytest.raises(ValueError, match="B5 is no swing at C66"):
         passed_pins(BENCH, place("C66"), 5)
 
 
 @pytest.mark.parametrize(("action", "angle_deg"), [(3, 60), (2, 120), (5, 180)])
-def test_a_swing_keeps_its_pivot_and_passes_a_pin_more_every_60_degrees(
-    action: int, angle_deg: int
-) -> None:
+def test_a_swing_keeps_its_pivot_and_passes_a_pin_more_every_60_degrees(action, angle_deg):
     assert angle_deg == BENCH.swing_deg[place("C42"), action]
     assert 3 + angle_deg // 60 == len(passed_pins(BENCH, place("C42"), action))
 
 
 class TestSteps:
-    def test_swings_far_apart_run_at_once(self) -> None:
+    def test_swings_far_apart_run_at_once(self):
         robots = {"a": (place("C66"), place("C54")), "b": (place("C78"), place("C65"))}
         assert simulate(BENCH, robots, [[swing("a", 2, "C66"), swing("b", 1, "C78")]]) is None
 
-    def test_a_pin_that_another_docks_is_not_swept(self) -> None:
+    def test_a_pin_that_another_docks_is_not_swept(self):
         robots = {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C69"))}
         fault = simulate(BENCH, robots, [[swing("a", 10, "C66")]])
         assert fault is not None
         assert (fault.pin, fault.robots) == ("P2", ("a", "b"))
         assert str(fault) == "step 1: a by B10 sweeps P2, which b docks"
 
-    def test_a_pin_is_not_swept_by_two_at_once(self) -> None:
+    def test_a_pin_is_not_swept_by_two_at_once(self):
         """Each could swing if the other waited: what is left in a step is not free in it."""
         robots = {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C71"))}
         first, second = swing("a", 10, "C66"), swing("b", 10, "C69")
@@ -75,12 +73,12 @@ class TestSteps:
         assert fault.pin is not None
         assert "sweeps" in fault.reason.split("which")[1] or "docks" in fault.reason
 
-    def test_overlapping_starts_are_found(self) -> None:
+    def test_overlapping_starts_are_found(self):
         fault = simulate(BENCH, {"a": (0, 0), "b": (1, 1)}, [])
         assert fault is not None
         assert str(fault) == "step 1: b docks P39, which a docks"
 
-    def test_a_goal_that_is_not_reached_is_found(self) -> None:
+    def test_a_goal_that_is_not_reached_is_found(self):
         robots = {"a": (place("C66"), place("C42")), "b": (place("C78"), place("C78"))}
         fault = simulate(BENCH, robots, [[swing("a", 2, "C66")]])
         assert fault is not None
@@ -97,20 +95,18 @@ class TestSteps:
             (("a", 2, 65, 54), "B2 at C66 leads to C54, not elsewhere"),
         ],
     )
-    def test_what_is_no_swing_is_found(self, step: Swing, reason: str) -> None:
+    def test_what_is_no_swing_is_found(self, step, reason):
         fault = simulate(BENCH, {"a": (65, 53)}, [[step]])
         assert FleetViolation(0.0, (step[0],), None, reason, in_steps=True) == fault
 
-    def test_one_robot_swings_once_in_a_step(self) -> None:
+    def test_one_robot_swings_once_in_a_step(self):
         step = [swing("a", 2, "C66"), swing("a", 2, "C54")]
         fault = simulate(BENCH, {"a": (place("C66"), place("C42"))}, [step])
         assert fault is not None
         assert fault.reason == "a starts B2 before its last swing has ended"
 
     @given(st.integers(0, 10_000), st.integers(2, 3))
-    def test_a_step_is_legal_if_and_only_if_no_pin_is_used_twice(
-        self, seed: int, count: int
-    ) -> None:
+    def test_a_step_is_legal_if_and_only_if_no_pin_is_used_twice(self, seed, count):
         """Random schedules: the first step in which the sets of pins meet is the one named."""
         rng = random.Random(seed)
         places = {robot: ends[0] for robot, ends in random_robots(SMALL, count, seed).items()}
@@ -151,17 +147,17 @@ class TestTime:
     def robots(self) -> dict[str, tuple[int, int]]:
         return {"a": (place("C66"), place("C68")), "b": (place("C69"), place("C71"))}
 
-    def test_what_ends_at_a_moment_is_over_before_what_starts_then(self) -> None:
+    def test_what_ends_at_a_moment_is_over_before_what_starts_then(self):
         swings = [self.timed(10.0, "a", 10, "C66"), self.timed(0.0, "b", 10, "C69")]
         assert simulate_timed(BENCH, self.robots(), swings) is None
 
-    def test_a_swing_keeps_its_pins_until_it_ends(self) -> None:
+    def test_a_swing_keeps_its_pins_until_it_ends(self):
         swings = [self.timed(9.9, "a", 10, "C66"), self.timed(0.0, "b", 10, "C69")]
         fault = simulate_timed(BENCH, self.robots(), swings)
         assert fault is not None
         assert str(fault).startswith("9.900 s: a by B10 sweeps P2, which b sweeps")
 
     @pytest.mark.parametrize("times_s", [(1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (0.0, float("inf"))])
-    def test_a_swing_ends_after_it_starts(self, times_s: tuple[float, float]) -> None:
+    def test_a_swing_ends_after_it_starts(self, times_s):
         with pytest.raises(ValueError, match="A swing cannot run"):
             FleetSwing("a", 2, 65, 53, *times_s)

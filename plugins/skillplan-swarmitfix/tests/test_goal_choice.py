@@ -54,7 +54,7 @@ def random_sets(seed, n_sets=12):
 
 
 @pytest.mark.parametrize("rule", list(GoalRule))
-def test_the_polygonal_trajectory_has_the_goals_of_the_data_by_every_rule(rule: GoalRule) -> None:
+def test_the_polygonal_trajectory_has_the_goals_of_the_data_by_every_rule(rule):
     rules = ReachRules(DATA["l_arm_m"], DATA["s_d_m"], (0.333, 0.451), DATA["side"])
     supports = [tuple(support) for support in DATA["supports_m"]]
     sets = goal_sets(BENCH, supports, rules, True)
@@ -78,7 +78,7 @@ def walk(goals):
 
 @settings(max_examples=examples(25))
 @given(position_sets)
-def test_the_whole_trajectory_rule_is_as_good_as_trying_everything(sets) -> None:
+def test_the_whole_trajectory_rule_is_as_good_as_trying_everything(sets):
     choice = choose(BENCH, HOME, made(sets), GoalRule.WHOLE_TRAJECTORY, SWING_S)
     swings = {
         (a, b): walk_between(a, b)
@@ -106,7 +106,7 @@ def walk_between(start, goal):
 
 
 @pytest.mark.parametrize("seed", thinned(range(20), *range(5), why="five in every run"))
-def test_no_rule_beats_the_whole_trajectory_rule(seed: int) -> None:
+def test_no_rule_beats_the_whole_trajectory_rule(seed):
     sets = random_sets(seed)
     best, *others = (choose(BENCH, HOME, sets, rule, SWING_S) for rule in GoalRule)
     for other in others:
@@ -114,7 +114,7 @@ def test_no_rule_beats_the_whole_trajectory_rule(seed: int) -> None:
 
 
 @pytest.mark.slow(reason="many trajectories; the rule against trying everything in every run")
-def test_greed_does_not_pay_in_general() -> None:
+def test_greed_does_not_pay_in_general():
     totals = {
         rule: sum(
             choose(BENCH, HOME, random_sets(seed), rule, SWING_S).total_steps
@@ -127,7 +127,7 @@ def test_greed_does_not_pay_in_general() -> None:
 
 
 @given(position_sets)
-def test_the_greedy_rule_takes_the_next_goal_of_fewest_swings(sets) -> None:
+def test_the_greedy_rule_takes_the_next_goal_of_fewest_swings(sets):
     choice = choose(BENCH, HOME, made(sets), "fewest-steps", SWING_S)
     here = HOME
     for goal, one in zip(choice.goals, sets, strict=True):
@@ -137,7 +137,7 @@ def test_the_greedy_rule_takes_the_next_goal_of_fewest_swings(sets) -> None:
 
 
 @given(position_sets)
-def test_the_nearest_rule_takes_the_next_goal_as_the_crow_flies(sets) -> None:
+def test_the_nearest_rule_takes_the_next_goal_as_the_crow_flies(sets):
     choice = choose(BENCH, HOME, made(sets), "nearest-centroid", SWING_S)
     here = HOME
     for goal, one in zip(choice.goals, sets, strict=True):
@@ -147,7 +147,7 @@ def test_the_nearest_rule_takes_the_next_goal_as_the_crow_flies(sets) -> None:
 
 
 @pytest.mark.parametrize("rule", list(GoalRule))
-def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken(rule) -> None:
+def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken(rule):
     here = 40
     mirrored = [here - 1, here + 1]
     for target in mirrored:
@@ -159,7 +159,7 @@ def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken
     "actions",
     [11, pytest.param(13, marks=pytest.mark.slow(reason="11 in every run"))],
 )
-def test_least_swings_are_those_of_the_shortest_ways(actions: int) -> None:
+def test_least_swings_are_those_of_the_shortest_ways(actions):
     bench = Bench(4, 7, 0.34, actions)
     least = LeastSwings(bench, SWING_S)
     for goal in range(bench.n_positions):
@@ -170,17 +170,17 @@ def test_least_swings_are_those_of_the_shortest_ways(actions: int) -> None:
             assert (steps[start], times_us[start] / 1e6) == (len(way), pytest.approx(time_s))
 
 
-def test_a_bench_of_one_position_needs_no_swing() -> None:
+def test_a_bench_of_one_position_needs_no_swing():
     bench = Bench(1, 1, 0.34)
     choice = choose(bench, 0, made([[0], [0]]), "whole-trajectory", {})
     assert (choice.goals, choice.total_steps, choice.duration_s) == ((0, 0), 0, 0.0)
 
 
-def test_nothing_to_serve_is_nothing_to_choose() -> None:
+def test_nothing_to_serve_is_nothing_to_choose():
     assert choose(BENCH, HOME, [], "whole-trajectory", SWING_S).goals == ()
 
 
-def test_an_unknown_rule_or_a_swing_without_time_is_refused() -> None:
+def test_an_unknown_rule_or_a_swing_without_time_is_refused():
     with pytest.raises(ValueError, match="'farthest' is not a valid GoalRule"):
         choose(BENCH, HOME, made([[0]]), "farthest", SWING_S)
     with pytest.raises(ValueError, match="No time is given for a swing of 120 degrees"):

@@ -39,7 +39,7 @@ def random_sets(seed):
 
 @settings(max_examples=examples(25))
 @given(st.integers(0, 10_000))
-def test_exact_search_finds_what_the_dynamic_program_finds(seed: int) -> None:
+def test_exact_search_finds_what_the_dynamic_program_finds(seed):
     sets = random_sets(seed)
     choice = choose(BENCH, HOME, sets, GoalRule.WHOLE_TRAJECTORY, SWING_S)
     task = goals_task(BENCH, HOME, sets, SWING_S, choice.goals, name="goals")
@@ -51,7 +51,7 @@ def test_exact_search_finds_what_the_dynamic_program_finds(seed: int) -> None:
 
 
 @pytest.mark.parametrize("rule", list(GoalRule))
-def test_the_preset_is_the_plan_of_the_choice(rule: GoalRule) -> None:
+def test_the_preset_is_the_plan_of_the_choice(rule):
     sets = random_sets(3)
     choice = choose(BENCH, HOME, sets, rule, SWING_S)
     task = goals_task(BENCH, HOME, sets, SWING_S, choice.goals, name="goals", sha256="ab")
@@ -67,7 +67,7 @@ def test_the_preset_is_the_plan_of_the_choice(rule: GoalRule) -> None:
     assert (task.sha256, task.stage, task.metric.unit) == ("ab", "goals", "steps")
 
 
-def test_a_goal_occupies_the_pins_that_the_base_is_docked_on() -> None:
+def test_a_goal_occupies_the_pins_that_the_base_is_docked_on():
     task = goals_task(BENCH, HOME, made([[16]]), SWING_S, None, name="goals")
     (skill,) = task.skills
     case = skill.case(task.initial)
@@ -76,7 +76,7 @@ def test_a_goal_occupies_the_pins_that_the_base_is_docked_on() -> None:
     assert task.preset is None
 
 
-def test_sets_are_served_in_their_order_and_once() -> None:
+def test_sets_are_served_in_their_order_and_once():
     task = goals_task(BENCH, HOME, made([[16, 17], [16], [30]]), SWING_S, None, name="goals")
     model, state = make_model(task), task.initial
     for number, position in ((1, "C17"), (2, "C17"), (3, "C31")):
@@ -89,19 +89,19 @@ def test_sets_are_served_in_their_order_and_once() -> None:
     assert not model.applicable(state)
 
 
-def test_a_plan_can_be_given_by_names() -> None:
+def test_a_plan_can_be_given_by_names():
     task = goals_task(BENCH, HOME, made([[16], [30]]), SWING_S, None, name="goals")
     names = [skill.name for skill in task.parse_sequence("serve(1:C17), serve(2:C31)")]
     assert names == ["serve(1:C17)", "serve(2:C31)"]
     assert goal_of(names[1]) == "C31"
 
 
-def test_a_preset_that_is_no_choice_is_refused() -> None:
+def test_a_preset_that_is_no_choice_is_refused():
     for goals in ((16,), (16, 16)):
         with pytest.raises(ValueError, match="one position of every goal set"):
             goals_task(BENCH, HOME, made([[16], [30]]), SWING_S, goals, name="goals")
 
 
-def test_without_sets_there_is_no_task() -> None:
+def test_without_sets_there_is_no_task():
     with pytest.raises(ValueError, match="at least one goal set"):
         goals_task(BENCH, HOME, [], SWING_S, None, name="goals")

@@ -94,8 +94,8 @@ def cheapest(segment, first, last, rules):
 @settings(max_examples=examples(40))
 @given(lengths, angles, angles, gaps, st.integers(1, 3), st.sampled_from([0.0, 0.1, 0.7]))
 def test_exact_search_and_the_dynamic_program_agree_with_trying_every_pair(
-    length_m: float, start: float, end: float, gap_m: float, headings: int, turn: float
-) -> None:
+    length_m, start, end, gap_m, headings, turn
+):
     segment, first, last = situation(length_m, start, end)
     rules = HeadRules(max_gap_m=gap_m, step_m=0.04, orientations=headings, reorientation_cost=turn)
     best = cheapest(segment, first, last, rules)
@@ -118,8 +118,8 @@ def test_exact_search_and_the_dynamic_program_agree_with_trying_every_pair(
 @settings(max_examples=examples(40))
 @given(lengths, angles, angles, gaps)
 def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
-    length_m: float, start: float, end: float, gap_m: float
-) -> None:
+    length_m, start, end, gap_m
+):
     segment, first, last = situation(length_m, start, end)
     rules = HeadRules(max_gap_m=gap_m)
     if segment_fault(segment, first, last, rules) is not None:
@@ -140,7 +140,7 @@ def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
         assert begin_m - end_m <= gap_m + 1e-9
 
 
-def test_a_curved_segment_is_supported_along_its_arc() -> None:
+def test_a_curved_segment_is_supported_along_its_arc():
     segment, first, last = arc_situation()
     task = head_task(segment, first, last, RULES, name="heads-1")
     result = solve(task, "exact")
@@ -151,7 +151,7 @@ def test_a_curved_segment_is_supported_along_its_arc() -> None:
         assert math.dist(head.position, (0.5, 0.0)) == pytest.approx(0.5, abs=2e-3)
 
 
-def test_a_short_segment_needs_no_head_between_its_vertices() -> None:
+def test_a_short_segment_needs_no_head_between_its_vertices():
     segment, first, last = situation(0.1)
     task = head_task(segment, first, last, RULES, name="heads-1")
     result = solve(task, "exact")
@@ -159,7 +159,7 @@ def test_a_short_segment_needs_no_head_between_its_vertices() -> None:
     assert result.cost in (0.0, pytest.approx(RULES.reorientation_cost))
 
 
-def test_every_state_leads_to_the_goal_so_that_learners_may_start_anywhere() -> None:
+def test_every_state_leads_to_the_goal_so_that_learners_may_start_anywhere():
     segment, first, last = situation(0.8)
     task = head_task(segment, first, last, RULES, name="heads-1")
     arrays = TabularMDP.from_model(make_model(task))
@@ -176,7 +176,7 @@ def _distance(task, state):
     return max((task.places[fact].position[0] for fact in state if fact in task.places), default=9)
 
 
-def test_turning_is_avoided_where_it_costs_more() -> None:
+def test_turning_is_avoided_where_it_costs_more():
     segment, first, last = situation(0.7, 1.0, 1.2)
 
     def turns(weight):
@@ -189,7 +189,7 @@ def test_turning_is_avoided_where_it_costs_more() -> None:
     assert turns(0.1) == 1
 
 
-def test_of_equally_many_heads_the_dynamic_program_spreads_them_evenly() -> None:
+def test_of_equally_many_heads_the_dynamic_program_spreads_them_evenly():
     segment, first, last = situation(0.7)
     plan = fewest(segment, first, last, RULES)
     distances_m = [h.distance_m for h in heads_of(segment, first, last, RULES, plan)]
@@ -197,7 +197,7 @@ def test_of_equally_many_heads_the_dynamic_program_spreads_them_evenly() -> None
     assert max(steps_m) - min(steps_m) <= 0.08
 
 
-def test_a_segment_that_cannot_be_supported_is_refused_with_the_gap_that_could_be() -> None:
+def test_a_segment_that_cannot_be_supported_is_refused_with_the_gap_that_could_be():
     segment, first, last = situation(0.5)
     tight = HeadRules(max_gap_m=0.001, step_m=0.05)
     fault = segment_fault(segment, first, last, tight)
@@ -213,20 +213,20 @@ def test_a_segment_that_cannot_be_supported_is_refused_with_the_gap_that_could_b
             refused(segment, first, last, tight)
 
 
-def test_a_grid_too_fine_for_a_task_is_refused() -> None:
+def test_a_grid_too_fine_for_a_task_is_refused():
     segment, first, last = situation(0.9)
     fault = segment_fault(segment, first, last, HeadRules(step_m=1e-4))
     assert fault is not None
     assert "make step_m longer than 0.0001 m" in fault
 
 
-def test_a_plan_for_another_segment_is_refused() -> None:
+def test_a_plan_for_another_segment_is_refused():
     segment, first, last = situation(0.3)
     with pytest.raises(ValueError, match=r"no head for 'support\(99:0\)'"):
         heads_of(segment, first, last, RULES, ["support(99:0)", "finish"])
 
 
-def test_a_placement_takes_the_time_it_is_given() -> None:
+def test_a_placement_takes_the_time_it_is_given():
     segment, first, last = situation(0.3)
     task = head_task(segment, first, last, RULES, name="heads-2", sha256="ab", place_s=2.5)
     assert {skill.duration_s.at(task.initial) for skill in task.skills} == {2.5}

@@ -73,16 +73,12 @@ def borne(segment, distance_m, yaw_rad):
         (90, SIDE_M / 3, SIDE_M / 3),
     ],
 )
-def test_a_head_bears_more_ahead_where_a_corner_points_ahead(
-    yaw_deg: float, back_m: float, ahead_m: float
-) -> None:
+def test_a_head_bears_more_ahead_where_a_corner_points_ahead(yaw_deg, back_m, ahead_m):
     assert borne(STRAIGHT, 0.5, math.radians(yaw_deg)) == pytest.approx((back_m, ahead_m))
 
 
 @given(yaws, st.floats(0, 1), st.floats(-math.pi, math.pi))
-def test_a_head_bears_what_lies_within_its_triangle(
-    yaw_rad: float, share: float, direction: float
-) -> None:
+def test_a_head_bears_what_lies_within_its_triangle(yaw_rad, share, direction):
     segment = Segment(0, ((0.2, 0.1), (0.2 + math.cos(direction), 0.1 + math.sin(direction))))
     begin_m, end_m = SupportedStretch(segment, RULES).at(share * segment.length_m, yaw_rad)
     corners = corners_of(segment.point_at(share * segment.length_m), yaw_rad)
@@ -94,7 +90,7 @@ def test_a_head_bears_what_lies_within_its_triangle(
 
 
 @given(yaws, st.floats(0.2, 0.8))
-def test_of_a_curve_a_head_bears_the_piece_around_its_centre(yaw_rad: float, share: float) -> None:
+def test_of_a_curve_a_head_bears_the_piece_around_its_centre(yaw_rad, share):
     bend = [(0.06 * math.cos(a / 20), 0.06 * math.sin(a / 20)) for a in range(70)]
     segment = Segment(0, tuple(bend))
     at_m = share * segment.length_m
@@ -110,7 +106,7 @@ def test_of_a_curve_a_head_bears_the_piece_around_its_centre(yaw_rad: float, sha
 
 
 @given(yaws)
-def test_a_third_of_a_turn_leaves_a_head_as_it_was(yaw_rad: float) -> None:
+def test_a_third_of_a_turn_leaves_a_head_as_it_was(yaw_rad):
     assert same_yaw(yaw_rad, yaw_rad + THIRD_RAD)
     assert borne(STRAIGHT, 0.5, yaw_rad + THIRD_RAD) == pytest.approx(
         borne(STRAIGHT, 0.5, yaw_rad), abs=1e-12
@@ -120,8 +116,8 @@ def test_a_third_of_a_turn_leaves_a_head_as_it_was(yaw_rad: float) -> None:
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.2, 2 * math.pi - 0.2))
 def test_a_vertex_head_bears_as_much_of_either_segment_and_never_less_than_turned_round(
-    ahead: float, angle: float
-) -> None:
+    ahead, angle
+):
     assume(abs(angle - math.pi) > 0.01)
     one, other = (
         (math.cos(ahead), math.sin(ahead)),
@@ -137,7 +133,7 @@ def test_a_vertex_head_bears_as_much_of_either_segment_and_never_less_than_turne
     assert mine[0] >= theirs[0] - 1e-9
 
 
-def test_a_head_at_an_end_points_a_corner_along_the_trajectory() -> None:
+def test_a_head_at_an_end_points_a_corner_along_the_trajectory():
     workpiece = polyline((0.0, 0.0), (0.6, 0.8))
     first, last = vertex_heads(workpiece, RULES)
     (segment,) = workpiece.segments
@@ -147,7 +143,7 @@ def test_a_head_at_an_end_points_a_corner_along_the_trajectory() -> None:
     assert (last.segment, last.distance_m) == (0, pytest.approx(1.0))
 
 
-def test_where_a_trajectory_goes_straight_on_rounding_does_not_turn_the_head() -> None:
+def test_where_a_trajectory_goes_straight_on_rounding_does_not_turn_the_head():
     yaws_rad = [
         vertex_heads(polyline((0.0, 0.0), (1.0, y_m), (2.0, 0.0)), RULES)[1].yaw_rad
         for y_m in (1e-9, 0.0, -1e-9)
@@ -155,14 +151,14 @@ def test_where_a_trajectory_goes_straight_on_rounding_does_not_turn_the_head() -
     assert yaws_rad == pytest.approx([yaws_rad[0]] * 3, abs=1e-6)
 
 
-def test_a_closed_trajectory_has_a_head_at_every_vertex() -> None:
+def test_a_closed_trajectory_has_a_head_at_every_vertex():
     corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0)]
     heads = vertex_heads(polyline(*corners, closed=True), RULES)
     assert [head.position for head in heads] == corners
     assert [head.segment for head in heads] == [0, 1, 2, 3]
 
 
-def test_even_heads_are_the_supports_of_the_polygonal_trajectory() -> None:
+def test_even_heads_are_the_supports_of_the_polygonal_trajectory():
     vertices = [tuple(vertex) for vertex in DATA["vertices_m"]]
     workpiece = polyline(*vertices, closed=True)
     supports = []
@@ -174,12 +170,12 @@ def test_even_heads_are_the_supports_of_the_polygonal_trajectory() -> None:
     )
 
 
-def test_no_segment_has_no_parts() -> None:
+def test_no_segment_has_no_parts():
     with pytest.raises(ValueError, match="at least 1 subdivision, not 0"):
         even_heads(STRAIGHT, 0)
 
 
-def test_the_path_between_heads_follows_the_trajectory() -> None:
+def test_the_path_between_heads_follows_the_trajectory():
     arc = Workpiece.from_elements(
         (0.0, 0.0), [Arc(end=(2.0, 0.0), through=(1.0, 1.0))], closed=True, chord_tolerance_m=1e-4
     )
@@ -198,9 +194,7 @@ offsets = st.floats(-0.13, 0.13)
 
 
 @given(offsets, offsets, yaws, yaws)
-def test_heads_overlap_exactly_where_their_triangles_share_area(
-    x_m: float, y_m: float, one_rad: float, other_rad: float
-) -> None:
+def test_heads_overlap_exactly_where_their_triangles_share_area(x_m, y_m, one_rad, other_rad):
     one, other = head_at(0.0, 0.0, one_rad), head_at(x_m, y_m, other_rad)
     area = shared_area(
         corners_of(one.position, one.yaw_rad), corners_of(other.position, other.yaw_rad)
@@ -228,7 +222,7 @@ def shared_area(one, other):
     return max(0.0, sum(px * qy - qx * py for (px, py), (qx, qy) in pairs) / 2)
 
 
-def test_heads_that_touch_do_not_overlap() -> None:
+def test_heads_that_touch_do_not_overlap():
     height_m = SIDE_M * math.sqrt(3) / 2
     assert not overlap(head_at(0, 0, 0), head_at(height_m, 0, 0), RULES)
     assert overlap(head_at(0, 0, 0), head_at(height_m - 1e-6, 0, 0), RULES)
@@ -244,7 +238,7 @@ def test_heads_that_touch_do_not_overlap() -> None:
         ({"reorientation_cost": 1.0}, r"reorientation_cost must be in \[0, 1\)"),
     ],
 )
-def test_rules_out_of_range_are_refused(change: dict[str, float], message: str) -> None:
+def test_rules_out_of_range_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         HeadRules(**change)
 
@@ -253,6 +247,6 @@ def test_rules_out_of_range_are_refused(change: dict[str, float], message: str) 
     ("yaw_rad", "distance_m", "message"),
     [(THIRD_RAD, 0.0, "yaw_rad"), (-0.1, 0.0, "yaw_rad"), (0.0, -1.0, "distance_m")],
 )
-def test_a_head_out_of_range_is_refused(yaw_rad: float, distance_m: float, message: str) -> None:
+def test_a_head_out_of_range_is_refused(yaw_rad, distance_m, message):
     with pytest.raises(ValueError, match=message):
         Head((0.0, 0.0), yaw_rad, HeadKind.VERTEX, 0, distance_m)

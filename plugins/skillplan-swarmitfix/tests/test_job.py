@@ -48,7 +48,7 @@ def ends(task: Task) -> tuple[str, str]:
 
 
 class TestTasks:
-    def test_heads_of_every_segment_then_goals_then_a_way_to_every_goal(self) -> None:
+    def test_heads_of_every_segment_then_goals_then_a_way_to_every_goal(self):
         tasks = job().tasks("0" * 64)
         count = len(job().goals)
         assert [
@@ -61,14 +61,14 @@ class TestTasks:
         assert ["heads"] * 3 + ["goals"] + ["base"] * count == [task.stage for task in tasks]
         assert {"0" * 64} == {task.sha256 for task in tasks}
 
-    def test_given_subdivisions_leave_no_heads_to_plan(self) -> None:
+    def test_given_subdivisions_leave_no_heads_to_plan(self):
         """3 + 1 + 2 supports."""
         divided = job(heads={"subdivisions": [3, 1, 2]})
         assert names(divided.tasks(""))[0] == "goals"
         assert len(divided.heads) == 6
         assert [head.segment for head in divided.heads] == [0, 0, 0, 1, 2, 2]
 
-    def test_given_goals_leave_only_ways(self) -> None:
+    def test_given_goals_leave_only_ways(self):
         """From the home to the first, and from each to the next."""
         tasks = job(trajectory=None, base={"home": "C66", "goals": ["C42", "C42", "C29"]}).tasks("")
         assert names(tasks) == ["base-1", "base-2", "base-3"]
@@ -78,25 +78,25 @@ class TestTasks:
             ("at(C42)", "at(C29)"),
         ]
 
-    def test_robots_make_one_task_named_like_the_file(self) -> None:
+    def test_robots_make_one_task_named_like_the_file(self):
         robots = {"one": {"home": "C1", "goal": "C78"}, "two": {"home": "C13", "goal": "C66"}}
         (task,) = job(trajectory=None, robots=robots, step_limit=77).tasks("")
         assert (task.name, task.step_limit) == ("triangle", 77)
 
-    def test_the_file_s_back_ends_go_with_every_task(self) -> None:
+    def test_the_file_s_back_ends_go_with_every_task(self):
         chosen = job(physics={"kinematic": None}, collision={"aabb": {"tolerance_m": 0.001}})
         for task in chosen.tasks(""):
             assert BackEndChoice("kinematic", {}) == task.physics
             assert (BackEndChoice("aabb", {"tolerance_m": 0.001}),) == task.collision
 
-    def test_the_file_s_step_limit_is_that_of_the_ways(self) -> None:
+    def test_the_file_s_step_limit_is_that_of_the_ways(self):
         assert {7} == {
             task.step_limit for task in job(step_limit=7).tasks("") if task.stage == "base"
         }
 
 
 class TestLevels:
-    def test_a_level_without_plans_stands_in_with_its_optimum(self) -> None:
+    def test_a_level_without_plans_stands_in_with_its_optimum(self):
         """So that the chain can be looked at before anything is solved."""
         waiting = job()
         plans = {
@@ -111,7 +111,7 @@ class TestLevels:
             f"heads-{i + 1}": sum(head.segment == i for head in waiting.heads) for i in range(3)
         }
 
-    def test_the_goals_that_were_planned_are_where_the_base_goes(self) -> None:
+    def test_the_goals_that_were_planned_are_where_the_base_goes(self):
         """Not those of the rule: here the last candidate of every set."""
         waiting = job()
         (goals,) = [task for task in waiting.tasks("") if task.stage == "goals"]
@@ -126,7 +126,7 @@ class TestLevels:
         last = planned.tasks("")[-1]
         assert f"at({waiting.bench.name(chosen[-1])})" == ends(last)[1]
 
-    def test_the_rule_s_goals_are_the_preset_of_their_task(self) -> None:
+    def test_the_rule_s_goals_are_the_preset_of_their_task(self):
         waiting = job()
         (goals,) = [task for task in waiting.tasks("") if task.stage == "goals"]
         assert goals.preset is not None
@@ -135,11 +135,11 @@ class TestLevels:
         ]
 
     @pytest.mark.parametrize("rule", ["fewest-steps", "nearest-centroid"])
-    def test_a_greedy_rule_never_beats_the_bound(self, rule: str) -> None:
+    def test_a_greedy_rule_never_beats_the_bound(self, rule):
         greedy = job(base={"home": "C66", "goal_choice": rule})
         assert greedy.choice.total_steps >= greedy.least_steps == job().choice.total_steps
 
-    def test_refined_heads_stand_closer_together(self) -> None:
+    def test_refined_heads_stand_closer_together(self):
         """Subdivisions are multiplied, and the gap is divided."""
         divided = [job(heads={"subdivisions": [3, 1, 2]}, refinement=n) for n in range(3)]
         assert [len(one.heads) for one in divided] == [6, 12, 18]
@@ -149,7 +149,7 @@ class TestLevels:
         assert sorted(counts) == counts
         assert counts[0] < counts[2]
 
-    def test_a_chain_that_cannot_be_refined_ends(self) -> None:
+    def test_a_chain_that_cannot_be_refined_ends(self):
         """No head fits between heads so close; and where there is no trajectory, nothing is."""
         domain = SwarmitfixDomain()
         fine = job(heads={"max_gap_m": 0.05, "step_m": 0.05}).config
@@ -161,7 +161,7 @@ class TestLevels:
 
 
 class TestSide:
-    def test_inward_is_the_same_side_in_either_sense_of_travel(self) -> None:
+    def test_inward_is_the_same_side_in_either_sense_of_travel(self):
         """Left of a counter-clockwise trajectory, right of a clockwise one."""
         clockwise, other = (
             job(trajectory={"closed": True, "vertices_m": vertices}, base={"side": "inward"})
@@ -173,15 +173,15 @@ class TestSide:
         ("side", "expected"),
         [("inward", -1), ("outward", 1), ("left", 1), ("right", -1), (None, -1)],
     )
-    def test_the_side_is_the_file_s(self, side: str | None, expected: int) -> None:
+    def test_the_side_is_the_file_s(self, side, expected):
         """Of a clockwise triangle; left out, it is inward."""
         assert expected == job(base={"side": side}).reach.side
 
-    def test_an_open_trajectory_is_held_from_its_left(self) -> None:
+    def test_an_open_trajectory_is_held_from_its_left(self):
         opened = job(trajectory={"vertices_m": TRIANGLE})
         assert opened.reach.side == 1
 
-    def test_the_last_support_of_an_open_trajectory_is_held_as_well(self) -> None:
+    def test_the_last_support_of_an_open_trajectory_is_held_as_well(self):
         """As in the paper, by the base that serves the path to it."""
         base = {"home": "C66", "reachable": "ignored"}
         opened, closed = job(trajectory={"vertices_m": TRIANGLE}, base=base), job(base=base)
@@ -193,25 +193,25 @@ class TestSide:
 
 
 class TestFigures:
-    def test_what_a_file_leaves_out_is_the_real_machine_s(self) -> None:
+    def test_what_a_file_leaves_out_is_the_real_machine_s(self):
         bare = job().config
         assert Timings() == timings_of(bare)
         assert Mount() == mount_of(bare)
         assert PkmLimits() == limits_of(bare)
 
-    def test_a_file_may_replace_some_times(self) -> None:
+    def test_a_file_may_replace_some_times(self):
         """The others stay."""
         made = timings_of(job(timings={"swing_s": {"60": 5}, "park_s": 0}).config)
         assert (5, Timings().swing_s[120]) == (made.swing_s[60], made.swing_s[120])
         assert (0, Timings().retract_s) == (made.park_s, made.retract_s)
 
-    def test_a_file_may_replace_limits_of_legs_and_the_sheet_s_height(self) -> None:
+    def test_a_file_may_replace_limits_of_legs_and_the_sheet_s_height(self):
         config = job(pkm={"leg_limits_m": {"B": [0.25, 0.28]}, "sheet_height_m": 0.9}).config
         assert limits_of(config).leg_b_m == (0.25, 0.28)
         assert PkmLimits().leg_a_m == limits_of(config).leg_a_m
         assert mount_of(config).sheet_m == 0.9
 
-    def test_the_bench_is_the_file_s(self) -> None:
+    def test_the_bench_is_the_file_s(self):
         """A swing of a larger pitch leads farther."""
         larger = job(trajectory=None, base={"goals": ["C1"]}, bench={"rows": 3, "pitch_m": 1.0})
         assert (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -49,7 +48,7 @@ def two_agents(first: Skill | None = None, facts: Facts = FACTS, **more: Any) ->
 
 
 class TestRecognition:
-    def test_a_fleet_has_a_move_for_every_swing_of_every_robot(self) -> None:
+    def test_a_fleet_has_a_move_for_every_swing_of_every_robot(self):
         problem = recognise(task_of(BENCH, random_robots(BENCH, 3, 0)))
         swings = int((BENCH.successors[:, 1:] >= 0).sum())
         assert [swings] * 3 == [sum(map(len, moves)) for moves in problem.moves]
@@ -59,7 +58,7 @@ class TestRecognition:
     @pytest.mark.slow(
         reason="every two moves on a bench; every run has the rejected moves of two robots"
     )
-    def test_moves_of_two_clash_where_they_sweep_a_common_pin(self) -> None:
+    def test_moves_of_two_clash_where_they_sweep_a_common_pin(self):
         bench = Bench(4, 7, 0.34)
         problem = recognise(task_of(bench, random_robots(bench, 2, 0)))
         for one in (move for here in problem.moves[0] for move in here):
@@ -69,41 +68,41 @@ class TestRecognition:
                 )
                 assert bool(pins) == one.clashes(other) == other.clashes(one)
 
-    def test_ways_alone_are_those_of_the_bench(self) -> None:
+    def test_ways_alone_are_those_of_the_bench(self):
         robots = random_robots(BENCH, 3, 4)
         problem = recognise(task_of(BENCH, robots))
         for agent, (_, goal) in enumerate(robots.values()):
             assert BENCH.distances(goal).tolist() == list(problem.fewest_moves[agent])
             assert problem.fewest_moves[agent] == problem.least_costs[agent]
 
-    def test_a_place_without_a_way_to_the_goal_is_infinitely_far(self) -> None:
+    def test_a_place_without_a_way_to_the_goal_is_infinitely_far(self):
         problem = recognise(two_agents(goal=("a1", "b2")))
         assert (0.0, float("inf")) == problem.least_costs[0]
 
-    def test_costs_and_durations_may_depend_on_the_place(self) -> None:
+    def test_costs_and_durations_may_depend_on_the_place(self):
         bit = FACTS.bit("a1")
         skill = going("a", "a1", "a2", cost=CaseCost({bit: 5.0}), duration_s=CaseCost({bit: 7.0}))
         ((move,), _) = recognise(two_agents(skill)).moves[0]
         assert (move.cost, move.duration_s) == (5.0, 7.0)
 
-    def test_staying_is_no_move(self) -> None:
+    def test_staying_is_no_move(self):
         task = two_agents(going("a", "a1", "a1", add=("a1",), delete=()), goal=("a1", "b2"))
         assert recognise(task).moves[0] == ((), ())
 
-    def test_a_move_that_its_own_precondition_forbids_is_none(self) -> None:
+    def test_a_move_that_its_own_precondition_forbids_is_none(self):
         never = Condition(FACTS.none, FACTS.of("a1"))
         assert recognise(two_agents(going("a", "a1", "a2", precondition=never))).moves[0] == (
             (),
             (),
         )
 
-    def test_a_move_passes_where_nobody_stands_on_what_it_forbids(self) -> None:
+    def test_a_move_passes_where_nobody_stands_on_what_it_forbids(self):
         problem = recognise(two_agents(going("a", "a1", "a2", forbids=("b1",))))
         ((move,), _) = problem.moves[0]
         assert not move.passes(problem.bits((0, 0)))
         assert move.passes(problem.bits((0, 1)))
 
-    def test_a_move_clashes_with_one_that_starts_or_ends_on_what_it_forbids(self) -> None:
+    def test_a_move_clashes_with_one_that_starts_or_ends_on_what_it_forbids(self):
         for place in ("b1", "b2"):
             problem = recognise(two_agents(going("a", "a1", "a2", forbids=(place,))))
             ((one,), _), ((other,), _) = problem.moves
@@ -173,16 +172,16 @@ class TestRefusal:
             ),
         ],
     )
-    def test_what_stands_against_it_is_said(self, make: Callable[[], Task], reason: str) -> None:
+    def test_what_stands_against_it_is_said(self, make, reason):
         with pytest.raises(NotMultiAgent, match="'made-by-hand' is not a multi-agent") as refused:
             recognise(make())
         assert reason in str(refused.value)
 
-    def test_an_assembly_is_none(self, lid_task: Task) -> None:
+    def test_an_assembly_is_none(self, lid_task):
         with pytest.raises(NotMultiAgent, match="does not depend on where its agent stands"):
             recognise(lid_task)
 
-    def test_numbers_that_do_not_agree_are_refused(self) -> None:
+    def test_numbers_that_do_not_agree_are_refused(self):
         with pytest.raises(ValueError, match="n = 1 of everything"):
             MultiAgentProblem(("a",), (), (), (0,), (0,), (((),),), (), 1)
         with pytest.raises(ValueError, match="a bit and a list of moves"):
@@ -190,12 +189,12 @@ class TestRefusal:
 
 
 class TestRejection:
-    def test_a_move_rejected_for_its_own_place_is_dropped(self) -> None:
+    def test_a_move_rejected_for_its_own_place_is_dropped(self):
         problem = recognise(two_agents())
         ((move,), _) = problem.moves[0]
         assert problem.without(move, FACTS.bit("a1"), FACTS.bit("a2")).moves[0] == ((), ())
 
-    def test_a_move_rejected_for_anothers_place_passes_elsewhere_but_alone(self) -> None:
+    def test_a_move_rejected_for_anothers_place_passes_elsewhere_but_alone(self):
         problem = recognise(two_agents())
         ((move,), _) = problem.moves[0]
         problem = problem.without(move, FACTS.bit("a1") | FACTS.bit("b1"), 0)
@@ -205,7 +204,7 @@ class TestRejection:
         assert kept.clashes(other)
         assert other.clashes(kept)
 
-    def test_other_moves_stay_as_they_are(self) -> None:
+    def test_other_moves_stay_as_they_are(self):
         problem = recognise(task_of(BENCH, random_robots(BENCH, 2, 0)))
         move = problem.moves[0][5][0]
         less = problem.without(move, move.start_bit, 0)

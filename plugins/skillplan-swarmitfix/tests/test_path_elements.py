@@ -14,7 +14,6 @@ from skillplan_swarmitfix import (
     MAX_CHORDS,
     SAME_POINT_M,
     Arc,
-    Element,
     Line,
     Point2,
     Spline,
@@ -61,9 +60,7 @@ def arcs(draw: st.DrawFn) -> tuple[Point2, Arc, Point2, float, float, float]:
 
 class TestArc:
     @given(arcs(), tolerances_m)
-    def test_chords_stay_within_the_tolerance_of_the_arc(
-        self, drawn: tuple[Point2, Arc, Point2, float, float, float], tolerance_m: float
-    ) -> None:
+    def test_chords_stay_within_the_tolerance_of_the_arc(self, drawn, tolerance_m):
         start, arc, centre, radius, first, sweep = drawn
         chords = [start, *sample(start, arc, tolerance_m)]
         count = len(chords) - 1
@@ -80,9 +77,7 @@ class TestArc:
                 assert distance_m(on_arc, a, b) <= stated_m + 1e-7
 
     @given(arcs())
-    def test_its_circle_is_found_from_three_points(
-        self, drawn: tuple[Point2, Arc, Point2, float, float, float]
-    ) -> None:
+    def test_its_circle_is_found_from_three_points(self, drawn):
         start, arc, centre, radius, _, sweep = drawn
         circle = circle_of(start, arc)
         assert circle.centre == pytest.approx(centre, abs=1e-7)
@@ -90,24 +85,22 @@ class TestArc:
         assert circle.sweep_rad == pytest.approx(sweep, abs=1e-6)
 
     @given(arcs())
-    def test_its_directions_are_at_right_angles_to_its_radii(
-        self, drawn: tuple[Point2, Arc, Point2, float, float, float]
-    ) -> None:
+    def test_its_directions_are_at_right_angles_to_its_radii(self, drawn):
         start, arc, _, _, first, sweep = drawn
         turned = math.copysign(math.pi / 2, sweep)
         for found, angle in zip(end_directions(start, arc), (first, first + sweep), strict=True):
             assert math.remainder(found - angle - turned, math.tau) == pytest.approx(0, abs=1e-6)
 
-    def test_three_points_on_a_line_are_no_arc(self) -> None:
+    def test_three_points_on_a_line_are_no_arc(self):
         with pytest.raises(ValueError, match=r"lie on a line.*or write a line"):
             sample((0, 0), Arc((2, 2), (1, 1)), 1e-3)
 
     @pytest.mark.parametrize("arc", [Arc((0, 0), (1, 1)), Arc((1, 1), (0, 0)), Arc((1, 1), (1, 1))])
-    def test_an_arc_needs_three_different_points(self, arc: Arc) -> None:
+    def test_an_arc_needs_three_different_points(self, arc):
         with pytest.raises(ValueError, match="full circle as two arcs"):
             sample((0, 0), arc, 1e-3)
 
-    def test_what_is_too_flat_for_an_arc_becomes_a_line(self) -> None:
+    def test_what_is_too_flat_for_an_arc_becomes_a_line(self):
         assert Line((1, 0)) == arc_or_line((0, 0), (1, 0), (0.5, 1e-8))
         assert Arc((1, 0), (0.5, 0.1)) == arc_or_line((0, 0), (1, 0), (0.5, 0.1))
 
@@ -130,9 +123,7 @@ def catmull_rom(p: list[Point2], share: float) -> Point2:
 
 class TestSpline:
     @given(st.lists(points, min_size=4, max_size=4), tolerances_m)
-    def test_chords_stay_within_the_tolerance_of_the_catmull_rom_curve(
-        self, p: list[Point2], tolerance_m: float
-    ) -> None:
+    def test_chords_stay_within_the_tolerance_of_the_catmull_rom_curve(self, p, tolerance_m):
         """The middle span has the four points themselves for its neighbours."""
         assume(apart(*p) and math.dist(p[0], p[3]) > SAME_POINT_M)
         chords = [p[0], *sample(p[0], Spline(tuple(p[1:])), tolerance_m)]
@@ -145,24 +136,24 @@ class TestSpline:
             assert off_m <= stated_m + 1e-9
 
     @given(st.lists(points, min_size=2, max_size=7))
-    def test_a_spline_passes_through_its_points_in_turn(self, p: list[Point2]) -> None:
+    def test_a_spline_passes_through_its_points_in_turn(self, p):
         assume(apart(*p))
         sampled = iter(sample(p[0], Spline(tuple(p[1:])), 1e-3))
         assert all(point in sampled for point in p[1:])
 
-    def test_one_that_ends_where_it_starts_is_closed_smoothly(self) -> None:
+    def test_one_that_ends_where_it_starts_is_closed_smoothly(self):
         first, last = end_directions((1, 0), Spline(((0, 1), (-1, 0), (0, -1), (1, 0))))
         assert first == pytest.approx(last)
         assert first == pytest.approx(math.pi / 2)
 
-    def test_one_through_its_end_only_is_straight(self) -> None:
+    def test_one_through_its_end_only_is_straight(self):
         assert sample((0, 0), Spline(((2, 0),)), 1e-3) == [pytest.approx((1, 0)), (2, 0)]
 
-    def test_a_spline_needs_a_point(self) -> None:
+    def test_a_spline_needs_a_point(self):
         with pytest.raises(ValueError, match="at least one point"):
             Spline(())
 
-    def test_two_consecutive_points_have_to_differ(self) -> None:
+    def test_two_consecutive_points_have_to_differ(self):
         with pytest.raises(ValueError, match=r"the same, \(1, 1\) m, .* zero length"):
             sample((0, 0), Spline(((1, 1), (1, 1), (2, 0))), 1e-3)
 
@@ -171,33 +162,31 @@ class TestSpline:
     "element", [Line((1, 2)), Arc((1, 2), (2, 0)), Spline(((2, 0), (3, 1), (1, 2)))]
 )
 class TestAnyElement:
-    def test_sampling_ends_at_its_end_exactly(self, element: Element) -> None:
+    def test_sampling_ends_at_its_end_exactly(self, element):
         assert sample((0, 0), element, 1e-4)[-1] == (1, 2)
 
-    def test_its_reverse_leads_back_the_same_way(self, element: Element) -> None:
+    def test_its_reverse_leads_back_the_same_way(self, element):
         there = [(0.0, 0.0), *sample((0, 0), element, 1e-4)]
         back = [(1.0, 2.0), *sample((1, 2), reversed_element((0, 0), element), 1e-4)]
         for one, other in zip(there, reversed(back), strict=True):
             assert one == pytest.approx(other, abs=1e-9)
 
-    def test_it_can_be_led_to_another_end(self, element: Element) -> None:
+    def test_it_can_be_led_to_another_end(self, element):
         assert ending_at(element, (1, 2.001)).end == (1, 2.001)
         assert ending_at(element, (1, 2)) == element
 
     @pytest.mark.parametrize("start", [(math.nan, 0), (0, math.inf), (2e6, 0)])
-    def test_coordinates_are_finite_and_within_bounds(
-        self, element: Element, start: Point2
-    ) -> None:
+    def test_coordinates_are_finite_and_within_bounds(self, element, start):
         with pytest.raises(ValueError, match="give finite coordinates within"):
             sample(start, element, 1e-4)
 
     @pytest.mark.parametrize("tolerance_m", [0.0, -1.0, math.nan, math.inf, 1e-8])
-    def test_the_tolerance_is_within_bounds(self, element: Element, tolerance_m: float) -> None:
+    def test_the_tolerance_is_within_bounds(self, element, tolerance_m):
         with pytest.raises(ValueError, match=r"chord tolerance of .* give 1e-07 m or more"):
             sample((0, 0), element, tolerance_m)
 
 
-def test_a_line_of_no_length_is_refused() -> None:
+def test_a_line_of_no_length_is_refused():
     with pytest.raises(ValueError, match="zero length"):
         sample((1, 1), Line((1, 1 + 1e-7)), 1e-3)
 
@@ -205,14 +194,14 @@ def test_a_line_of_no_length_is_refused() -> None:
 @pytest.mark.parametrize(
     "element", [Arc((9e5, 0), (0, 9e5)), Spline(((0, 9e5), (9e5, 0), (0, -9e5)))]
 )
-def test_a_curve_that_needs_too_many_chords_is_refused(element: Element) -> None:
+def test_a_curve_that_needs_too_many_chords_is_refused(element):
     with pytest.raises(ValueError, match=f"{MAX_CHORDS} are the most; give a coarser"):
         sample((-9e5, 0), element, 1e-7)
 
 
 @given(points, st.floats(-7, 1))
 @example((0.0, 0.0), -6.0)
-def test_a_small_element_is_sampled_or_refused_in_words(start: Point2, exponent: float) -> None:
+def test_a_small_element_is_sampled_or_refused_in_words(start, exponent):
     size_m = 10.0**exponent
     through = (start[0] + size_m, start[1])
     end = (start[0] + size_m, start[1] + size_m)

@@ -36,20 +36,20 @@ def triangles_of(lattice: PinLattice) -> Iterator[frozenset[int]]:
 
 
 class TestPaperBench:
-    def test_it_has_52_pins_129_edges_and_78_positions(self) -> None:
+    def test_it_has_52_pins_129_edges_and_78_positions(self):
         assert (LATTICE.n_pins, LATTICE.n_edges, LATTICE.n_positions) == (52, 129, 78)
         assert (TABLE["pins"], TABLE["edges"], TABLE["states"]) == (52, 129, 78)
 
-    def test_its_lines_hold_7_and_8_pins_in_turn(self) -> None:
+    def test_its_lines_hold_7_and_8_pins_in_turn(self):
         _, counts = np.unique(LATTICE.pins_m[:, 1].round(6), return_counts=True)
         assert counts[::-1].tolist() == TABLE["lines_top_to_bottom"]
 
-    def test_every_pin_is_where_the_table_says(self) -> None:
+    def test_every_pin_is_where_the_table_says(self):
         names = [LATTICE.pin_name(pin) for pin in range(LATTICE.n_pins)]
         assert names == list(TABLE["pin_xy_m"])
         assert_allclose(LATTICE.pins_m, list(TABLE["pin_xy_m"].values()), atol=ROUNDED_M, rtol=0)
 
-    def test_every_position_is_as_the_table_says(self) -> None:
+    def test_every_position_is_as_the_table_says(self):
         """Its row, column, kind, legs in their order, and centroid."""
         assert len(TABLE["states_table"]) == LATTICE.n_positions
         for position, (name, facts) in enumerate(TABLE["states_table"].items()):
@@ -61,39 +61,39 @@ class TestPaperBench:
                 LATTICE.centroids_m[position], facts["centroid_m"], atol=ROUNDED_M, rtol=0
             )
 
-    def test_every_name_gives_its_position_back(self) -> None:
+    def test_every_name_gives_its_position_back(self):
         for position in range(LATTICE.n_positions):
             assert LATTICE.position(LATTICE.name(position)) == position
 
 
 class TestAnySize:
     @given(lattices)
-    def test_eulers_relation_holds(self, lattice: PinLattice) -> None:
+    def test_eulers_relation_holds(self, lattice):
         """Eq. 5 of the paper: N_p - N_e + N_b = 1."""
         assert lattice.n_pins - lattice.n_edges + lattice.n_positions == 1
 
     @given(lattices)
-    def test_the_numbers_are_those_of_the_arrays(self, lattice: PinLattice) -> None:
+    def test_the_numbers_are_those_of_the_arrays(self, lattice):
         assert lattice.pins_m.shape == (lattice.n_pins, 2)
         assert lattice.edges.shape == (lattice.n_edges, 2)
         assert lattice.legs.shape == (lattice.n_positions, 3)
         assert lattice.centroids_m.shape == (lattice.n_positions, 2)
 
     @given(lattices)
-    def test_edges_are_the_pairs_of_pins_one_pitch_apart(self, lattice: PinLattice) -> None:
+    def test_edges_are_the_pairs_of_pins_one_pitch_apart(self, lattice):
         between = lattice.pins_m[:, None] - lattice.pins_m
         length = np.hypot(between[..., 0], between[..., 1]) / lattice.pitch_m
         pairs = {(a, b) for a, b in np.argwhere(np.abs(length - 1) < 1e-9).tolist() if a < b}
         assert pairs == {(a, b) for a, b in lattice.edges.tolist()}
 
     @given(lattices)
-    def test_positions_are_all_triangles_and_each_once(self, lattice: PinLattice) -> None:
+    def test_positions_are_all_triangles_and_each_once(self, lattice):
         positions = [frozenset(legs) for legs in lattice.legs.tolist()]
         assert len(set(positions)) == len(positions)
         assert set(positions) == set(triangles_of(lattice))
 
     @given(lattices)
-    def test_legs_stand_in_their_order(self, lattice: PinLattice) -> None:
+    def test_legs_stand_in_their_order(self, lattice):
         """From left to right, the middle one above of odd names and below of even ones."""
         for position, legs in enumerate(lattice.legs):
             (x1, y1), (x2, y2), (x3, y3) = lattice.pins_m[legs]
@@ -102,7 +102,7 @@ class TestAnySize:
             assert lattice.is_up(position) == (y2 > y1) == (position % 2 == 0)
 
     @given(lattices)
-    def test_neighbours_lie_one_pitch_off_in_their_heading(self, lattice: PinLattice) -> None:
+    def test_neighbours_lie_one_pitch_off_in_their_heading(self, lattice):
         """And there is none only where no pin is."""
         assert len(HEADINGS) == 6
         for pin, (x_m, y_m) in enumerate(lattice.pins_m):
@@ -119,14 +119,14 @@ class TestAnySize:
                     assert off_m.min() > 0.9 * lattice.pitch_m
 
     @given(lattices)
-    def test_pins_are_numbered_by_lines_from_the_far_one_on(self, lattice: PinLattice) -> None:
+    def test_pins_are_numbered_by_lines_from_the_far_one_on(self, lattice):
         points = lattice.pins_m.tolist()
         assert points[0][1] == 0.0
         assert points == sorted(points, key=lambda point: (point[1], point[0]))
         assert min(x_m for x_m, _ in points) == 0.0
 
     @given(lattices)
-    def test_the_pitch_only_scales(self, lattice: PinLattice) -> None:
+    def test_the_pitch_only_scales(self, lattice):
         unit = PinLattice(lattice.rows, lattice.cols, 1.0)
         assert_array_equal(unit.legs, lattice.legs)
         assert_allclose(unit.pins_m * lattice.pitch_m, lattice.pins_m)
@@ -134,13 +134,13 @@ class TestAnySize:
 
 class TestArrays:
     @pytest.mark.parametrize("name", ["pins_m", "centroids_m", "legs", "edges", "pin_neighbours"])
-    def test_they_are_computed_once_and_cannot_be_written_to(self, name: str) -> None:
+    def test_they_are_computed_once_and_cannot_be_written_to(self, name):
         array = getattr(LATTICE, name)
         assert array is getattr(LATTICE, name)
         with pytest.raises(ValueError, match="read-only"):
             array[0, 0] = 1
 
-    def test_lattices_of_one_size_are_equal_and_fixed(self) -> None:
+    def test_lattices_of_one_size_are_equal_and_fixed(self):
         same = PinLattice(6, 13, 0.34)
         assert same == LATTICE
         assert hash(same) == hash(LATTICE)
@@ -161,9 +161,7 @@ class TestRefusals:
             (6, 13, math.nan, "finite and > 0, not nan m"),
         ],
     )
-    def test_a_size_out_of_range_is_refused(
-        self, rows: int, cols: int, pitch_m: float, message: str
-    ) -> None:
+    def test_a_size_out_of_range_is_refused(self, rows, cols, pitch_m, message):
         with pytest.raises(ValueError, match=message):
             PinLattice(rows, cols, pitch_m)
 
@@ -177,18 +175,18 @@ class TestRefusals:
             ("C05", "'C5'"),
         ],
     )
-    def test_a_name_near_one_on_the_bench_is_set_right(self, name: str, hint: str) -> None:
+    def test_a_name_near_one_on_the_bench_is_set_right(self, name, hint):
         with pytest.raises(ValueError, match=f"bench of 6 x 13, .* Did you mean {hint}") as raised:
             LATTICE.position(name)
         assert repr(name) in str(raised.value)
 
     @pytest.mark.parametrize("name", ["", "P9", "C", "C1.0", "C-1", "C1 ", "C\u0661", "home"])
-    def test_any_other_name_is_told_which_there_are(self, name: str) -> None:
+    def test_any_other_name_is_told_which_there_are(self, name):
         with pytest.raises(ValueError, match=r"which has C1 to C78\.$"):
             LATTICE.position(name)
 
     @pytest.mark.parametrize("position", [-1, 78])
-    def test_a_number_off_the_bench_is_refused(self, position: int) -> None:
+    def test_a_number_off_the_bench_is_refused(self, position):
         with pytest.raises(ValueError, match=f"Position {position} is not on .* has 0 to 77"):
             LATTICE.name(position)
         with pytest.raises(ValueError, match=f"Position {position} is not on .* has 0 to 77"):

@@ -81,29 +81,27 @@ def platform_of(joints: PkmJoints) -> Matrix:
 
 class TestMachine:
     @pytest.mark.parametrize("row", PLANNED)
-    def test_legs_of_the_machines_plans_come_out_within_a_millimetre(
-        self, row: dict[str, float]
-    ) -> None:
+    def test_legs_of_the_machines_plans_come_out_within_a_millimetre(self, row):
         legs_m = inverse(GEOMETRY, planned_pose(row)).legs_m
         assert_allclose(legs_m, planned_legs(row), rtol=0, atol=1e-3)
         # Only leg C differs by more than the plans' six digits.
         assert_allclose(legs_m[:2], planned_legs(row)[:2], rtol=0, atol=1.5e-6)
 
     @pytest.mark.parametrize("row", PLANNED)
-    def test_the_machines_poses_close(self, row: dict[str, float]) -> None:
+    def test_the_machines_poses_close(self, row):
         pose = planned_pose(row)
         back = forward(GEOMETRY, inverse(GEOMETRY, pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-12)
         assert_allclose(back.rotation, pose.rotation, rtol=0, atol=1e-12)
 
-    def test_there_are_sixteen_of_them(self) -> None:
+    def test_there_are_sixteen_of_them(self):
         assert len(PLANNED) == 16
 
 
 class TestClosure:
     @given(poses)
     @most_are_out_of_reach
-    def test_forward_undoes_inverse(self, pose: Pose6) -> None:
+    def test_forward_undoes_inverse(self, pose):
         """Forward solves the constraints from the legs and shares no formula with inverse."""
         back = forward(GEOMETRY, reachable(pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-9)
@@ -111,7 +109,7 @@ class TestClosure:
 
     @given(poses)
     @most_are_out_of_reach
-    def test_the_joints_of_the_tripod_allow_the_platform(self, pose: Pose6) -> None:
+    def test_the_joints_of_the_tripod_allow_the_platform(self, pose):
         """Legs A, C stay in the plane across x', leg B across y', the wrist on z'."""
         joints = reachable(pose)
         platform = platform_of(joints)
@@ -126,7 +124,7 @@ class TestClosure:
 
     @given(poses)
     @most_are_out_of_reach
-    def test_the_wrist_turns_the_platform_into_the_head(self, pose: Pose6) -> None:
+    def test_the_wrist_turns_the_platform_into_the_head(self, pose):
         joints = reachable(pose)
         head = platform_of(joints) @ zyz_matrix(*joints.wrist_rad)
         assert_allclose(head, pose.rotation, rtol=0, atol=1e-12)
@@ -134,14 +132,14 @@ class TestClosure:
 
     @given(poses)
     @most_are_out_of_reach
-    def test_a_mirrored_pose_swaps_legs_a_and_c(self, pose: Pose6) -> None:
+    def test_a_mirrored_pose_swaps_legs_a_and_c(self, pose):
         """The tripod is symmetric about its xz plane."""
         joints = reachable(pose)
         mirror = np.diag([1.0, -1.0, 1.0])
         mirrored = Pose6.of(mirror @ pose.position_m, mirror @ pose.rotation @ mirror)
         assert_allclose(inverse(GEOMETRY, mirrored).legs_m, joints.legs_m[::-1], rtol=0, atol=1e-12)
 
-    def test_forward_reads_the_driven_joints_only(self) -> None:
+    def test_forward_reads_the_driven_joints_only(self):
         joints = inverse(GEOMETRY, planned_pose(PLANNED[0]))
         blind = replace(joints, a_rad=0.0, b_rad=0.0, h_m=0.0)
         assert forward(GEOMETRY, joints) == forward(GEOMETRY, blind)
@@ -157,15 +155,13 @@ class TestClosure:
         st.floats(-0.05, 0.05),
         st.floats(-0.05, 0.05),
     )
-    def test_other_lengths_close_as_well(
-        self, geometry: PkmGeometry, x_m: float, y_m: float
-    ) -> None:
+    def test_other_lengths_close_as_well(self, geometry, x_m, y_m):
         z_m = 0.28 + geometry.wrist_offset_m + geometry.head_offset_m
         pose = Pose6(x_m, y_m, z_m, 0.3, 0.2, 0.1)
         back = forward(geometry, inverse(geometry, pose))
         assert_allclose(back.position_m, pose.position_m, rtol=0, atol=1e-9)
 
-    def test_upright_legs_are_what_pythagoras_says(self) -> None:
+    def test_upright_legs_are_what_pythagoras_says(self):
         joints = inverse(GEOMETRY, UPRIGHT)
         h_m = 0.45 - 0.0725 - 0.0905
         assert joints.legs_m == pytest.approx((h_m, math.hypot(h_m, 0.18 - 0.086), h_m))
@@ -184,11 +180,11 @@ class TestWorkspace:
             (Pose6(-0.1, 0.3, 0.2, 0, 0, 0), "singularity"),
         ],
     )
-    def test_a_pose_outside_is_refused_in_words(self, pose: Pose6, claim: str) -> None:
+    def test_a_pose_outside_is_refused_in_words(self, pose, claim):
         with pytest.raises(OutsideWorkspace, match=claim):
             inverse(GEOMETRY, pose)
 
-    def test_legs_that_do_not_close_are_refused(self) -> None:
+    def test_legs_that_do_not_close_are_refused(self):
         joints = replace(inverse(GEOMETRY, UPRIGHT), legs_m=(0.2, 0.9, 0.2))
         with pytest.raises(OutsideWorkspace, match=r"B 0\.9000 m.*do not close"):
             forward(GEOMETRY, joints)
@@ -196,36 +192,34 @@ class TestWorkspace:
 
 class TestAngles:
     @given(angles, angles, angles)
-    def test_zyz_angles_give_their_matrix_back(self, a: float, b: float, c: float) -> None:
+    def test_zyz_angles_give_their_matrix_back(self, a, b, c):
         matrix = zyz_matrix(a, b, c)
         assert_allclose(zyz_matrix(*zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
 
     @given(angles, st.floats(-1e-7, 1e-7), angles, st.booleans())
-    def test_so_they_do_where_the_middle_axis_is_lost(
-        self, a: float, b: float, c: float, over: bool
-    ) -> None:
+    def test_so_they_do_where_the_middle_axis_is_lost(self, a, b, c, over):
         """Only the sum, or the difference, of the outer angles counts there."""
         matrix = zyz_matrix(a, b + math.pi * over, c)
         assert_allclose(zyz_matrix(*zyz_angles(matrix)), matrix, rtol=0, atol=1e-14)
 
-    def test_a_quarter_turn_about_y_leads_z_to_x(self) -> None:
+    def test_a_quarter_turn_about_y_leads_z_to_x(self):
         assert_allclose(zyz_matrix(0.0, math.pi / 2, 0.0) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
 
 
 class TestChecks:
     @pytest.mark.parametrize("name", [field.name for field in fields(PkmGeometry)])
     @pytest.mark.parametrize("value", [-0.01, math.nan, math.inf])
-    def test_lengths_are_positive_and_finite(self, name: str, value: float) -> None:
+    def test_lengths_are_positive_and_finite(self, name, value):
         with pytest.raises(ValueError, match=f"PkmGeometry {name} must be finite"):
             replace(GEOMETRY, **{name: value})
 
-    def test_only_offsets_may_be_zero(self) -> None:
+    def test_only_offsets_may_be_zero(self):
         assert replace(GEOMETRY, wrist_offset_m=0.0).wrist_offset_m == 0.0
         with pytest.raises(ValueError, match="base_arm_m must be finite and > 0, not 0"):
             replace(GEOMETRY, base_arm_m=0.0)
 
     @pytest.mark.parametrize("name", [field.name for field in fields(Pose6)])
-    def test_poses_are_finite(self, name: str) -> None:
+    def test_poses_are_finite(self, name):
         with pytest.raises(ValueError, match=f"Pose6 {name} must be finite, not nan"):
             replace(UPRIGHT, **{name: math.nan})
 
@@ -239,7 +233,7 @@ class TestChecks:
             ({"h_m": math.inf}, "six finite values"),
         ],
     )
-    def test_joints_are_finite(self, change: dict[str, object], claim: str) -> None:
+    def test_joints_are_finite(self, change, claim):
         joints = inverse(GEOMETRY, UPRIGHT)
         with pytest.raises(ValueError, match=claim):
             replace(joints, **change)  # type: ignore[arg-type]

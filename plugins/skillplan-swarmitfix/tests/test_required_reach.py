@@ -149,7 +149,7 @@ def assert_out_of_reach(chain: ChainResult, job: Job, legs_m: dict[str, Any]) ->
 
 @given(benches)
 @settings(max_examples=examples(150), deadline=None)
-def test_every_support_of_a_random_bench_is_reached_or_proved_out_of_reach(bench: Any) -> None:
+def test_every_support_of_a_random_bench_is_reached_or_proved_out_of_reach(bench):
     """Hold a random bench against planar kinematics and all positions, one by one."""
     chain, job = solve_bench(bench)
     if chain.status is Status.INFEASIBLE:
@@ -176,8 +176,8 @@ class TestBothPlans:
         ],
     )
     def test_they_take_the_documented_steps(
-        self, stem: str, steps: int, relaxed_everywhere: int, as_in_the_paper: int, beyond: int
-    ) -> None:
+        self, stem, steps, relaxed_everywhere, as_in_the_paper, beyond
+    ):
         required = solved_config(stem, reachable="required")
         relaxed = solved_config(stem, reachable="required", relax="always")
         ignored = solved_config(stem, reachable="ignored")
@@ -187,7 +187,7 @@ class TestBothPlans:
             chain.document()["supports_beyond_leg_limits"] for chain in (required, relaxed, ignored)
         ]
 
-    def test_relaxing_every_support_takes_the_fewest_steps_of_all_positions_in_reach(self) -> None:
+    def test_relaxing_every_support_takes_the_fewest_steps_of_all_positions_in_reach(self):
         """Dynamic programming of the test's own, over planar kinematics, agrees."""
         changes = {"base.reachable": "required", "base.relax": "always"}
         config = load_problem(CONFIGS / "swarmitfix_polygonal.yaml", {}, changes).config
@@ -202,7 +202,7 @@ class TestBothPlans:
             }
         assert 20 == min(least.values()) == job.choice.total_steps
 
-    def test_the_polygonal_file_is_the_paper_s(self) -> None:
+    def test_the_polygonal_file_is_the_paper_s(self):
         chain = solved_config("polygonal")
         assert list(MAKESPANS) == [part.result.makespan for part in chain.main]
         assert "9 of 16 supports are beyond" in chain.reason
@@ -212,7 +212,7 @@ class TestBothPlans:
 
 
 class TestRelaxation:
-    def test_the_table_says_which_rules_each_support_drops(self) -> None:
+    def test_the_table_says_which_rules_each_support_drops(self):
         chain = solved_config("pentagonal")
         (listing,) = chain.account.listings
         goals = chain.document()["goals"]
@@ -226,7 +226,7 @@ class TestRelaxation:
         assert not any(goal["note"] for goal in goals if goal["how"] == "eq34")
 
     @pytest.mark.parametrize("relax", ["needed", "always"])
-    def test_a_support_that_drops_nothing_obeys_eqs_3_and_4(self, relax: str) -> None:
+    def test_a_support_that_drops_nothing_obeys_eqs_3_and_4(self, relax):
         """By coordinates along and across the path to the next support."""
         chain = solved_config("triangular", relax=relax)
         bench = Bench(6, 13, 0.34)
@@ -240,7 +240,7 @@ class TestRelaxation:
             safe = math.dist((x_m, y_m), (x2 - x1, y2 - y1)) >= 0.286
             assert (goal["how"] == "eq34") == (inside and safe), goal
 
-    def test_planned_heads_avoid_points_out_of_reach(self, tmp_path: Path) -> None:
+    def test_planned_heads_avoid_points_out_of_reach(self, tmp_path):
         """The path leads through a point that no position reaches, and a head could stand there."""
         path = [(HOLE[0] - 0.2, HOLE[1] + 0.2), (HOLE[0] + 0.2, HOLE[1] - 0.2)]
         heads = {"max_gap_m": 0.25, "step_m": math.dist(*path) / 2}
@@ -253,7 +253,7 @@ class TestRelaxation:
         stands = [tuple(head["position_m"]) for head in chain.document()["heads"]]
         assert HOLE not in [pytest.approx(stand) for stand in stands]
 
-    def test_the_arm_s_own_range_is_required_as_well_if_it_is_given(self) -> None:
+    def test_the_arm_s_own_range_is_required_as_well_if_it_is_given(self):
         content = content_of(TRIANGLE, closed=True, base={"home": "C66", "reach_m": [0.36, 0.44]})
         job = Job(config_of(content))
         for goal_set in job.goal_sets:
@@ -261,7 +261,7 @@ class TestRelaxation:
                 assert 0.36 <= away_m(job.bench, position, goal_set.e1) <= 0.44
 
 
-def test_legs_of_hardly_any_stroke_are_no_fault_of_the_file(tmp_path: Path) -> None:
+def test_legs_of_hardly_any_stroke_are_no_fault_of_the_file(tmp_path):
     """They hold a head at some distance, between the millimetres; no position has that distance."""
     pkm = {"leg_limits_m": {"A": [0.3, 0.3003]}}
     chain = solve_chain(problem_of(tmp_path, content_of(TRIANGLE, closed=True, pkm=pkm)), "exact")
@@ -273,9 +273,7 @@ class TestFormerName:
     @pytest.mark.parametrize(
         ("former", "rule"), [(True, "preferred"), (False, "ignored")], ids=["true", "false"]
     )
-    def test_it_is_read_and_means_the_same_task(
-        self, former: bool, rule: str, tmp_path: Path
-    ) -> None:
+    def test_it_is_read_and_means_the_same_task(self, former, rule, tmp_path):
         now, before = (
             problem_of(tmp_path, content_of(TRIANGLE, closed=True, base={"home": "C66", **key}))
             for key in ({"reachable": rule}, {"prefer_reachable": former})
@@ -286,9 +284,7 @@ class TestFormerName:
         assert f"base.prefer_reachable: is read as reachable: {rule}" in warning
         assert not now.warnings
 
-    def test_files_of_older_versions_keep_their_hash_where_reach_is_not_required(
-        self, tmp_path: Path
-    ) -> None:
+    def test_files_of_older_versions_keep_their_hash_where_reach_is_not_required(self, tmp_path):
         """Of version 0.9, before `reachable`; their results stay verifiable."""
         path = CONFIGS / "swarmitfix_cases.yaml"
         assert (
@@ -301,13 +297,13 @@ class TestFormerName:
             load_problem(old).sha256
         ) == "60eae0826ab70d4a5a8d8311e99efa87aa496db41989c9313ccab762596c9c54"
 
-    def test_both_names_at_once_are_refused(self, tmp_path: Path) -> None:
+    def test_both_names_at_once_are_refused(self, tmp_path):
         base = {"home": "C66", "reachable": "required", "prefer_reachable": True}
         with pytest.raises(TaskError, match="Keep reachable"):
             problem_of(tmp_path, content_of(TRIANGLE, closed=True, base=base))
 
 
-def test_the_reach_of_a_job_whose_goals_have_no_plan_is_not_checked() -> None:
+def test_the_reach_of_a_job_whose_goals_have_no_plan_is_not_checked():
     """As of a result that claims that there are none."""
     problem = load_problem(CONFIGS / "swarmitfix_polygonal.yaml")
     (recheck,) = problem.domain.recheck(problem.config, {"goals": ()}, 0)

@@ -62,7 +62,7 @@ def errata_of_the_page() -> dict[str, tuple[str, str, str, str]]:
 
 
 class TestPrintedTable:
-    def test_the_page_lists_every_offset_that_both_swings_contradict(self) -> None:
+    def test_the_page_lists_every_offset_that_both_swings_contradict(self):
         wrong = {}
         for action, (even, odd, printed) in PRINTED.items():
             leads_to = rotated_offsets(even, odd=False), rotated_offsets(odd, odd=True)
@@ -73,20 +73,20 @@ class TestPrintedTable:
                 wrong[action] = ("both", "next position", *cells)
         assert wrong | {"B9": ("even", "angle", "60 deg", "120 deg")} == errata_of_the_page()
 
-    def test_the_even_swing_of_b9_is_that_of_b7_and_right_with_120_degrees(self) -> None:
+    def test_the_even_swing_of_b9_is_that_of_b7_and_right_with_120_degrees(self):
         even, _, offset = PRINTED["B9"]
         assert even == PRINTED["B7"][0]
         assert rotated_offsets(even, odd=False) == {-1}
         assert rotated_offsets(Turn(even.leg, even.direction, 120), odd=False) == {offset}
 
     @pytest.mark.parametrize("action", SWING_ACTIONS[:10], ids=lambda action: f"B{action.number}")
-    def test_the_actions_in_use_are_the_printed_swings_except_b9(self, action: Any) -> None:
+    def test_the_actions_in_use_are_the_printed_swings_except_b9(self, action):
         even, odd, _ = PRINTED[f"B{action.number}"]
         assert action.odd == odd
         assert (action.even == even) == (action.number != 9)
         assert rotated_offsets(action.even, odd=False) == {FACTS[f"B{action.number}"]["offset"]}
 
-    def test_b2_as_printed_would_lead_from_home_beyond_the_bench(self) -> None:
+    def test_b2_as_printed_would_lead_from_home_beyond_the_bench(self):
         """Fig. 7a finds it the best action in C66, but there is no C80."""
         even, _, offset = PRINTED["B2"]
         home = BENCH.position("C66")

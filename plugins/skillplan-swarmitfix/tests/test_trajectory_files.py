@@ -74,7 +74,7 @@ def length_m(path: TrajectoryPath) -> float:
 
 class TestAnyFile:
     @pytest.mark.parametrize("name", ["slot.dxf", "slot.nc"])
-    def test_a_slot_is_the_same_from_a_drawing_and_a_program(self, name: str) -> None:
+    def test_a_slot_is_the_same_from_a_drawing_and_a_program(self, name):
         slot = read_trajectory(DATA / name)
         assert slot.closed
         assert slot.start == pytest.approx((0.5, 0.3))
@@ -86,7 +86,7 @@ class TestAnyFile:
         assert length_m(slot) == pytest.approx(SLOT_M, rel=1e-5)
         assert faults(slot.start, slot.elements, True, 1e-3, (0, 0, 2, 1)) == []
 
-    def test_each_element_has_its_place_in_the_file(self) -> None:
+    def test_each_element_has_its_place_in_the_file(self):
         assert read_trajectory(DATA / "slot.dxf").places == (
             "LINE #1A",
             "ARC #1D",
@@ -99,23 +99,21 @@ class TestAnyFile:
         assert slot.place_of(("start",)) == "line 8"
         assert slot.place_of(()) == ""
 
-    def test_a_file_that_is_not_there(self, tmp_path: Path) -> None:
+    def test_a_file_that_is_not_there(self, tmp_path):
         with pytest.raises(TrajectoryFileError, match="no such file; give the path of one"):
             read_trajectory(tmp_path / "none.dxf")
 
-    def test_a_folder(self, tmp_path: Path) -> None:
+    def test_a_folder(self, tmp_path):
         (tmp_path / "folder.csv").mkdir()
         with pytest.raises(TrajectoryFileError, match="This is a folder"):
             read_trajectory(tmp_path / "folder.csv")
 
-    def test_a_pipe_is_not_waited_for(self, tmp_path: Path) -> None:
+    def test_a_pipe_is_not_waited_for(self, tmp_path):
         os.mkfifo(tmp_path / "pipe.csv")
         with pytest.raises(TrajectoryFileError, match="no regular file"):
             read_trajectory(tmp_path / "pipe.csv")
 
-    def test_a_file_that_may_not_be_read(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_file_that_may_not_be_read(self, tmp_path, monkeypatch):
         def forbidden(*_: Any, **__: Any) -> None:
             raise PermissionError(13, "Permission denied")
 
@@ -124,35 +122,31 @@ class TestAnyFile:
         with pytest.raises(TrajectoryFileError, match="may not be read"):
             read_trajectory(tmp_path / "mine.csv")
 
-    def test_a_name_that_no_system_takes(self, tmp_path: Path) -> None:
+    def test_a_name_that_no_system_takes(self, tmp_path):
         for name in ("a\0b.csv", "n" * 999 + ".csv"):
             with pytest.raises(TrajectoryFileError, match=r"cannot be read|no such file"):
                 read_trajectory(tmp_path / name)
 
-    def test_an_unknown_suffix(self, tmp_path: Path) -> None:
+    def test_an_unknown_suffix(self, tmp_path):
         said = refused(tmp_path, "path.step", "x")
         assert said.endswith("give one of .dxf, .csv, .nc, .gcode, .ngc, .tap.")
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_an_empty_or_a_huge_file(self, tmp_path: Path, suffix: str) -> None:
+    def test_an_empty_or_a_huge_file(self, tmp_path, suffix):
         assert "The file is empty" in refused(tmp_path, f"a{suffix}", b" \n")
         assert "larger than 8 MiB" in refused(tmp_path, f"a{suffix}", b"0" * (MAX_BYTES + 1))
 
     @pytest.mark.parametrize("suffix", [".csv", ".nc"])
-    def test_what_is_no_text(self, tmp_path: Path, suffix: str) -> None:
+    def test_what_is_no_text(self, tmp_path, suffix):
         said = refused(tmp_path, f"a{suffix}", b"x_m,y_m\n0,0\n\xff,1\n")
         assert said == "line 3: The byte 0xff is no UTF-8 text; save it as UTF-8."
 
     @given(st.sampled_from(SUFFIXES), st.binary(max_size=200))
-    def test_random_bytes_are_read_or_refused_in_one_line(
-        self, suffix: str, content: bytes
-    ) -> None:
+    def test_random_bytes_are_read_or_refused_in_one_line(self, suffix, content):
         read_or_refuse(suffix, content)
 
     @given(st.sampled_from(["slot.dxf", "slot.nc", "pentagon.csv"]), st.data())
-    def test_damaged_files_are_read_or_refused_in_one_line(
-        self, name: str, data: st.DataObject
-    ) -> None:
+    def test_damaged_files_are_read_or_refused_in_one_line(self, name, data):
         lines = (DATA / name).read_bytes().split(b"\n")
         odd = st.sampled_from([b"nan", b"1e308", b"-1e-300", b"0", b"", b"99999999", b"X1Y1", b'"'])
         for _ in range(data.draw(st.integers(1, 4))):
@@ -186,13 +180,13 @@ def read_or_refuse(suffix: str, content: bytes) -> None:
 
 
 class TestCsv:
-    def test_a_last_row_equal_to_the_first_closes_it(self) -> None:
+    def test_a_last_row_equal_to_the_first_closes_it(self):
         pentagon = read_trajectory(DATA / "pentagon.csv")
         assert pentagon.closed
         assert pentagon.start == pentagon.elements[-1].end == pytest.approx((0.5, 0.3))
         assert pentagon.places == ("line 3", "line 4", "line 5", "line 7", "line 8")
 
-    def test_without_it_is_open(self, tmp_path: Path) -> None:
+    def test_without_it_is_open(self, tmp_path):
         read_back = read(tmp_path, "a.csv", "\ufeffx_m , y_m\r\n0,0\r\n1e0,.5\r\n")
         line = Line((1, 0.5))
         assert read_back == TrajectoryPath((0, 0), (line,), False, ("line 3",), "line 2")
@@ -212,10 +206,10 @@ class TestCsv:
             ("x_m,y_m\n0,0\n", "The table has 1 vertices; give the header"),
         ],
     )
-    def test_a_bad_table_is_told_by_its_line(self, tmp_path: Path, text: str, said: str) -> None:
+    def test_a_bad_table_is_told_by_its_line(self, tmp_path, text, said):
         assert refused(tmp_path, "a.csv", text).startswith(said)
 
-    def test_equal_rows_are_left_for_the_faults_to_tell(self, tmp_path: Path) -> None:
+    def test_equal_rows_are_left_for_the_faults_to_tell(self, tmp_path):
         twice = read(tmp_path, "a.csv", "x_m,y_m\n0,0\n1,1\n1,1\n2,0\n")
         ((message, place),) = faults(twice.start, twice.elements, twice.closed, 1e-3, None)
         assert "zero length" in message
@@ -223,7 +217,7 @@ class TestCsv:
 
 
 class TestGcode:
-    def test_inches_and_steps_are_followed(self, tmp_path: Path) -> None:
+    def test_inches_and_steps_are_followed(self, tmp_path):
         text = "g20 g90 g0 x1 y1\ng91 g1 x1\n(a ; b) y-.5 ; (c\nG90 X0 Y0"
         steps = read(tmp_path, "a.ngc", text)
         ends = [(2, 1), (2, 0.5), (0, 0)]
@@ -242,15 +236,13 @@ class TestGcode:
             ("G3 X10 Y10 R-10", (10 + 10 * math.sqrt(0.5), -10 * math.sqrt(0.5))),
         ],
     )
-    def test_an_arc_has_its_side_and_its_sense(
-        self, tmp_path: Path, arc: str, through: tuple[float, float]
-    ) -> None:
+    def test_an_arc_has_its_side_and_its_sense(self, tmp_path, arc, through):
         (found,) = read(tmp_path, "a.nc", f"G0 X0 Y0\n{arc}").elements
         assert isinstance(found, Arc)
         assert found.through == pytest.approx((through[0] / 1e3, through[1] / 1e3))
 
     @pytest.mark.parametrize("code", ["G2 I5", "G3 X0 Y0 I5 J0"])
-    def test_a_full_circle_is_two_arcs(self, tmp_path: Path, code: str) -> None:
+    def test_a_full_circle_is_two_arcs(self, tmp_path, code):
         circle = read(tmp_path, "a.nc", f"G0 X0 Y0\n{code}")
         assert (circle.closed, circle.places) == (True, ("line 2", "line 2"))
         assert length_m(circle) == pytest.approx(math.tau * 0.005, rel=1e-3)
@@ -259,7 +251,7 @@ class TestGcode:
         )
         assert whole.clockwise is code.startswith("G2")
 
-    def test_rapid_moves_are_no_part_of_it(self, tmp_path: Path) -> None:
+    def test_rapid_moves_are_no_part_of_it(self, tmp_path):
         text = "G0 X9 Y9\nG0 X0\nY0\nG1 X0 Y0 Z-1\nX10\nG0 Z5\nG0 X50\nX10\nG1 Z-1\nY10\nG0 X0 Y0"
         found = read(tmp_path, "a.tap", text)
         assert found.start == (0, 0)
@@ -298,12 +290,10 @@ class TestGcode:
             ("G0 X0 Y0\nM30", "The program has no feed move in X or Y; give the trajectory by"),
         ],
     )
-    def test_what_cannot_be_placed_is_refused_by_its_line(
-        self, tmp_path: Path, text: str, said: str
-    ) -> None:
+    def test_what_cannot_be_placed_is_refused_by_its_line(self, tmp_path, text, said):
         assert refused(tmp_path, "a.nc", text).startswith(said)
 
-    def test_a_move_of_no_length_is_left_for_the_faults_to_tell(self, tmp_path: Path) -> None:
+    def test_a_move_of_no_length_is_left_for_the_faults_to_tell(self, tmp_path):
         twice = read(tmp_path, "a.nc", "G0 X0 Y0\nG1 X1\nX1\nY1")
         ((message, place),) = faults(twice.start, twice.elements, twice.closed, 1e-3, None)
         assert "zero length" in message
@@ -313,7 +303,7 @@ class TestGcode:
 class TestDxf:
     @pytest.mark.parametrize("add", ["add_lwpolyline", "add_polyline2d"])
     @pytest.mark.parametrize("up", [1, -1])
-    def test_bulges_are_arcs_as_seen_from_above(self, tmp_path: Path, add: str, up: int) -> None:
+    def test_bulges_are_arcs_as_seen_from_above(self, tmp_path, add, up):
         """An entity that is drawn from below is mirrored."""
 
         def draw(space: Modelspace) -> None:
@@ -331,7 +321,7 @@ class TestDxf:
         assert dent.through == pytest.approx((up * 0.125, 0.25))
         assert [place.split(", ")[1] for place in d.places] == [f"vertex {i}" for i in (2, 3, 4, 1)]
 
-    def test_a_bulge_turns_by_four_times_its_arctangent(self, tmp_path: Path) -> None:
+    def test_a_bulge_turns_by_four_times_its_arctangent(self, tmp_path):
         corners = [(0, 0, 0.3), (100, 0, 0)]
         d = read(
             tmp_path, "a.dxf", drawing(lambda space: space.add_lwpolyline(corners, format="xyb"))
@@ -341,17 +331,17 @@ class TestDxf:
         assert circle_of(d.start, arc).sweep_rad == pytest.approx(4 * math.atan(0.3))
 
     @pytest.mark.parametrize(("units", "metre"), [(0, 1e-3), (1, 0.0254), (4, 1e-3), (6, 1.0)])
-    def test_the_unit_is_that_of_the_header(self, tmp_path: Path, units: int, metre: float) -> None:
+    def test_the_unit_is_that_of_the_header(self, tmp_path, units, metre):
         text = drawing(lambda space: space.add_line((0, 0), (2, 1)), units)
         assert read(tmp_path, "a.dxf", text).elements[0].end == pytest.approx((2 * metre, metre))
 
-    def test_without_a_header_it_is_millimetres(self, tmp_path: Path) -> None:
+    def test_without_a_header_it_is_millimetres(self, tmp_path):
         text = (DATA / "slot.dxf").read_text("utf-8")
         bare = "  0\nSECTION\n  2\nENTITIES" + text.partition("ENTITIES")[2]
         slot = read_trajectory(DATA / "slot.dxf")
         assert read(tmp_path, "a.dxf", bare) == replace(slot, unit_assumed=True)
 
-    def test_a_chain_runs_in_the_sense_of_its_first_entity(self, tmp_path: Path) -> None:
+    def test_a_chain_runs_in_the_sense_of_its_first_entity(self, tmp_path):
         def draw(space: Modelspace) -> None:
             space.add_line((2, 0), (3, 0))
             space.add_line((3, 1), (3, 0))
@@ -362,7 +352,7 @@ class TestDxf:
         assert [element.end for element in d.elements] == [(1, 0), (2, 0), (3, 0), (3, 1)]
 
     @pytest.mark.parametrize("degrees", [(0, 360), (30, 30)])
-    def test_a_circle_is_two_arcs(self, tmp_path: Path, degrees: tuple[float, float]) -> None:
+    def test_a_circle_is_two_arcs(self, tmp_path, degrees):
         text = drawing(lambda space: space.add_arc((1, 1), 0.5, *degrees), 6)
         d = read(tmp_path, "a.dxf", text)
         assert (d.closed, len(d.elements)) == (True, 2)
@@ -370,7 +360,7 @@ class TestDxf:
         circle = read(tmp_path, "a.dxf", drawing(lambda space: space.add_circle((1, 1), 0.5), 6))
         assert (circle.closed, len(circle.elements)) == (True, 2)
 
-    def test_splines_and_ellipses_are_followed_closely(self, tmp_path: Path) -> None:
+    def test_splines_and_ellipses_are_followed_closely(self, tmp_path):
         corners = [(0, 0), (1, 2), (2, -1), (3, 1), (4, 0)]
         d = read(tmp_path, "a.dxf", drawing(lambda space: space.add_open_spline(corners), 6))
         (element,) = d.elements
@@ -387,13 +377,13 @@ class TestDxf:
         for x, y in sample(d.start, d.elements[0], 1e-6):
             assert ((x - 1) / 0.5) ** 2 + ((y - 1) / 0.2) ** 2 == pytest.approx(1, abs=1e-4)
 
-    def test_a_spline_is_cut_at_its_corners(self, tmp_path: Path) -> None:
+    def test_a_spline_is_cut_at_its_corners(self, tmp_path):
         corners = [(0, 0), (1, 0), (1, 1), (2, 1)]
         text = drawing(lambda space: space.add_open_spline(corners, degree=1), 6)
         ends = [element.end for element in read(tmp_path, "a.dxf", text).elements]
         assert ends == [pytest.approx(corner) for corner in corners[1:]]
 
-    def test_texts_and_what_is_switched_off_are_passed_over(self, tmp_path: Path) -> None:
+    def test_texts_and_what_is_switched_off_are_passed_over(self, tmp_path):
         document = ezdxf.new("R2000", units=6)
         document.layers.add("notes").off()
         space = document.modelspace()
@@ -458,9 +448,7 @@ class TestDxf:
             (lambda space: space.add_text("hi"), "The model space holds no path on a layer"),
         ],
     )
-    def test_what_is_no_single_path_is_refused_by_its_entity(
-        self, tmp_path: Path, draw: Callable[[Modelspace], Any], said: str
-    ) -> None:
+    def test_what_is_no_single_path_is_refused_by_its_entity(self, tmp_path, draw, said):
         assert refused(tmp_path, "a.dxf", drawing(draw, 6)).startswith(said)
 
     @pytest.mark.parametrize(
@@ -473,23 +461,23 @@ class TestDxf:
             (b"  0\nEOF\n", "The model space holds no path on a layer that is on"),
         ],
     )
-    def test_what_is_no_drawing(self, tmp_path: Path, content: bytes, said: str) -> None:
+    def test_what_is_no_drawing(self, tmp_path, content, said):
         assert refused(tmp_path, "a.dxf", content).startswith(said)
 
-    def test_a_drawing_cut_short(self, tmp_path: Path) -> None:
+    def test_a_drawing_cut_short(self, tmp_path):
         whole = (DATA / "slot.dxf").read_bytes()
         assert "damaged" in refused(tmp_path, "a.dxf", whole[: len(whole) // 2])
 
-    def test_an_entity_without_its_measures(self, tmp_path: Path) -> None:
+    def test_an_entity_without_its_measures(self, tmp_path):
         text = (DATA / "slot.dxf").read_text("utf-8").replace(" 11\n1500.0\n 21\n300.0\n", "")
         assert refused(tmp_path, "a.dxf", text) == "LINE #1A: It lacks its end; draw it again."
 
-    def test_a_unit_that_no_bench_has(self, tmp_path: Path) -> None:
+    def test_a_unit_that_no_bench_has(self, tmp_path):
         text = drawing(lambda space: space.add_line((0, 0), (1, 0)), 19)
         assert refused(tmp_path, "a.dxf", text).startswith("$INSUNITS: The unit 19 is not read")
 
     @pytest.mark.slow(reason="a process; other starts that load less in every run")
-    def test_ezdxf_is_loaded_for_drawings_only(self) -> None:
+    def test_ezdxf_is_loaded_for_drawings_only(self):
         code = (
             "import sys; from pathlib import Path; "
             "from skillplan_swarmitfix.trajectory.files import read_trajectory as r; "
@@ -501,10 +489,10 @@ class TestDxf:
 
 
 class TestTrajectoryPath:
-    def test_it_has_an_element(self) -> None:
+    def test_it_has_an_element(self):
         with pytest.raises(ValueError, match="needs an element"):
             TrajectoryPath((0, 0), (), False, ())
 
-    def test_each_element_has_a_place(self) -> None:
+    def test_each_element_has_a_place(self):
         with pytest.raises(ValueError, match="0 places for 1 elements"):
             TrajectoryPath((0, 0), (Line((1, 0)),), False, ())

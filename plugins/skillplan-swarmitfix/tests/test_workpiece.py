@@ -62,30 +62,26 @@ def simple_polygons(draw: st.DrawFn) -> list[Point2]:
 
 class TestVertices:
     @given(simple_polygons())
-    def test_interior_angles_of_a_closed_polygon_sum_to_n_minus_2_straight_angles(
-        self, corners: list[Point2]
-    ) -> None:
+    def test_interior_angles_of_a_closed_polygon_sum_to_n_minus_2_straight_angles(self, corners):
         whole = polygon(*corners)
         angles = [vertex.angle_rad for vertex in whole.vertices]
         assert math.fsum(angles) == pytest.approx((len(corners) - 2) * math.pi)
         assert len(whole.segments) == len(whole.vertices) == len(corners)
 
     @given(simple_polygons())
-    def test_turning_a_polygon_round_changes_its_sense_and_no_angle(
-        self, corners: list[Point2]
-    ) -> None:
+    def test_turning_a_polygon_round_changes_its_sense_and_no_angle(self, corners):
         there, back = polygon(*corners), polygon(*reversed(corners))
         assert there.clockwise is not back.clockwise
         angles = [vertex.angle_rad for vertex in back.vertices]
         assert [v.angle_rad for v in there.vertices] == pytest.approx(angles[::-1])
 
-    def test_convex_reflex_and_straight_vertices_are_told_apart(self) -> None:
+    def test_convex_reflex_and_straight_vertices_are_told_apart(self):
         arrow = polygon((0, 0), (1, 0), (2, 0), (1, 1), (0.9, 0.2))
         kinds = ["convex", "smooth", "convex", "convex", "reflex"]
         assert [vertex.kind for vertex in arrow.vertices] == kinds
         assert arrow.vertex_counts == {"smooth": 1, "convex": 3, "reflex": 1}
 
-    def test_an_open_trajectory_has_ends_and_turns_left_or_right(self) -> None:
+    def test_an_open_trajectory_has_ends_and_turns_left_or_right(self):
         stairs = polygon((0, 0), (1, 0), (1, 1), (2, 1), closed=False)
         assert [vertex.kind for vertex in stairs.vertices] == ["end", "left", "right", "end"]
         angles = [vertex.angle_rad for vertex in stairs.vertices]
@@ -105,15 +101,15 @@ class TestVertices:
             (300, Corner.ACUTE),
         ],
     )
-    def test_a_corner_is_named_by_its_narrower_side(self, degrees: float, corner: Corner) -> None:
+    def test_a_corner_is_named_by_its_narrower_side(self, degrees, corner):
         assert corner is Vertex((0, 0), math.radians(degrees), VertexKind.CONVEX).corner
 
     @pytest.mark.parametrize("angle_rad", [0.0, math.tau, -1.0, math.nan])
-    def test_an_angle_is_within_a_full_turn(self, angle_rad: float) -> None:
+    def test_an_angle_is_within_a_full_turn(self, angle_rad):
         with pytest.raises(ValueError, match=r"within \(0, 2 pi\)"):
             Vertex((0, 0), angle_rad, VertexKind.CONVEX)
 
-    def test_a_curve_that_goes_on_along_its_tangent_has_a_smooth_vertex(self) -> None:
+    def test_a_curve_that_goes_on_along_its_tangent_has_a_smooth_vertex(self):
         """By the tangents of the arc, however coarse its chords."""
         slot = Workpiece.from_elements(
             (0, 0),
@@ -124,7 +120,7 @@ class TestVertices:
         assert [vertex.angle_rad for vertex in slot.vertices] == pytest.approx([math.pi] * 4)
         assert slot.vertex_counts == {"smooth": 4}
 
-    def test_the_tip_of_a_cusp_has_its_angle_on_the_inside(self) -> None:
+    def test_the_tip_of_a_cusp_has_its_angle_on_the_inside(self):
         """Two arcs share a tangent at the start and lead back along it."""
         out = Arc((2, 2), (math.sqrt(2), 2 - math.sqrt(2)))
         back = Arc((0, 0), (math.sqrt(0.5), 1 - math.sqrt(0.5)))
@@ -137,18 +133,14 @@ class TestVertices:
 
 class TestSegments:
     @given(simple_polygons(), st.booleans())
-    def test_their_lengths_sum_to_that_of_the_trajectory(
-        self, corners: list[Point2], closed: bool
-    ) -> None:
+    def test_their_lengths_sum_to_that_of_the_trajectory(self, corners, closed):
         whole = polygon(*corners, closed=closed)
         around = [*corners, corners[0]] if closed else corners
         length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(around))
         assert whole.length_m == pytest.approx(length_m)
 
     @given(st.lists(st.integers(1, 9), min_size=1, max_size=8), st.floats(0, 1))
-    def test_a_point_is_as_far_along_the_chords_as_asked_for(
-        self, steps: list[int], share: float
-    ) -> None:
+    def test_a_point_is_as_far_along_the_chords_as_asked_for(self, steps, share):
         xs = [float(x) for x in itertools.accumulate(steps, initial=0)]
         segment = Segment(0, tuple((x, float(i % 2)) for i, x in enumerate(xs)))
         assert segment.point_at(0.0) == segment.start
@@ -159,30 +151,30 @@ class TestSegments:
         travelled_m = sum(math.dist(a, b) for a, b in itertools.pairwise(along))
         assert travelled_m == pytest.approx(share * segment.length_m, abs=1e-9)
 
-    def test_its_direction_is_that_of_the_chord_ahead(self) -> None:
+    def test_its_direction_is_that_of_the_chord_ahead(self):
         segment = Segment(0, ((0, 0), (1, 0), (1, 1)))
         assert segment.direction_at(0.5) == 0.0
         assert segment.direction_at(1.0) == segment.direction_at(2.0) == math.pi / 2
 
     @pytest.mark.parametrize("distance_m", [-0.1, 2.1, math.nan])
-    def test_there_is_no_point_beyond_its_ends(self, distance_m: float) -> None:
+    def test_there_is_no_point_beyond_its_ends(self, distance_m):
         segment = Segment(3, ((0, 0), (1, 0), (1, 1)))
         with pytest.raises(ValueError, match="Segment 3 is 2 m long; it has no point"):
             segment.point_at(distance_m)
         with pytest.raises(ValueError, match="it has no point"):
             segment.direction_at(distance_m)
 
-    def test_it_has_two_points_or_more(self) -> None:
+    def test_it_has_two_points_or_more(self):
         with pytest.raises(ValueError, match="two points or more"):
             Segment(0, ((0, 0),))
 
-    def test_its_consecutive_points_differ(self) -> None:
+    def test_its_consecutive_points_differ(self):
         with pytest.raises(ValueError, match="two consecutive points that are equal"):
             Segment(0, ((0, 0), (1, 0), (1, 0)))
 
 
 class TestWorkpiece:
-    def test_a_full_circle_is_two_curved_segments(self) -> None:
+    def test_a_full_circle_is_two_curved_segments(self):
         whole = Workpiece.from_elements((1, 0), CIRCLE, closed=True, chord_tolerance_m=1e-5)
         assert [segment.is_curved for segment in whole.segments] == [True, True]
         assert whole.length_m == pytest.approx(math.tau, rel=1e-4)
@@ -190,7 +182,7 @@ class TestWorkpiece:
         assert whole.vertex_counts == {"smooth": 2}
         assert whole.clockwise is False
 
-    def test_an_s_curve_of_arcs_or_of_a_spline_is_split_at_its_elements_only(self) -> None:
+    def test_an_s_curve_of_arcs_or_of_a_spline_is_split_at_its_elements_only(self):
         arcs = [Arc((2, 0), (1, 1)), Arc((4, 0), (3, -1))]
         whole = Workpiece.from_elements((0, 0), arcs, closed=False, chord_tolerance_m=1e-3)
         assert [vertex.kind for vertex in whole.vertices] == ["end", "smooth", "end"]
@@ -199,27 +191,27 @@ class TestWorkpiece:
         assert len(whole.segments) == 1
         assert (3, -1) in whole.segments[0].points
 
-    def test_one_closed_spline_is_a_loop_with_one_vertex(self) -> None:
+    def test_one_closed_spline_is_a_loop_with_one_vertex(self):
         loop = [Spline(((0, 1), (-1, 0), (0, -1), (1, 0)))]
         whole = Workpiece.from_elements((1, 0), loop, closed=True, chord_tolerance_m=1e-3)
         assert [vertex.kind for vertex in whole.vertices] == ["smooth"]
 
-    def test_a_closed_one_is_led_back_to_its_start_unless_it_is_there(self) -> None:
+    def test_a_closed_one_is_led_back_to_its_start_unless_it_is_there(self):
         open_end = polygon((0, 0), (1, 0), (0, 1))
         assert open_end.segments[-1].points == ((0, 1), (0, 0))
         assert polygon((0, 0), (1, 0), (0, 1), (0, 0)) == open_end
         assert polygon((0, 0), (1, 0), (0, 1), (0, 5e-7)) == open_end
 
-    def test_all_faults_are_told_at_once(self) -> None:
+    def test_all_faults_are_told_at_once(self):
         elements = [Line((0, 0)), Line((1, 0)), Arc((3, 0), (2, 0))]
         with pytest.raises(ValueError, match=r"(?s)^elements\[0\]: Two .*\nelements\[2\]: The arc"):
             Workpiece.from_elements((0, 0), elements, closed=False, chord_tolerance_m=1e-3)
 
-    def test_a_fault_of_the_whole_names_no_element(self) -> None:
+    def test_a_fault_of_the_whole_names_no_element(self):
         with pytest.raises(ValueError, match=r"^The trajectory has no segment"):
             Workpiece.from_elements((0, 0), [], closed=False, chord_tolerance_m=1e-3)
 
-    def test_its_parts_have_to_fit(self) -> None:
+    def test_its_parts_have_to_fit(self):
         whole = polygon((0, 0), (1, 0), (0, 1))
         with pytest.raises(ValueError, match="3 segments do not fit 2 vertices"):
             replace(whole, vertices=whole.vertices[:2])
@@ -232,37 +224,37 @@ class TestWorkpiece:
 
 
 class TestFaults:
-    def test_a_good_trajectory_has_none(self) -> None:
+    def test_a_good_trajectory_has_none(self):
         assert told((1, 1), Line((2, 1)), Line((2, 2)), closed=True, outline=BENCH) == []
 
-    def test_a_segment_of_zero_length(self) -> None:
+    def test_a_segment_of_zero_length(self):
         ((message, path),) = told((0, 0), Line((1, 0)), Line((1, 0)), Line((2, 0)))
         assert path == (1,)
         assert "(1, 0) m, which makes a segment of zero length; leave one" in message
 
-    def test_a_crossing_names_both_segments_and_the_place(self) -> None:
+    def test_a_crossing_names_both_segments_and_the_place(self):
         bow = [Line((1, 1)), Line((1, 0)), Line((0, 1))]
         ((message, path),) = told((0, 0), *bow, closed=True)
         assert path == (2,)
         assert message.startswith("Segment 3 crosses or touches segment 1 at (0.5, 0.5) m; lead")
 
-    def test_the_closing_line_may_be_what_crosses(self) -> None:
+    def test_the_closing_line_may_be_what_crosses(self):
         ((message, path),) = told((0, 0), Line((1, 0)), Line((0, 1)), Line((1, 1)), closed=True)
         assert path == ()
         assert message.startswith("The line that closes the trajectory crosses or touches segment")
         assert "segment 2 at (0.5, 0.5) m" in message
 
-    def test_touching_is_a_crossing(self) -> None:
+    def test_touching_is_a_crossing(self):
         ((message, path),) = told((0, 0), Line((2, 0)), Line((2, 1)), Line((1, 0)))
         assert path == (2,)
         assert "Segment 3 crosses or touches segment 1 at (1, 0) m" in message
 
-    def test_leading_back_along_itself_is_a_fold(self) -> None:
+    def test_leading_back_along_itself_is_a_fold(self):
         ((message, path),) = told((0, 0), Line((2, 0)), Line((1, 0)))
         assert path == (1,)
         assert "Segment 2 folds back onto segment 1 at (2, 0) m" in message
 
-    def test_a_curve_may_cross_a_line_or_itself(self) -> None:
+    def test_a_curve_may_cross_a_line_or_itself(self):
         ((message, _),) = told((0, 0), Line((2, 0)), Arc((1, 0.5), (1.5, -0.5)))
         assert "Segment 2 crosses or touches segment 1" in message
         loop = Spline(((2, 0), (2, 1), (1, 1), (1, -1)))
@@ -270,19 +262,19 @@ class TestFaults:
         assert "Segment 1 crosses or touches itself at (0.9" in message
         assert path == (0,)
 
-    def test_an_open_one_that_ends_at_its_start_is_told_to_be_closed(self) -> None:
+    def test_an_open_one_that_ends_at_its_start_is_told_to_be_closed(self):
         ((message, path),) = told((1, 0), *CIRCLE)
         assert path == ()
         assert "ends where it starts, at (1, 0) m, but is said to be open" in message
 
-    def test_of_many_crossings_some_are_told_and_the_rest_counted(self) -> None:
+    def test_of_many_crossings_some_are_told_and_the_rest_counted(self):
         comb = [Line((20.0, 0))]
         comb += [Line((20 - 0.5 * (i + 1), 1.0 if i % 2 else -1.0)) for i in range(30)]
         found = told((0, 0), *comb)
         assert len(found) == 11
         assert re.fullmatch(r"The trajectory meets itself \d+ times more at least\.", found[-1][0])
 
-    def test_a_point_off_the_bench_is_told_with_the_outline(self) -> None:
+    def test_a_point_off_the_bench_is_told_with_the_outline(self):
         found = told((-1, 1), Line((3, 1)), Arc((3, 0), (4.5, 0.5)), outline=BENCH)
         assert [path for _, path in found] == [("start",), (1,)]
         assert (
@@ -291,26 +283,26 @@ class TestFaults:
         )
         assert re.search(r"The point \(4\.\d+, 0\.\d+\) m is off", found[1][0])
 
-    def test_a_closed_trajectory_of_lines_has_three_vertices(self) -> None:
+    def test_a_closed_trajectory_of_lines_has_three_vertices(self):
         ((message, path),) = told((0, 0), Line((1, 0)), closed=True)
         assert path == ()
         assert "needs 3 vertices, but this one has 2" in message
 
-    def test_a_trajectory_has_an_element(self) -> None:
+    def test_a_trajectory_has_an_element(self):
         ((message, path),) = told((0, 0))
         assert path == ()
         assert message.startswith("The trajectory has no segment; give at least one element")
 
-    def test_what_is_not_finite_is_told_once_and_where(self) -> None:
+    def test_what_is_not_finite_is_told_once_and_where(self):
         found = told((math.nan, 0), Line((1, 0)), Line((2, math.inf)), Line((3, 0)), outline=BENCH)
         assert [path for _, path in found] == [("start",), (1,)]
 
-    def test_a_bad_tolerance_is_told_alone(self) -> None:
+    def test_a_bad_tolerance_is_told_alone(self):
         ((message, path),) = faults((0, 0), [Line((0, 0))], False, 0.0, None)
         assert path == ("chord_tolerance_m",)
         assert "cannot be used" in message
 
-    def test_too_many_chords_in_all_are_refused(self) -> None:
+    def test_too_many_chords_in_all_are_refused(self):
         circles = [
             Arc((i + 1.0, 0), (i + 0.5, 0.5 if i % 2 else -0.5)) for i in range(MAX_CHORDS // 500)
         ]
@@ -352,15 +344,13 @@ grid = st.tuples(st.integers(0, 6), st.integers(0, 6))
 
 class TestCrossings:
     @given(st.lists(grid, min_size=3, max_size=9), st.booleans())
-    def test_they_are_found_exactly_where_whole_numbers_say_so(
-        self, corners: list[tuple[int, int]], closed: bool
-    ) -> None:
+    def test_they_are_found_exactly_where_whole_numbers_say_so(self, corners, closed):
         assume(all(a != b for a, b in itertools.pairwise([*corners, *corners[:closed]])))
         found = crossings(np.array(corners, dtype=np.float64), closed=closed)
         assert bool(found) is reference_crosses(corners, closed)
 
     @given(st.lists(grid, min_size=3, max_size=9))
-    def test_a_common_point_is_on_both_chords(self, corners: list[tuple[int, int]]) -> None:
+    def test_a_common_point_is_on_both_chords(self, corners):
         assume(all(a != b for a, b in itertools.pairwise(corners)))
         for crossing in crossings(np.array(corners, dtype=np.float64), closed=False):
             for i in (crossing.first, crossing.second):
@@ -368,7 +358,7 @@ class TestCrossings:
                 detour = math.dist(a, crossing.point) + math.dist(crossing.point, b)
                 assert detour == pytest.approx(math.dist(a, b), abs=1e-7)
 
-    def test_one_crossing_among_ten_thousand_chords_is_found(self) -> None:
+    def test_one_crossing_among_ten_thousand_chords_is_found(self):
         turns = np.linspace(1.0, 60.0, 10_000)
         spiral = np.column_stack((turns * np.cos(turns), turns * np.sin(turns)))
         assert crossings(spiral, closed=False) == []

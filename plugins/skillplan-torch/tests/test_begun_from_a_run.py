@@ -34,7 +34,7 @@ def result(folder: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def boards(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+def boards(tmp_path_factory):
     """Boards of two and of three parts, whose first parts have the same names."""
     folder = tmp_path_factory.mktemp("boards")
     found = {}
@@ -46,20 +46,14 @@ def boards(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
 
 
 @pytest.fixture(scope="module", params=LEARNERS)
-def earlier(
-    request: pytest.FixtureRequest,
-    boards: dict[int, Path],
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[str, Path]:
+def earlier(request, boards, tmp_path_factory):
     """A learner, and a training of it on two parts that completes the board."""
     folder = tmp_path_factory.mktemp("earlier") / request.param
     assert train(request.param, boards[2], folder) == 0
     return request.param, folder
 
 
-def test_the_first_episode_does_what_was_learned(
-    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path
-) -> None:
+def test_the_first_episode_does_what_was_learned(earlier, boards, tmp_path):
     """On the same task every run completes it at once, for what it cost there."""
     solver, folder = earlier
     before = result(folder)["runs"]
@@ -71,9 +65,7 @@ def test_the_first_episode_does_what_was_learned(
         assert run.best is not None
 
 
-def test_another_task_begins_with_what_it_has_in_common(
-    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
-) -> None:
+def test_another_task_begins_with_what_it_has_in_common(earlier, boards, tmp_path, capsys):
     solver, folder = earlier
     train(solver, boards[3], tmp_path / "more", "--from", str(folder))
     begun = result(tmp_path / "more")["warm_start"]
@@ -84,9 +76,7 @@ def test_another_task_begins_with_what_it_has_in_common(
     assert "begun      from networks of" in capsys.readouterr().out
 
 
-def test_what_is_cut_off_goes_on_bit_for_bit(
-    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path
-) -> None:
+def test_what_is_cut_off_goes_on_bit_for_bit(earlier, boards, tmp_path):
     solver, folder = earlier
     start = ("--from", str(folder))
     train(solver, boards[3], tmp_path / "whole", *start)
@@ -97,9 +87,7 @@ def test_what_is_cut_off_goes_on_bit_for_bit(
     assert learned_bytes(tmp_path / "whole") != learned_bytes(tmp_path / "drawn")
 
 
-def test_going_on_with_another_beginning_is_refused(
-    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
-) -> None:
+def test_going_on_with_another_beginning_is_refused(earlier, boards, tmp_path, capsys):
     solver, folder = earlier
     train(solver, boards[2], tmp_path / "a", steps=100)
     capsys.readouterr()
@@ -107,9 +95,7 @@ def test_going_on_with_another_beginning_is_refused(
     assert "what the runs begin with" in capsys.readouterr().err
 
 
-def test_what_does_not_fit_is_refused_before_a_folder_is_made(
-    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
-) -> None:
+def test_what_does_not_fit_is_refused_before_a_folder_is_made(earlier, boards, tmp_path, capsys):
     solver, folder = earlier
     other = next(one for one in LEARNERS if one != solver)
     board = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"

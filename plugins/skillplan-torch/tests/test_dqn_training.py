@@ -67,7 +67,7 @@ def stopped_at(folder: Path, runs: int, steps: int, reports: int | None, **more:
 
 
 @pytest.mark.slow(reason="three trainings; going on bit for bit in every run")
-def test_a_stop_changes_nothing(tmp_path: Path) -> None:
+def test_a_stop_changes_nothing(tmp_path):
     """Metrics, policies and checkpoints are the same to the byte."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     stopped_at(whole, 2, 200, None)
@@ -80,9 +80,7 @@ def test_a_stop_changes_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.slow(reason="six trainings; another learner is extended in every run")
 @pytest.mark.parametrize("solver", ["dqn", "ppo"])
-def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(
-    tmp_path: Path, solver: str
-) -> None:
+def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(tmp_path, solver):
     """Twice, beyond the end of its schedules: metrics, policies and checkpoints, to the byte."""
     for name, steps in (("whole", 700), ("grown", 300), ("grown", 400), ("grown", 700)):
         words = ["train", str(BOARD), "--solver", solver, "--runs", "2", "--steps", str(steps)]
@@ -111,9 +109,7 @@ def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(
         pytest.param(6, 3_000, 20, marks=pytest.mark.release(reason="20 kills")),
     ],
 )
-def test_sigkill_at_random_instants_changes_nothing(
-    tmp_path: Path, runs: int, steps: int, kills: int
-) -> None:
+def test_sigkill_at_random_instants_changes_nothing(tmp_path, runs, steps, kills):
     """Of the whole group: metrics, policies and checkpoints are the same to the byte."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     code = train(whole, runs, steps)

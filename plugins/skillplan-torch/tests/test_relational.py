@@ -42,11 +42,11 @@ def lessons_of(boards: list[Board]) -> Lessons:
 
 
 @pytest.fixture(scope="module")
-def boards() -> list[Board]:
+def boards():
     return [Board.of(make_model(task)) for task in GeneratedFamily(3, 6).tasks(4, 1)]
 
 
-def test_numpy_answers_as_torch_does(boards: list[Board]) -> None:
+def test_numpy_answers_as_torch_does(boards):
     """To 1e-6 of what scores are, also where a batch pads smaller boards."""
     network = TorchNetwork(NetworkSize(), seed=5)
     lessons = lessons_of(boards)
@@ -62,31 +62,31 @@ def test_numpy_answers_as_torch_does(boards: list[Board]) -> None:
     assert len(sizes) > 2
 
 
-def test_the_teacher_knows_the_optimum(boards: list[Board]) -> None:
+def test_the_teacher_knows_the_optimum(boards):
     for board in boards:
         best = solve(board.model.task, "exact")
         assert board.least == pytest.approx(best.cost)
 
 
-def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards: list[Board]) -> None:
+def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards):
     for sight, regrets in lessons_of(boards):
         assert regrets.min() == 0.0
         blocked = sight.features[:, 2] > 0
         assert (regrets[blocked] == 1.0).all()
 
 
-def test_the_same_boards_and_seed_give_the_same_network() -> None:
+def test_the_same_boards_and_seed_give_the_same_network():
     one, again = (learned("generated:3-4", **TINY).policy for _ in range(2))
     for name, array in one.weights.items():
         assert np.array_equal(array, again.weights[name])
 
 
-def test_boards_that_are_too_large_to_be_taught_are_refused() -> None:
+def test_boards_that_are_too_large_to_be_taught_are_refused():
     with pytest.raises(OptionError, match="at most 14 elements"):
         learned("generated:15", **TINY)
 
 
-def test_without_a_policy_to_follow_it_refuses() -> None:
+def test_without_a_policy_to_follow_it_refuses():
     model = make_model(load_problem(CONFIGS / "inverter_board.yaml").task)
     why = RelationalSolver().refuses(model)
     assert why is not None
@@ -94,7 +94,7 @@ def test_without_a_policy_to_follow_it_refuses() -> None:
 
 
 @pytest.mark.slow(reason="learns on 40 boards; a tiny one in every run")
-def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -> None:
+def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path):
     """Unseen ones of twice the parts, and a board with screws; answered from its files alone."""
     lesson = learned("generated:4-6", boards=40, rounds=3, updates=50, batch=64, width=32)
     write_relational(
@@ -124,9 +124,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
 
 
 @pytest.mark.slow(reason="tries a policy on 20 boards")
-def test_the_command_line_trains_and_keeps_what_was_learned(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_trains_and_keeps_what_was_learned(tmp_path, capsys):
     """The printed document is the kept one; a second training does not go into the folder."""
     from skillplan.cli import main
 

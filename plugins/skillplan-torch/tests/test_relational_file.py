@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ def a_network() -> RelationalNetwork:
 
 
 @pytest.fixture
-def stored(tmp_path: Path) -> Path:
+def stored(tmp_path):
     content: dict[str, Any] = {
         "solver": "relational",
         "options": {"boards": 3},
@@ -40,7 +39,7 @@ def stored(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_what_is_read_is_what_was_written(stored: Path) -> None:
+def test_what_is_read_is_what_was_written(stored):
     found = read_policy(stored)
     assert is_relational(str(stored))
     assert SIZE.width == found.policy.dimensions["width"]
@@ -49,11 +48,11 @@ def test_what_is_read_is_what_was_written(stored: Path) -> None:
         assert np.array_equal(array, found.policy.weights[name])
 
 
-def test_another_folder_is_none(tmp_path: Path) -> None:
+def test_another_folder_is_none(tmp_path):
     assert not is_relational(str(tmp_path))
 
 
-def test_weights_that_were_changed_are_named(stored: Path) -> None:
+def test_weights_that_were_changed_are_named(stored):
     path = stored / "relational.safetensors"
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
@@ -70,9 +69,7 @@ def test_weights_that_were_changed_are_named(stored: Path) -> None:
         ("size", {"width": 16, "heads": 2, "layers": 1, "pair_width": 4}, "is damaged"),
     ],
 )
-def test_a_document_that_was_changed_is_named(
-    stored: Path, key: str, value: Any, message: str
-) -> None:
+def test_a_document_that_was_changed_is_named(stored, key, value, message):
     path = stored / "relational.json"
     document = json.loads(path.read_text("utf-8"))
     path.write_text(json.dumps({**document, key: value}), "utf-8")
@@ -80,7 +77,7 @@ def test_a_document_that_was_changed_is_named(
         read_policy(stored)
 
 
-def test_missing_weights_are_named(stored: Path) -> None:
+def test_missing_weights_are_named(stored):
     (stored / "relational.safetensors").unlink()
     with pytest.raises(OptionError, match="cannot be read"):
         read_policy(stored)

@@ -30,12 +30,12 @@ SMALL = NetworkSize(width=16, heads=2, layers=2, pair_width=4)
 
 
 @pytest.fixture(scope="module")
-def board_task() -> Task:
+def board_task():
     return load_problem(CONFIGS / "inverter_board.yaml").task
 
 
 @pytest.fixture(scope="module")
-def motor_drive_task() -> Task:
+def motor_drive_task():
     return load_problem(CONFIGS / "motor_drive.yaml").task
 
 
@@ -57,7 +57,7 @@ def view_of(task: Task) -> ElementView:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_order_of_elements_does_not_matter(seed: int, tmp_path: Path) -> None:
+def test_the_order_of_elements_does_not_matter(seed, tmp_path):
     """Permuted elements have the permuted scores."""
     task = a_board(tmp_path, 9, seed=seed)
     sight = view_of(task)(task.initial)
@@ -72,7 +72,7 @@ def test_the_order_of_elements_does_not_matter(seed: int, tmp_path: Path) -> Non
     assert network.scores(permuted) == pytest.approx(network.scores(sight)[order], abs=1e-5)
 
 
-def test_nor_does_the_order_of_parts_in_the_file(tmp_path: Path) -> None:
+def test_nor_does_the_order_of_parts_in_the_file(tmp_path):
     """Every skill has the score that it had, by its name."""
     path, other = tmp_path / "one.yaml", tmp_path / "other.yaml"
     path.write_text(BoardGenerator(7, 0.3, 3, 5).text(), "utf-8")
@@ -88,7 +88,7 @@ def test_nor_does_the_order_of_parts_in_the_file(tmp_path: Path) -> None:
     assert scores[0] == pytest.approx(scores[1], abs=1e-5)
 
 
-def test_it_is_defined_for_any_number_of_elements(tmp_path: Path) -> None:
+def test_it_is_defined_for_any_number_of_elements(tmp_path):
     network = a_network()
     for parts in (1, 2, 5, 24):
         task = a_board(tmp_path, parts, tools=1)
@@ -98,7 +98,7 @@ def test_it_is_defined_for_any_number_of_elements(tmp_path: Path) -> None:
         assert np.isfinite(scores).all()
 
 
-def test_what_it_is_told_costs_is_what_the_model_asks_for(board_task: Task) -> None:
+def test_what_it_is_told_costs_is_what_the_model_asks_for(board_task):
     """From the initial state, with the tool changes that come between."""
     model, paths = make_model(board_task), ElementPaths(board_task)
     for element, name in enumerate(paths.elements):
@@ -115,7 +115,7 @@ def test_what_it_is_told_costs_is_what_the_model_asks_for(board_task: Task) -> N
         assert way.cost == pytest.approx(cost), name
 
 
-def test_what_it_is_told_of_the_order_is_the_chart(board_task: Task) -> None:
+def test_what_it_is_told_of_the_order_is_the_chart(board_task):
     order = ElementOrder.of(make_model(board_task))
     names = list(board_task.operations)
     for line in board_task.chart:
@@ -123,7 +123,7 @@ def test_what_it_is_told_of_the_order_is_the_chart(board_task: Task) -> None:
     assert order.before[names.index("pcb"), names.index("screw_1")], "closed by transitivity"
 
 
-def test_of_a_choice_it_is_told_what_is_left_of_it() -> None:
+def test_of_a_choice_it_is_told_what_is_left_of_it():
     """Three elements: 0 goes before 1 or before 2. With 1 done, it has to go before 2."""
     order = ElementOrder(np.zeros((3, 3), dtype=np.bool_), ((0, ((0, 0b010), (0, 0b100))),))
     assert not order.after(0).any()
@@ -131,14 +131,14 @@ def test_of_a_choice_it_is_told_what_is_left_of_it() -> None:
     assert not order.after(0b001).any()
 
 
-def test_of_a_choice_of_supports_it_waits_for_the_nearest() -> None:
+def test_of_a_choice_of_supports_it_waits_for_the_nearest():
     """Element 0 needs 1 and 2, or 3."""
     order = ElementOrder(np.zeros((4, 4), dtype=np.bool_), ((0, ((0b0110, 0), (0b1000, 0))),))
     assert np.argwhere(order.after(0)).tolist() == [[3, 0]]
     assert not order.after(0b1000).any()
 
 
-def test_it_takes_only_what_is_applicable(motor_drive_task: Task) -> None:
+def test_it_takes_only_what_is_applicable(motor_drive_task):
     """Whatever it has learned; tools are changed in actions of their own there."""
     for seed in range(3):
         model = make_model(motor_drive_task)
@@ -150,14 +150,14 @@ def test_it_takes_only_what_is_applicable(motor_drive_task: Task) -> None:
             state = skill.prediction.apply(state)
 
 
-def test_a_task_without_elements_is_refused() -> None:
+def test_a_task_without_elements_is_refused():
     task = load_problem(CONFIGS / "br17.10.sop").task
     with pytest.raises(OptionError, match=r"cannot act on br17\.10: it has"):
         ElementChoice(a_network(), make_model(task))
 
 
 @pytest.mark.parametrize("fault", ["missing", "shape", "nan"])
-def test_arrays_that_do_not_fit_are_refused(fault: str) -> None:
+def test_arrays_that_do_not_fit_are_refused(fault):
     arrays: dict[str, Any] = dict(a_network().arrays)
     if fault == "missing":
         del arrays["score.last"]
@@ -169,7 +169,7 @@ def test_arrays_that_do_not_fit_are_refused(fault: str) -> None:
         RelationalNetwork(SMALL, arrays)
 
 
-def test_an_answer_on_24_parts_takes_less_than_5_ms(tmp_path: Path) -> None:
+def test_an_answer_on_24_parts_takes_less_than_5_ms(tmp_path):
     """Of processor time, with a network of the default size."""
     task = a_board(tmp_path, 24, tools=4)
     choose = ElementChoice(a_network(size=NetworkSize()), make_model(task))

@@ -164,7 +164,7 @@ class TestGoingOn:
             ReplayMemory(3, 30).read("m", memory.arrays("m"))
 
 
-def test_how_likely_an_outcome_is_is_worked_out_over_all_observations() -> None:
+def test_how_likely_an_outcome_is_is_worked_out_over_all_observations():
     """Of an action that failed once in four tries here, and once in two there."""
     memory = ReplayMemory(1, 100)
     # Where it is taken, then whether it succeeded.
@@ -177,7 +177,7 @@ def test_how_likely_an_outcome_is_is_worked_out_over_all_observations() -> None:
     assert likely == pytest.approx({1: 4 / 6, 0: 2 / 6, 3: 4 / 6, 2: 2 / 6})
 
 
-def test_of_an_action_with_one_outcome_nothing_is_pooled() -> None:
+def test_of_an_action_with_one_outcome_nothing_is_pooled():
     memory = ReplayMemory(1, 100)
     memory.add(0, 0, 7, 0.0, 0, 1)
     memory.pool(0, np.zeros((2, 1), dtype=np.float32))

@@ -1,7 +1,5 @@
 """PyTorch asks for the current folder while it is imported: one that is gone is told of."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -14,7 +12,7 @@ BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 
 @pytest.mark.slow(reason="imports PyTorch in a process; other solvers there in test_cli_outward")
 @pytest.mark.parametrize("command", ["search-optimal", "train"])
-def test_a_vanished_current_folder_is_one_message(command: str, tmp_path: Path) -> None:
+def test_a_vanished_current_folder_is_one_message(command, tmp_path):
     """What to do is in it, and the exit code is that of wrong input."""
     script = 'cd "$0" && rmdir "$0" && exec "$@"'
     words = [sys.executable, "-m", "skillplan", command, str(BOARD), "--solver", "dqn"]

@@ -55,7 +55,7 @@ def but_for(parts: Mapping[str, Any], key: str) -> dict[str, Any]:
 class TestAnyBoard:
     @settings(max_examples=examples(40))
     @given(board=BOARDS)
-    def test_it_is_a_faultless_task(self, board: BoardGenerator) -> None:
+    def test_it_is_a_faultless_task(self, board):
         """By all that a file is checked for: names, reach, overlap, circles, step limit."""
         task = loaded(board)
         assert board.parts == len(task.operations)
@@ -64,7 +64,7 @@ class TestAnyBoard:
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS)
-    def test_its_chart_has_the_density_to_the_nearest_pair(self, board: BoardGenerator) -> None:
+    def test_its_chart_has_the_density_to_the_nearest_pair(self, board):
         """The pairs that its closure orders; without any there is no chart."""
         task = loaded(board)
         found = order(task)
@@ -75,7 +75,7 @@ class TestAnyBoard:
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS)
-    def test_all_tools_are_used(self, board: BoardGenerator) -> None:
+    def test_all_tools_are_used(self, board):
         """As many as there are parts for."""
         made = content(board)
         used = {part["tool"] for part in made["parts"].values()}
@@ -83,7 +83,7 @@ class TestAnyBoard:
         assert used <= set(made["tools"])
 
     @given(board=BOARDS)
-    def test_the_same_arguments_write_the_same_text(self, board: BoardGenerator) -> None:
+    def test_the_same_arguments_write_the_same_text(self, board):
         """To the letter; and its second line says which they are."""
         assert board.text() == dataclasses.replace(board).text()
         assert board.text().isascii()
@@ -101,9 +101,7 @@ class TestAnyBoard:
 class TestBoardsOfASeed:
     @settings(max_examples=examples(40))
     @given(board=BOARDS, density=st.floats(0, 1))
-    def test_another_density_changes_the_chart_only(
-        self, board: BoardGenerator, density: float
-    ) -> None:
+    def test_another_density_changes_the_chart_only(self, board, density):
         """Shapes, starts, goals and tools stay, and the denser chart holds the other."""
         boards = sorted([board, dataclasses.replace(board, density=density)], key=_density)
         sparse, dense = map(content, boards)
@@ -116,9 +114,7 @@ class TestBoardsOfASeed:
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS, tools=st.integers(1, MOST_TOOLS))
-    def test_other_tools_change_no_part_but_for_its_tool(
-        self, board: BoardGenerator, tools: int
-    ) -> None:
+    def test_other_tools_change_no_part_but_for_its_tool(self, board, tools):
         """Nor the chart."""
         one, other = content(board), content(dataclasses.replace(board, tools=tools))
         assert but_for(one["parts"], "tool") == but_for(other["parts"], "tool")
@@ -126,15 +122,13 @@ class TestBoardsOfASeed:
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS, parts=st.integers(1, 40))
-    def test_more_parts_leave_the_others_where_they_are(
-        self, board: BoardGenerator, parts: int
-    ) -> None:
+    def test_more_parts_leave_the_others_where_they_are(self, board, parts):
         """A larger board has the parts of the smaller one, with their tools, and more."""
         small, large = sorted([board.parts, parts])
         fewer = content(dataclasses.replace(board, parts=small))["parts"]
         assert fewer.items() <= content(dataclasses.replace(board, parts=large))["parts"].items()
 
-    def test_another_seed_is_another_board(self) -> None:
+    def test_another_seed_is_another_board(self):
         """In its parts and in its chart."""
         one, other = (content(BoardGenerator(10, 0.3, 2, seed)) for seed in (1, 2))
         assert but_for(one["parts"], "tool") != but_for(other["parts"], "tool")
@@ -161,13 +155,13 @@ def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
         ),
     ],
 )
-def test_the_largest_board_is_faultless_too(density: float) -> None:
+def test_the_largest_board_is_faultless_too(density):
     """As many parts and tools as there may be."""
     board = BoardGenerator(MOST_PARTS, density, MOST_TOOLS, 7)
     assert round(density * 32_640) == len(order(loaded(board)))
 
 
-def test_the_geometry_orders_nothing() -> None:
+def test_the_geometry_orders_nothing():
     """Without a chart every part may be placed at any time, by the boxes about all of them."""
     task = loaded(BoardGenerator(30, 0.0, 3, 1))
     setup = Setup(collision=("aabb",))
@@ -180,7 +174,7 @@ def test_the_geometry_orders_nothing() -> None:
     )
 
 
-def test_no_change_of_tools_is_done_in_two() -> None:
+def test_no_change_of_tools_is_done_in_two():
     """By way of a third holder it costs more, so that the step limit leaves room for every plan."""
     made = content(BoardGenerator(9, 0.3, MOST_TOOLS, 1))
     holders_m = [tool["holder_m"] for tool in made["tools"].values()]
@@ -189,7 +183,7 @@ def test_no_change_of_tools_is_done_in_two() -> None:
     assert 3 * 9 == made["step_limit"]
 
 
-def test_a_total_order_leaves_one_way() -> None:
+def test_a_total_order_leaves_one_way():
     """Of density 1, each part is placed before the next by the chart."""
     task = loaded(BoardGenerator(12, 1.0, 1, 4))
     skills = [step.skill for step in solve(task).steps]
@@ -204,7 +198,7 @@ def test_a_total_order_leaves_one_way() -> None:
     [pytest.param(0.0, marks=pytest.mark.slow(reason="more orders; fewer in every run")), 0.4],
 )
 @pytest.mark.parametrize("tools", [1, 2])
-def test_brute_force_and_exact_search_find_the_same_optimum(tools: int, density: float) -> None:
+def test_brute_force_and_exact_search_find_the_same_optimum(tools, density):
     """Of five parts, on a board that is small enough to be searched through."""
     task = loaded(BoardGenerator(5, density, tools, 2))
     setup = Setup()
@@ -214,7 +208,7 @@ def test_brute_force_and_exact_search_find_the_same_optimum(tools: int, density:
 
 
 @pytest.mark.slow(reason="searches several boards; brute force in every run")
-def test_a_denser_chart_costs_no_less() -> None:
+def test_a_denser_chart_costs_no_less():
     """As what it allows is allowed by the other."""
     costs = [solve(loaded(BoardGenerator(8, density, 2, 3))).cost for density in (0, 0.2, 0.5, 1)]
     assert costs == sorted(costs)
@@ -234,7 +228,7 @@ def test_a_denser_chart_costs_no_less() -> None:
         ({"name": "a" * 65}, "must begin with a letter and have at most 64"),
     ],
 )
-def test_a_value_out_of_its_range_is_refused(values: dict[str, Any], message: str) -> None:
+def test_a_value_out_of_its_range_is_refused(values, message):
     """In words, with the range."""
     with pytest.raises(OptionError) as refused:
         BoardGenerator(**{"parts": 5, "density": 0.5, **values})
@@ -242,7 +236,7 @@ def test_a_value_out_of_its_range_is_refused(values: dict[str, Any], message: st
 
 
 class TestGraspsThatFail:
-    def test_a_share_of_the_parts_may_be_missed(self) -> None:
+    def test_a_share_of_the_parts_may_be_missed(self):
         """By probabilities between the two, with a way home; the rest of the board is the same."""
         plain = BoardGenerator(12, 0.2, 2, 7)
         failing = dataclasses.replace(plain, failures=(0.1, 0.4), failing_share=0.33)
@@ -259,13 +253,11 @@ class TestGraspsThatFail:
         assert failing.text() == dataclasses.replace(failing).text()
 
     @pytest.mark.parametrize("failures", [(0.4, 0.1), (-0.1, 0.2), (0.5, 1.0)])
-    def test_what_is_no_range_of_probabilities_is_refused(
-        self, failures: tuple[float, float]
-    ) -> None:
+    def test_what_is_no_range_of_probabilities_is_refused(self, failures):
         with pytest.raises(OptionError, match="failures must be LEAST:GREATEST"):
             BoardGenerator(4, 0.2, failures=failures)
 
     @pytest.mark.parametrize("share", [0.0, 1.5])
-    def test_a_share_is_above_0_and_at_most_1(self, share: float) -> None:
+    def test_a_share_is_above_0_and_at_most_1(self, share):
         with pytest.raises(OptionError, match="failing share"):
             BoardGenerator(4, 0.2, failures=(0.1, 0.4), failing_share=share)

@@ -46,7 +46,7 @@ class TestAssemblyDomainOnTheInverterWhoseGraspsFail(DomainSuite):
 
 
 class TestPick:
-    def test_it_has_two_outcomes_the_nominal_first(self) -> None:
+    def test_it_has_two_outcomes_the_nominal_first(self):
         """As declared; what no probability is given for is certain."""
         task = chancy()
         assert [1 - FAILURE, FAILURE] == [o.probability for o in task.skill("pick(fuse)").outcomes]
@@ -55,7 +55,7 @@ class TestPick:
         assert not task.deterministic
         assert chancy(failure=0.0).deterministic
 
-    def test_its_prediction_is_that_of_a_grasp_that_cannot_fail(self) -> None:
+    def test_its_prediction_is_that_of_a_grasp_that_cannot_fail(self):
         """Back ends judge the nominal outcome, in which the part is held."""
         sure = assembly(lid_content()).skill("pick(fuse)")
         prediction = chancy(look=False).skill("pick(fuse)").prediction
@@ -65,7 +65,7 @@ class TestPick:
         )
 
     @pytest.mark.parametrize("look", [False, True])
-    def test_a_failed_one_changes_nothing_but_where_the_arm_stands(self, look: bool) -> None:
+    def test_a_failed_one_changes_nothing_but_where_the_arm_stands(self, look):
         """Over the part, or where it looks for the part; the hand is free, the part lies there."""
         task = chancy(look)
         pick = task.skill("pick(fuse)")
@@ -77,14 +77,14 @@ class TestPick:
         assert {"at(gripper.holder)", "changed_tool"} == set(before - after)
         assert pick.applicable(after)
 
-    def test_trying_again_over_the_part_costs_no_way(self) -> None:
+    def test_trying_again_over_the_part_costs_no_way(self):
         """Where the arm has no place to look from, a miss takes time alone."""
         task = chancy(look=False)
         pick = task.skill("pick(fuse)")
         missed = pick.outcomes[1].apply(task.initial)
         assert (0.0, 3.0) == (pick.cost.at(missed), pick.duration_s.at(missed))
 
-    def test_the_way_to_look_and_back_counts(self) -> None:
+    def test_the_way_to_look_and_back_counts(self):
         """Whatever is done next pays for the way to where the arm looks, and from there on."""
         task = chancy()
         pick = task.skill("pick(fuse)")
@@ -95,17 +95,17 @@ class TestPick:
         other = task.skill("pick(box)")
         assert other.cost.at(missed) == pytest.approx(away_m + math.dist(LOOK, (0.4, -0.2)))
 
-    def test_the_arm_stands_where_it_looks(self) -> None:
+    def test_the_arm_stands_where_it_looks(self):
         """At safe height, so that back ends know where it starts from."""
         task = chancy()
         missed = task.skill("pick(fuse)").outcomes[1].apply(task.initial)
         assert ("at(fuse.missed)", (*LOOK, 0.15)) == task.scene.robots[0].place(missed)
 
-    def test_a_file_without_chance_has_no_place_to_look_from(self) -> None:
+    def test_a_file_without_chance_has_no_place_to_look_from(self):
         """The vocabulary is as it was."""
         assert chancy(failure=0.0).facts == assembly(lid_content()).facts
 
-    def test_a_part_that_slips_may_come_from_a_feeder(self) -> None:
+    def test_a_part_that_slips_may_come_from_a_feeder(self):
         """The arm then stays there."""
         content = content_of(look=False)
         content["feeders"] = {"box_of_fuses": {"position_m": [0.4, 0.2]}}
@@ -118,7 +118,7 @@ class TestPick:
 
 class TestBadInput:
     @pytest.mark.parametrize("failure", ["1.0", "1", "-0.1", "2", ".nan", "often"])
-    def test_a_probability_is_below_1(self, tmp_path: Path, failure: str) -> None:
+    def test_a_probability_is_below_1(self, tmp_path, failure):
         """One clear line, with its place; a grasp that always fails is no grasp."""
         path = tmp_path / "board.yaml"
         text = (CONFIGS / "inverter_grasps.yaml").read_text("utf-8")
@@ -128,7 +128,7 @@ class TestBadInput:
         (line,) = str(caught.value).splitlines()
         assert "parts.clock.grasp_failure" in line
 
-    def test_the_place_to_look_from_is_within_reach(self, tmp_path: Path) -> None:
+    def test_the_place_to_look_from_is_within_reach(self, tmp_path):
         """Else the arm would not come back."""
         path = tmp_path / "board.yaml"
         text = (CONFIGS / "inverter_grasps.yaml").read_text("utf-8")
@@ -138,7 +138,7 @@ class TestBadInput:
 
 
 class TestSolving:
-    def test_value_iteration_is_chosen(self) -> None:
+    def test_value_iteration_is_chosen(self):
         """Only where something may fail."""
         domain = AssemblyDomain()
         for failure, chosen in ((FAILURE, "value-iteration"), (0.0, "exact")):
@@ -147,13 +147,13 @@ class TestSolving:
             assert solve(assembly(content), solver).trace["choice"].startswith(chosen)
 
     @pytest.mark.parametrize("solver", ["exact", "exhaustive"])
-    def test_searches_for_a_sequence_refuse_and_name_it(self, solver: str) -> None:
+    def test_searches_for_a_sequence_refuse_and_name_it(self, solver):
         """A sequence says nothing of what to do after a miss."""
         result = solve(chancy(), solver)
         assert result.status == "refused"
         assert "under chance take value-iteration" in result.reason
 
-    def test_the_expected_cost_is_that_of_trying_again(self) -> None:
+    def test_the_expected_cost_is_that_of_trying_again(self):
         """Where one part may slip and nothing is nearer to the place to look from."""
         result = solve(chancy(), "value-iteration")
         sure = solve(assembly(lid_content()))
@@ -162,7 +162,7 @@ class TestSolving:
         assert result.status == "optimal"
         assert result.cost == pytest.approx(sure.cost + again_m)
 
-    def test_a_miss_over_the_part_costs_time_and_no_way(self) -> None:
+    def test_a_miss_over_the_part_costs_time_and_no_way(self):
         """One try more in three, at three seconds."""
         result = solve(chancy(look=False), "value-iteration")
         sure = solve(assembly(lid_content()))
@@ -170,7 +170,7 @@ class TestSolving:
         assert result.cost == pytest.approx(sure.cost)
         assert result.makespan_s == pytest.approx(sure.makespan_s + 3.0 * FAILURE / (1 - FAILURE))
 
-    def test_the_chart_is_that_of_the_board(self) -> None:
+    def test_the_chart_is_that_of_the_board(self):
         """What may stand before what does not depend on chance."""
         setup = Setup(collision=("aabb",))
         charts = [
@@ -183,7 +183,7 @@ class TestSolving:
 
 
 class TestTheInverterWhoseGraspsFail:
-    def test_a_miss_changes_what_is_best_to_do_next(self) -> None:
+    def test_a_miss_changes_what_is_best_to_do_next(self):
         """In some states another part is taken before the one that slipped."""
         task = load_problem(CONFIGS / "inverter_grasps.yaml").task
         policy = solve(task, "value-iteration").policy
@@ -198,7 +198,7 @@ class TestTheInverterWhoseGraspsFail:
         other = [s for s, part in missed if policy[s].name != f"pick({part})"]
         assert (84, 41) == (len(missed), len(other))
 
-    def test_the_order_of_the_board_with_tries_until_it_works_is_worse(self) -> None:
+    def test_the_order_of_the_board_with_tries_until_it_works_is_worse(self):
         """By two and a half percent."""
         task = load_problem(CONFIGS / "inverter_grasps.yaml").task
         order = [

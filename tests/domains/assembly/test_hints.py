@@ -26,7 +26,7 @@ def hints(lying: dict[str, Any], handed_out: dict[str, Any] | None = None) -> li
 
 
 @pytest.mark.parametrize("start_m", [[0.4, 0.2], [0.42, 0.2], [0.4, 0.224]])
-def test_a_part_upon_a_feeder_is_told_of_with_what_waits(start_m: list[float]) -> None:
+def test_a_part_upon_a_feeder_is_told_of_with_what_waits(start_m):
     """Whatever of the two boxes meets."""
     assert hints({"start_m": start_m}) == [
         "parts.box.start_m: 'box' lies where 'tray' hands out 'chip', which cannot be taken before "
@@ -35,12 +35,12 @@ def test_a_part_upon_a_feeder_is_told_of_with_what_waits(start_m: list[float]) -
 
 
 @pytest.mark.parametrize("start_m", [[0.43, 0.2], [0.4, 0.23], [0.3, 0.0]])
-def test_a_part_beside_a_feeder_is_not(start_m: list[float]) -> None:
+def test_a_part_beside_a_feeder_is_not(start_m):
     """Nothing of it is over what is handed out."""
     assert hints({"start_m": start_m}) == []
 
 
-def test_a_screw_s_feeder_is_blocked_as_well() -> None:
+def test_a_screw_s_feeder_is_blocked_as_well():
     """Screws wait like parts."""
     screw = {"tool": "driver", "hole_m": [0.5, -0.2], "through": "box", "feeder": "tray"}
     tools = {"gripper": {"holder_m": [0.6, 0.3]}, "driver": {"holder_m": [0.6, -0.3]}}
@@ -48,7 +48,7 @@ def test_a_screw_s_feeder_is_blocked_as_well() -> None:
     assert "where 'tray' hands out 'bolt'" in hint
 
 
-def test_a_part_over_a_low_feeder_is_told_of_by_the_way_up() -> None:
+def test_a_part_over_a_low_feeder_is_told_of_by_the_way_up():
     """What is handed out at the table's height is lifted through a bridge."""
     bridge = {
         "size_m": None,
@@ -60,6 +60,6 @@ def test_a_part_over_a_low_feeder_is_told_of_by_the_way_up() -> None:
     assert len(hints({"start_m": [0.4, 0.2], **bridge})) == 1
 
 
-def test_what_nobody_takes_is_not_blocked() -> None:
+def test_what_nobody_takes_is_not_blocked():
     """A feeder that hands out nothing has nothing to wait for."""
     assert hints({"start_m": [0.4, 0.2]}, {"screws": {}}) == []

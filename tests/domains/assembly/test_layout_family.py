@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from situations import config_content
-from skillplan.domains import Problem
 from skillplan.domains.assembly import (
     AssemblyConfig,
     AssemblyDomain,
@@ -30,7 +28,7 @@ SEEDS = st.integers(0, 2**31)
 
 
 @pytest.fixture(scope="module")
-def board() -> Problem:
+def board():
     return load_problem(BOARD)
 
 
@@ -49,14 +47,14 @@ def variants(config: AssemblyConfig, seed: int = 0, count: int = 3) -> list[Asse
 class TestLayouts:
     @given(seed=SEEDS)
     @settings(max_examples=examples(25))
-    def test_every_one_is_faultless(self, seed: int) -> None:
+    def test_every_one_is_faultless(self, seed):
         """By all that a file is checked for."""
         for layout in variants(config_of(), seed):
             assert [] == find_issues(layout)
 
     @given(seed=SEEDS)
     @settings(max_examples=examples(25))
-    def test_starts_move_by_themselves_and_goals_together(self, seed: int) -> None:
+    def test_starts_move_by_themselves_and_goals_together(self, seed):
         """No further than the family says; what is given in millimetres stays in tenths of them."""
         config = config_of(start_shift_m=0.03, goal_shift_m=0.02)
         (layout,) = variants(config, seed, 1)
@@ -77,7 +75,7 @@ class TestLayouts:
 
     @given(seed=SEEDS)
     @settings(max_examples=examples(25))
-    def test_parts_keep_the_gap_that_is_asked_for(self, seed: int) -> None:
+    def test_parts_keep_the_gap_that_is_asked_for(self, seed):
         """From where others lie and belong; where the file has less, no less than that."""
         config = config_of(start_shift_m=0.04, goal_shift_m=0.02, gap_m=0.03)
         assert config.family is not None
@@ -87,7 +85,7 @@ class TestLayouts:
             for pair, apart_m in distances_m(layout).items():
                 assert apart_m >= min(config.family.gap_m, known_m[pair]) - 1e-9
 
-    def test_what_lies_on_a_part_moves_along_and_feeders_stay(self) -> None:
+    def test_what_lies_on_a_part_moves_along_and_feeders_stay(self):
         """A stack stays a stack, and a part from a feeder comes from there."""
         config = config_of("motor_drive", start_shift_m=0.01)
         (layout,) = variants(config, count=1)
@@ -97,14 +95,14 @@ class TestLayouts:
         assert config.feeders == layout.feeders
 
     @pytest.mark.slow(reason="tries many layouts; the other errors in every run")
-    def test_one_that_is_never_faultless_is_an_error_that_names_the_fault(self) -> None:
+    def test_one_that_is_never_faultless_is_an_error_that_names_the_fault(self):
         """A metre to and fro puts one of twelve parts out of reach, or close to another."""
         with pytest.raises(OptionError, match="has no faultless layout 0 with seed 7") as caught:
             variants(config_of("motor_drive", start_shift_m=1.0, gap_m=0.1), 7)
         assert "parts." in str(caught.value) or "lies" in str(caught.value)
         assert "Lower the lengths of its block 'family'" in str(caught.value)
 
-    def test_meshes_come_along(self) -> None:
+    def test_meshes_come_along(self):
         """What was read from files once is not read again."""
         config = config_of("sensor_stack", start_shift_m=0.01)
         for layout in variants(config):
@@ -117,7 +115,7 @@ class TestFamily:
     @pytest.mark.slow(reason="grounds several boards; the same seed in every run")
     @given(seed=SEEDS)
     @settings(max_examples=10)
-    def test_its_tasks_differ_in_costs_alone(self, seed: int) -> None:
+    def test_its_tasks_differ_in_costs_alone(self, seed):
         """The same facts, skills, chart, goal, observation and reward."""
         problem = load_problem(BOARD)
         for task in problem.variants(seed, 3):
@@ -134,23 +132,21 @@ class TestFamily:
             assert any(not math.isclose(one, other) for one, other in costs)
 
     @pytest.mark.slow(reason="draws families twice; their names and hashes in every run")
-    def test_the_same_seed_gives_the_same_and_more_begin_with_the_same(
-        self, board: Problem
-    ) -> None:
+    def test_the_same_seed_gives_the_same_and_more_begin_with_the_same(self, board):
         """So that some may be learned on and others kept unseen."""
         hashes = [task.sha256 for task in board.variants(3, 8)]
         assert hashes == [task.sha256 for task in board.variants(3, 8)]
         assert hashes[:5] == [task.sha256 for task in board.variants(3, 5)]
         assert not set(hashes) & {task.sha256 for task in board.variants(4, 8)}
 
-    def test_each_has_a_name_and_a_hash_of_its_own(self, board: Problem) -> None:
+    def test_each_has_a_name_and_a_hash_of_its_own(self, board):
         """Numbered after the file's task."""
         tasks = board.variants(0, 12)
         assert [f"inverter-board/{i}" for i in range(12)] == [task.name for task in tasks]
         assert 13 == len({board.sha256, *(task.sha256 for task in tasks)})
         assert all(len(task.sha256) == 64 for task in tasks)
 
-    def test_the_block_is_no_part_of_the_task(self, board: Problem) -> None:
+    def test_the_block_is_no_part_of_the_task(self, board):
         """With another one, or none, a file is the same task."""
         other = load_problem(BOARD, changes={"family.gap_m": "0.01"})
         assert other.sha256 == board.sha256
@@ -160,7 +156,7 @@ class TestFamily:
         ("count", "orders"),
         [(3, 2), pytest.param(40, 4, marks=pytest.mark.slow(reason="40 boards"))],
     )
-    def test_every_optimum_is_proved_at_once(self, board: Problem, count: int, orders: int) -> None:
+    def test_every_optimum_is_proved_at_once(self, board, count, orders):
         """With several orders among them, in seconds."""
         tasks = board.variants(1, count)
         begin_s = time.perf_counter()
@@ -171,14 +167,14 @@ class TestFamily:
         assert count == len({f"{result.cost:.9f}" for result in results})
 
     @pytest.mark.slow(reason="solves eight boards by boxes; one board by boxes in every run")
-    def test_the_chart_is_right_on_all_of_them(self, board: Problem) -> None:
+    def test_the_chart_is_right_on_all_of_them(self, board):
         """By boxes, which know starts and goals, the same optimum."""
         for task in board.variants(2, 8):
             by_boxes = solve(task, setup=Setup(collision=("aabb",)))
             assert by_boxes.cost == pytest.approx(solve(task).cost)
 
     @pytest.mark.slow(reason="grounds a family; another family in every run")
-    def test_one_whose_grasps_fail_has_a_family_too(self) -> None:
+    def test_one_whose_grasps_fail_has_a_family_too(self):
         """The probabilities stay."""
         changes = {"family.start_shift_m": "0.01"}
         problem = load_problem(CONFIGS / "inverter_grasps.yaml", changes=changes)
@@ -188,20 +184,20 @@ class TestFamily:
 
 
 class TestBadInput:
-    def test_a_file_without_the_block_has_none(self) -> None:
+    def test_a_file_without_the_block_has_none(self):
         """The message says what to write."""
         problem = load_problem(CONFIGS / "sensor_stack.yaml")
         with pytest.raises(OptionError, match=r"describes no family of layouts\. Give it a block"):
             problem.variants(0, 1)
 
-    def test_another_kind_has_none(self) -> None:
+    def test_another_kind_has_none(self):
         """In words."""
         problem = load_problem(CONFIGS / "swarmitfix_triangular.yaml")
         with pytest.raises(OptionError, match="kind 'swarmitfix' have no families of layouts"):
             problem.variants(0, 1)
 
     @pytest.mark.parametrize(("seed", "count"), [(-1, 1), (0, 0), (0, -3)])
-    def test_numbers_are_in_range(self, board: Problem, seed: int, count: int) -> None:
+    def test_numbers_are_in_range(self, board, seed, count):
         """A family of none is no family."""
         with pytest.raises(OptionError, match="seed >= 0 and count >= 1"):
             board.variants(seed, count)
@@ -216,9 +212,7 @@ class TestBadInput:
             ({"family": "0.05"}, "family: must be a mapping"),
         ],
     )
-    def test_lengths_are_in_range_and_something_moves(
-        self, changes: dict[str, Any], message: str
-    ) -> None:
+    def test_lengths_are_in_range_and_something_moves(self, changes, message):
         """One line each."""
         with pytest.raises(TaskError) as caught:
             load_problem(BOARD, changes=changes)

@@ -58,9 +58,7 @@ def check(path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return out
 
 
-def test_check_says_how_far_a_mesh_is_moved_and_how_to_keep_its_origin(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_says_how_far_a_mesh_is_moved_and_how_to_keep_its_origin(tmp_path, capsys):
     write_block(tmp_path, "lever.obj", [-10, -10, 0], [13, 10, 76])
     path = write_board(tmp_path, [{"file": "lever.obj", "scale": 0.001}])
     (line,) = [line for line in check(path, capsys).splitlines() if line.startswith("mesh ")]
@@ -74,15 +72,13 @@ def test_check_says_how_far_a_mesh_is_moved_and_how_to_keep_its_origin(
     assert "meshes" not in json.loads(check(kept, capsys, "--format", "json"))
 
 
-def test_nothing_is_said_of_a_mesh_that_stands_centred_on_its_origin(tmp_path: Path) -> None:
+def test_nothing_is_said_of_a_mesh_that_stands_centred_on_its_origin(tmp_path):
     write_block(tmp_path, "lever.obj", [-10, -5, 0], [10, 5, 8])
     problem = load_problem(write_board(tmp_path, [{"file": "lever.obj", "scale": 0.001}]))
     assert "meshes" not in problem.domain.overview(problem.config).document
 
 
-def test_a_height_that_is_moved_cannot_be_kept_and_heights_count_from_the_bottom(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_height_that_is_moved_cannot_be_kept_and_heights_count_from_the_bottom(tmp_path, capsys):
     write_block(tmp_path, "lever.obj", [-10, -5, -4], [10, 5, 4])
     path = write_board(tmp_path, [{"file": "lever.obj", "scale": 0.001}])
     assert "'lever.obj' is moved by 0 0 4 mm, as heights count from the part's bottom" in " ".join(
@@ -94,9 +90,7 @@ def test_a_height_that_is_moved_cannot_be_kept_and_heights_count_from_the_bottom
     low_mm=st.lists(st.floats(-50, 50), min_size=3, max_size=3),
     size_mm=st.lists(st.floats(5, 60), min_size=3, max_size=3),
 )
-def test_centre_m_as_printed_keeps_the_origin(
-    tmp_path_factory: pytest.TempPathFactory, low_mm: list[float], size_mm: list[float]
-) -> None:
+def test_centre_m_as_printed_keeps_the_origin(tmp_path_factory, low_mm, size_mm):
     """In plan; the bottom is that of the part."""
     folder = tmp_path_factory.mktemp("meshes")
     high_mm = [low + size for low, size in zip(low_mm, size_mm, strict=True)]
@@ -120,7 +114,7 @@ def test_centre_m_as_printed_keeps_the_origin(
         assert low_m == pytest.approx(expected, abs=2e-6)
 
 
-def test_meshes_of_one_part_keep_their_places_to_each_other(tmp_path: Path) -> None:
+def test_meshes_of_one_part_keep_their_places_to_each_other(tmp_path):
     """As a CAD program has them: a post on a plate, high above its origin."""
     write_block(tmp_path, "plate.obj", [0, 0, 30], [40, 20, 34])
     write_block(tmp_path, "post.obj", [0, 0, 34], [10, 20, 50])
@@ -131,7 +125,7 @@ def test_meshes_of_one_part_keep_their_places_to_each_other(tmp_path: Path) -> N
     assert moved[1]["moved_mm"] == [-5.0, -10.0, -34.0]
 
 
-def test_an_overlap_of_a_moved_mesh_says_that_it_was_moved(tmp_path: Path) -> None:
+def test_an_overlap_of_a_moved_mesh_says_that_it_was_moved(tmp_path):
     """The lever ends where the wall begins, in the frame of the file."""
     write_block(tmp_path, "lever.obj", [-10, -10, 0], [13, 10, 76])
     wall = {

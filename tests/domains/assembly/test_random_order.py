@@ -22,7 +22,7 @@ def covers(count: int, pairs: int, seed: int = 0) -> set[tuple[str, str]]:
 
 
 @given(count=COUNTS, share=st.floats(0, 1), seed=st.integers(0, 2**64))
-def test_the_closure_holds_just_as_many_pairs(count: int, share: float, seed: int) -> None:
+def test_the_closure_holds_just_as_many_pairs(count, share, seed):
     """Any number from none to all, without a cycle, and nothing is said twice."""
     pairs = round(share * count * (count - 1) / 2)
     right_after = covers(count, pairs, seed)
@@ -32,14 +32,14 @@ def test_the_closure_holds_just_as_many_pairs(count: int, share: float, seed: in
 
 
 @given(count=st.integers(2, 9), seed=st.integers(0, 2**64))
-def test_every_order_is_part_of_every_larger_one(count: int, seed: int) -> None:
+def test_every_order_is_part_of_every_larger_one(count, seed):
     """From no pair to all, one more at a time."""
     most = count * (count - 1) // 2
     orders = [closure(covers(count, pairs, seed)) for pairs in range(most + 1)]
     assert all(smaller < larger for smaller, larger in pairwise(orders))
 
 
-def test_any_two_elements_may_come_either_way_round() -> None:
+def test_any_two_elements_may_come_either_way_round():
     """No element is before another by its number; chains come up, and so do elements without."""
     drawn = [closure(covers(6, 5, seed)) for seed in range(200)]
     both_ways = {(str(a), str(b)) for a, b in combinations(range(6), 2)}
@@ -56,7 +56,7 @@ def _chains(pairs: set[tuple[str, str]]) -> list[set[str]]:
 
 
 @pytest.mark.parametrize(("count", "pairs"), [(0, 1), (3, 4), (3, -1)])
-def test_more_pairs_than_there_are_is_an_error(count: int, pairs: int) -> None:
+def test_more_pairs_than_there_are_is_an_error(count, pairs):
     """And so are fewer than none."""
     with pytest.raises(ValueError, match=f"{count} elements have from 0 to"):
         RandomOrder(count, random.random, pairs)

@@ -24,15 +24,15 @@ def failing(probability: float) -> dict[str, Any]:
 
 
 class TestTheDefault:
-    def test_is_every_skill_once_and_a_change_before_each(self) -> None:
+    def test_is_every_skill_once_and_a_change_before_each(self):
         """Six picks, six places, two screws; a swap before each of these eight, and a last one."""
         assert limit_of() == 6 + 6 + 2 + (8 + 1)
 
-    def test_counts_two_skills_a_change_where_tools_are_returned_first(self) -> None:
+    def test_counts_two_skills_a_change_where_tools_are_returned_first(self):
         """Offload and load."""
         assert limit_of(tool_change={"style": "separate"}) == 6 + 6 + 2 + 2 * (8 + 1)
 
-    def test_has_one_change_where_there_is_one_tool(self) -> None:
+    def test_has_one_change_where_there_is_one_tool(self):
         """Which may have to be attached first."""
         content = config_content(BOARD)
         content = {k: v for k, v in content.items() if k not in ("chart", "actions", "observation")}
@@ -41,16 +41,16 @@ class TestTheDefault:
         assert assembly(content).step_limit == 6 + 6 + 1
 
     @pytest.mark.parametrize(("probability", "tries"), [(0.05, 3), (0.1, 3), (0.5, 10)])
-    def test_has_room_for_grasps_that_fail(self, probability: float, tries: int) -> None:
+    def test_has_room_for_grasps_that_fail(self, probability, tries):
         """So many tries that the part is left lying once in 1,000 times at most."""
         assert limit_of(parts=failing(probability)) == limit_of() + tries - 1
         assert probability**tries <= 1e-3 * (1 + 1e-9) < probability ** (tries - 1)
 
-    def test_is_never_more_than_a_file_may_give(self) -> None:
+    def test_is_never_more_than_a_file_may_give(self):
         """However hopeless a grasp is."""
         assert limit_of(parts=failing(1 - 1e-9)) == MOST_STEPS
 
 
-def test_a_given_limit_holds(board_task) -> None:
+def test_a_given_limit_holds(board_task):
     """The default is for files that say none."""
     assert board_task.step_limit == 20

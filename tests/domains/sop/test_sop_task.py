@@ -77,14 +77,14 @@ class TestSopDomain(DomainSuite):
 
 
 class TestInstances:
-    def test_all_given_are_there(self) -> None:
+    def test_all_given_are_there(self):
         """A file for each line of the table, and an order for each file."""
         names = {path.name.removesuffix(".sop") for path in FOLDER.glob("*.sop")}
         assert names == set(BEST_KNOWN) == set(PAIRS)
         assert 20 == len(names)
 
     @pytest.mark.parametrize("name", BEST_KNOWN)
-    def test_it_has_the_published_size_and_order(self, name: str) -> None:
+    def test_it_has_the_published_size_and_order(self, name):
         """As many nodes as the table says, a skill for each but the first."""
         problem = instance(name)
         n = int(BEST_KNOWN[name]["n"])
@@ -95,9 +95,7 @@ class TestInstances:
         assert n - 1 == problem.task.step_limit == len(problem.task.operations)
 
     @pytest.mark.parametrize("name", BEST_KNOWN)
-    def test_an_order_that_respects_it_is_a_plan_of_no_less_than_the_best_known(
-        self, name: str
-    ) -> None:
+    def test_an_order_that_respects_it_is_a_plan_of_no_less_than_the_best_known(self, name):
         """Its cost is the sum of the matrix along the way."""
         problem = instance(name)
         costs = problem.config.costs  # type: ignore[attr-defined]
@@ -116,13 +114,13 @@ class TestInstances:
             ),
         ],
     )
-    def test_exact_search_proves_the_optimum_of_small_ones(self, name: str, cost: int) -> None:
+    def test_exact_search_proves_the_optimum_of_small_ones(self, name, cost):
         """The published one."""
         result = solve(instance(name).task, "exact")
         assert (Status.OPTIMAL, cost) == (result.status, result.cost)
         assert str(cost) == BEST_KNOWN[name]["best_known"]
 
-    def test_the_shipped_ones_are_published_ones(self) -> None:
+    def test_the_shipped_ones_are_published_ones(self):
         """To the letter."""
         shipped = sorted(CONFIGS.glob("*.sop"))
         assert ["ESC12.sop", "br17.10.sop"] == [path.name for path in shipped]
@@ -131,12 +129,12 @@ class TestInstances:
 
 
 class TestTask:
-    def test_weights_have_no_unit_and_no_decimals(self) -> None:
+    def test_weights_have_no_unit_and_no_decimals(self):
         """They are whole numbers of nobody knows what."""
         task = task_of(open_costs(4))
         assert ("12", "weight") == (task.cost_text(12.0), task.metric.heading)
 
-    def test_facts_say_what_is_visited_and_where_one_stands(self) -> None:
+    def test_facts_say_what_is_visited_and_where_one_stands(self):
         """One stands at one node; at the start at node 0."""
         task = task_of(open_costs(3))
         names = ("at(0)", "at(1)", "at(2)", "visited(1)", "visited(2)")
@@ -144,7 +142,7 @@ class TestTask:
         assert ["at(0)"] == list(task.initial)
         assert ["at(1)", "visited(1)"] == list(task.skills[0].prediction.apply(task.initial))
 
-    def test_a_skill_needs_only_what_comes_right_before(self) -> None:
+    def test_a_skill_needs_only_what_comes_right_before(self):
         """The rest follows; what the rows leave out as implied is implied."""
         costs = open_costs(5)
         costs[2][1] = costs[3][2] = -1
@@ -154,7 +152,7 @@ class TestTask:
             needed = [list(s.precondition.requires) for s in task_of(given_costs).skills]
             assert [[], ["visited(1)"], ["visited(2)"], ["visited(3)"]] == needed
 
-    def test_a_cost_is_looked_up_in_the_row_of_where_one_stands(self) -> None:
+    def test_a_cost_is_looked_up_in_the_row_of_where_one_stands(self):
         """And there is none from where one cannot come."""
         costs = open_costs(5)
         costs[2][1] = costs[3][2] = -1
@@ -165,7 +163,7 @@ class TestTask:
         for node in (0, 1, 3, 4):
             assert float("inf") == to_3.at(task.facts.of(f"at({node})"))
 
-    def test_the_chart_derived_is_the_order(self) -> None:
+    def test_the_chart_derived_is_the_order(self):
         """By asking what each skill needs."""
         problem = instance("ESC07")
         order = NodeOrder(problem.config.costs)  # type: ignore[attr-defined]
@@ -181,7 +179,7 @@ class TestTask:
         assert [] == [*chart.conditional, *chart.undecided, *chart.impossible]
 
     @given(st.integers(3, 6), st.data())
-    def test_plans_are_the_paths_that_keep_the_order(self, n: int, data: st.DataObject) -> None:
+    def test_plans_are_the_paths_that_keep_the_order(self, n, data):
         """Enumerated from the matrix itself; the cheapest is what exact search proves."""
         costs = open_costs(n)
         for i in range(2, n - 1):
@@ -201,7 +199,7 @@ class TestTask:
                 best = min(best, done.cost)
         assert best == solve(task, "exact").cost
 
-    def test_the_last_node_is_reached_last(self) -> None:
+    def test_the_last_node_is_reached_last(self):
         """Wherever it can be visited, all others have been."""
         task = task_of(open_costs(5))
         model = make_model(task)
@@ -211,7 +209,7 @@ class TestTask:
 
 
 class TestYaml:
-    def test_the_same_matrix_in_yaml_is_the_same_task(self, tmp_path: Path) -> None:
+    def test_the_same_matrix_in_yaml_is_the_same_task(self, tmp_path):
         """To the hash, as comments do not count."""
         there = instance("ESC07")
         rows = "".join(f"- {row}\n" for row in there.config.costs)  # type: ignore[attr-defined]
@@ -222,7 +220,7 @@ class TestYaml:
     @pytest.mark.slow(
         reason="a process; the shipped schemas of every run are those of the reference"
     )
-    def test_the_shipped_schema_is_the_printed_one(self) -> None:
+    def test_the_shipped_schema_is_the_printed_one(self):
         """Editors know what a file may hold, and how large its numbers may be."""
         command = [sys.executable, "-m", "skillplan", "schema", "sop"]
         printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -250,9 +248,7 @@ class TestYaml:
             ),
         ],
     )
-    def test_a_faulty_matrix_is_told_by_its_entry(
-        self, tmp_path: Path, costs: str, said: str
-    ) -> None:
+    def test_a_faulty_matrix_is_told_by_its_entry(self, tmp_path, costs, said):
         """Where it stands in the YAML."""
         path = tmp_path / "small.yaml"
         path.write_text(f"kind: sop\nname: small\ncosts: {costs}\n")
@@ -260,7 +256,7 @@ class TestYaml:
             load_problem(path)
         assert [f"{path}:{said}"] == caught.value.lines()
 
-    def test_a_name_of_other_characters_is_refused(self, tmp_path: Path) -> None:
+    def test_a_name_of_other_characters_is_refused(self, tmp_path):
         """With what a name may have."""
         path = tmp_path / "small.yaml"
         path.write_text("kind: sop\nname: a b\ncosts: [[0, 1], [-1, 0]]\n")
@@ -269,16 +265,14 @@ class TestYaml:
 
 
 class TestNodeOrder:
-    def test_a_circle_is_named_from_its_lowest_node(self) -> None:
+    def test_a_circle_is_named_from_its_lowest_node(self):
         """Each before the next; what only follows it is left out."""
         costs = open_costs(7)
         costs[2][4] = costs[4][3] = costs[3][2] = costs[5][2] = -1
         assert (2, 3, 4) == NodeOrder(costs).cycle
 
     @given(st.permutations(range(1, 9)), st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7))))
-    def test_closing_and_reducing_undo_each_other(
-        self, labels: list[int], pairs: set[tuple[int, int]]
-    ) -> None:
+    def test_closing_and_reducing_undo_each_other(self, labels, pairs):
         """The reduction of an order has the same closure, and the closure the same reduction."""
         costs = open_costs(10)
         for a, b in pairs:
@@ -299,7 +293,7 @@ class TestNodeOrder:
 
 
 @pytest.mark.slow(reason="a process; the board needs none in every run")
-def test_a_sop_file_needs_no_arrays() -> None:
+def test_a_sop_file_needs_no_arrays():
     """Reading, grounding and searching a small one import no numerics."""
     path = FOLDER / "ESC07.sop"
     code = (

@@ -87,11 +87,11 @@ class TestForms:
             "\t".join(BARE.split()),
         ],
     )
-    def test_a_matrix_reads_the_same_however_it_is_written(self, text: str) -> None:
+    def test_a_matrix_reads_the_same_however_it_is_written(self, text):
         """With a header or bare, the dimension before it or not, wrapped anywhere."""
         assert COSTS == read(text)["costs"]
 
-    def test_the_header_names_and_describes(self) -> None:
+    def test_the_header_names_and_describes(self):
         """Without its suffix; of several comments, all."""
         text = spoilt("DIMENSION", "COMMENT: and more\nCOMMENT:\nDIMENSION")
         data = read(text)
@@ -101,16 +101,16 @@ class TestForms:
         ("name", "shown"),
         [("br17.10.sop", "br17.10"), ("my matrix (2)", "my_matrix_2_"), ("", "x"), ("...", "x")],
     )
-    def test_a_name_is_made_of_what_names_are_made_of(self, name: str, shown: str) -> None:
+    def test_a_name_is_made_of_what_names_are_made_of(self, name, shown):
         """Where nothing is left, the file's own."""
         document = read_tsplib(spoilt("small.sop", name), "folder/x.sop")
         assert shown == document.data["name"]
 
-    def test_a_bare_matrix_is_called_after_its_file(self) -> None:
+    def test_a_bare_matrix_is_called_after_its_file(self):
         """As it has no name of its own."""
         assert "ft53.1" == read_tsplib(BARE, "tsplib/ft53.1.sop").data["name"]
 
-    def test_a_diagonal_entry_that_equals_the_dimension_is_one(self) -> None:
+    def test_a_diagonal_entry_that_equals_the_dimension_is_one(self):
         """Where every row has a line of its own."""
         assert 4 == read(spoilt(" 0  2", " 4  2", BARE))["costs"][0][0]
 
@@ -320,9 +320,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("text", "said"), CASES.values(), ids=CASES)
-def test_a_malformed_file_is_one_clear_message(
-    tmp_path: Path, text: str | bytes, said: str
-) -> None:
+def test_a_malformed_file_is_one_clear_message(tmp_path, text, said):
     """Where, what, and what instead."""
     assert [said] == faults(tmp_path, text)
 
@@ -331,9 +329,7 @@ def test_a_malformed_file_is_one_clear_message(
     "most",
     [3, pytest.param(2000, marks=pytest.mark.slow(reason="four million numbers; 16 in every run"))],
 )
-def test_too_many_nodes_are_one_clear_message(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
-) -> None:
+def test_too_many_nodes_are_one_clear_message(tmp_path, monkeypatch, most):
     """Said before anything is made of the numbers; a lower limit is put in its place."""
     assert most in (3, tsplib_file.MOST_NODES)
     monkeypatch.setattr(tsplib_file, "MOST_NODES", most)
@@ -342,7 +338,7 @@ def test_too_many_nodes_are_one_clear_message(
     assert [said] == faults(tmp_path, "0 " * n**2)
 
 
-def test_several_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_several_faults_are_told_at_once(tmp_path):
     """In the order of their lines."""
     text = spoilt("DIMENSION", "DIMENTION", spoilt("TYPE: SOP", "TYPE: TSP"))
     places = [line.partition(" ")[0] for line in faults(tmp_path, text)]
@@ -350,7 +346,7 @@ def test_several_faults_are_told_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", BEST_KNOWN)
-def test_a_published_file_reads_alike_in_every_form(name: str) -> None:
+def test_a_published_file_reads_alike_in_every_form(name):
     """Also bare, and wrapped at random."""
     costs = instance(name).config.costs  # type: ignore[attr-defined]
     numbers = instance_text(name).partition("EDGE_WEIGHT_SECTION")[2].removesuffix("EOF\n").split()
@@ -376,9 +372,7 @@ def matrices(draw: st.DrawFn) -> list[list[int]]:
 
 
 @given(matrices(), st.booleans(), st.booleans())
-def test_what_is_written_in_either_form_reads_back(
-    costs: list[list[int]], header: bool, dimension: bool
-) -> None:
+def test_what_is_written_in_either_form_reads_back(costs, header, dimension):
     """Any square matrix whose order has no circle, and it is a task."""
     text = tsplib_text(costs, header=header, dimension=dimension)
     document = read_tsplib(text, "any.sop")
@@ -402,7 +396,7 @@ def test_what_is_written_in_either_form_reads_back(
         st.lists(st.sampled_from(SMALL.splitlines()), max_size=16).map("\n".join),
     )
 )
-def test_no_text_raises_anything_but_task_errors(text: str) -> None:
+def test_no_text_raises_anything_but_task_errors(text):
     """Whatever stands there is a task, or is refused in words with a place in the file."""
     domain = SopDomain()
     try:
@@ -419,7 +413,7 @@ def test_no_text_raises_anything_but_task_errors(text: str) -> None:
 
 
 @pytest.mark.slow(reason="a file of many nodes; small ones in every run")
-def test_a_large_file_is_read_and_grounded_at_once(tmp_path: Path) -> None:
+def test_a_large_file_is_read_and_grounded_at_once(tmp_path):
     """380 nodes, as the largest of TSPLIB has: about 0.1 s; the limit leaves room for noise."""
     draw = random.Random(0)
     n = 380

@@ -55,9 +55,7 @@ def model_on(board: BoardGenerator, folder: Path) -> SkillModel:
 
 @settings(max_examples=examples(12))
 @given(board=BOARDS)
-def test_it_costs_what_the_best_policy_of_all_states_does(
-    board: BoardGenerator, tmp_path_factory: Any
-) -> None:
+def test_it_costs_what_the_best_policy_of_all_states_does(board, tmp_path_factory):
     """And following it costs what it claims; also where most grasps fail."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
     values = JobValues(model, 1_000, Stop())
@@ -67,7 +65,7 @@ def test_it_costs_what_the_best_policy_of_all_states_does(
     assert evaluate_policy(model, values.get).cost == pytest.approx(values.cost, abs=1e-9)
 
 
-def test_the_board_with_failing_grasps_is_proved() -> None:
+def test_the_board_with_failing_grasps_is_proved():
     """Where replanning is 0.2 % above."""
     task = load_problem(CONFIGS / "inverter_grasps.yaml").task
     result = solve(task, "job-values")
@@ -76,7 +74,7 @@ def test_the_board_with_failing_grasps_is_proved() -> None:
     assert result.trace["sets"] == 49
 
 
-def test_a_board_of_762_750_states_is_proved_in_a_moment(tmp_path: Path) -> None:
+def test_a_board_of_762_750_states_is_proved_in_a_moment(tmp_path):
     """At 18.16390 m, as value iteration did in two minutes."""
     board = BoardGenerator(20, 0.1, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
     model = model_on(board, tmp_path)
@@ -88,7 +86,7 @@ def test_a_board_of_762_750_states_is_proved_in_a_moment(tmp_path: Path) -> None
     assert found.trace["sets"] == 33_920
 
 
-def test_without_failures_values_are_least_costs() -> None:
+def test_without_failures_values_are_least_costs():
     """Two jobs in any order: the cheaper way round."""
     costs = np.array([[np.inf, 5.0], [2.0, np.inf], [1.0, 3.0]])
     ways = Ways(costs, np.zeros(2), np.ones(2), ((), ()))
@@ -98,7 +96,7 @@ def test_without_failures_values_are_least_costs() -> None:
     assert after[1][1, 1] == 2.0
 
 
-def test_a_job_that_often_fails_is_tried_again_or_put_off() -> None:
+def test_a_job_that_often_fails_is_tried_again_or_put_off():
     """Half of the tries fail: with nothing else to do two on average, at 1 each, then 4."""
     # Job 1 is done; job 0 is left, begun from there or from where it was missed.
     costs = np.array([[np.inf, np.inf], [1.0, np.inf], [1.0, 9.0], [np.inf, 1.0]])
@@ -108,7 +106,7 @@ def test_a_job_that_often_fails_is_tried_again_or_put_off() -> None:
     assert after[1][list(layers[1]).index(2), 1] == pytest.approx(6.0)
 
 
-def test_what_it_does_not_serve_is_refused_in_words(tmp_path: Path) -> None:
+def test_what_it_does_not_serve_is_refused_in_words(tmp_path):
     model = model_on(BoardGenerator(4, 0.0, 1, 1, failures=(0.1, 0.4), failing_share=0.5), tmp_path)
     few = JobValuesSolver(JobValuesSolver.Options(sets=15))
     assert "more than 15 sets of jobs may be done; take replan" in str(few.refuses(model))
@@ -120,7 +118,7 @@ def test_what_it_does_not_serve_is_refused_in_words(tmp_path: Path) -> None:
     assert "it cannot be tried again; take value-iteration" in str(JobValuesSolver().refuses(lost))
 
 
-def test_what_is_done_between_jobs_may_not_fail(tmp_path: Path) -> None:
+def test_what_is_done_between_jobs_may_not_fail(tmp_path):
     """A tool change that fails leaves open what to do instead."""
     model = model_on(BoardGenerator(3, 0.0, 2, 1, failures=(0.3, 0.3), failing_share=1.0), tmp_path)
     task = model.task

@@ -166,9 +166,7 @@ def load(document: dict[str, Any], folder: Path) -> Any:
 )
 @settings(max_examples=examples(20))
 @given(document=BOARDS)
-def test_every_solver_is_right_or_proves_nothing(
-    document: dict[str, Any], tmp_path_factory: Any
-) -> None:
+def test_every_solver_is_right_or_proves_nothing(document, tmp_path_factory):
     """And the referee, by its own sweeps, believes none that is wrong."""
     task = load(document, tmp_path_factory.mktemp("board"))
     least = float(exact_least_cost(make_model(task)))
@@ -184,9 +182,7 @@ def test_every_solver_is_right_or_proves_nothing(
 
 @pytest.mark.parametrize("solver", ["auto", "job-values", "value-iteration", "policy-iteration"])
 @pytest.mark.parametrize("failure", NEAR_ONE)
-def test_up_to_one_in_a_billion_the_optimum_is_proved(
-    solver: str, failure: float, tmp_path: Path
-) -> None:
+def test_up_to_one_in_a_billion_the_optimum_is_proved(solver, failure, tmp_path):
     task = load(board([failure, 0.5], "time", [0, 3], charted=True), tmp_path)
     result = solve(task, solver)
     least = float(exact_least_cost(make_model(task)))
@@ -195,7 +191,7 @@ def test_up_to_one_in_a_billion_the_optimum_is_proved(
 
 
 @pytest.mark.parametrize("failure", [1 - 1e-10, 1 - 1e-12, 1 - 1e-16, 1.0, 1.5, float("nan")])
-def test_failures_beyond_are_refused_with_file_and_line(failure: float, tmp_path: Path) -> None:
+def test_failures_beyond_are_refused_with_file_and_line(failure, tmp_path):
     with pytest.raises(TaskError) as refused:
         load(board([failure, 0.0], "time", [0, 3], charted=True), tmp_path)
     assert "board.yaml:" in str(refused.value)

@@ -70,9 +70,7 @@ def met_by_chance(model: SkillModel, seed: int) -> list[State]:
 
 @settings(max_examples=examples(12))
 @given(board=BOARDS, seed=st.integers(0, 100))
-def test_it_knows_what_a_search_from_any_state_finds(
-    board: BoardGenerator, seed: int, tmp_path_factory: Any
-) -> None:
+def test_it_knows_what_a_search_from_any_state_finds(board, seed, tmp_path_factory):
     """Also after a miss, with a part in hand, and with any tool."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
     certain = retried(model.task)
@@ -87,9 +85,7 @@ def test_it_knows_what_a_search_from_any_state_finds(
 
 @settings(max_examples=examples(6))
 @given(board=BOARDS)
-def test_replanning_is_the_same_with_it_and_without(
-    board: BoardGenerator, tmp_path_factory: Any
-) -> None:
+def test_replanning_is_the_same_with_it_and_without(board, tmp_path_factory):
     """Plan, bound and expected cost, with no more searching."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
     found = [
@@ -105,7 +101,7 @@ def test_replanning_is_the_same_with_it_and_without(
     assert ahead.trace["expanded"] <= plain.trace["expanded"]
 
 
-def test_a_board_beyond_tables_is_planned_and_bounded_in_a_moment(tmp_path: Path) -> None:
+def test_a_board_beyond_tables_is_planned_and_bounded_in_a_moment(tmp_path):
     """20 parts, some hundred thousand states: bound, plan and replanning within 3 %."""
     board = BoardGenerator(20, 0.2, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
     model = model_on(board, tmp_path)
@@ -120,7 +116,7 @@ def test_a_board_beyond_tables_is_planned_and_bounded_in_a_moment(tmp_path: Path
 
 
 @given(needs=NEEDS)
-def test_sets_hold_with_every_job_what_it_needs(needs: tuple[int, ...]) -> None:
+def test_sets_hold_with_every_job_what_it_needs(needs):
     everything = range(1 << len(needs))
     wanted = {
         one
@@ -135,7 +131,7 @@ def test_sets_hold_with_every_job_what_it_needs(needs: tuple[int, ...]) -> None:
 
 
 @given(needs=NEEDS, seed=st.integers(0, 1_000))
-def test_what_is_to_pay_is_the_least_of_all_orders(needs: tuple[int, ...], seed: int) -> None:
+def test_what_is_to_pay_is_the_least_of_all_orders(needs, seed):
     count = len(needs)
     costs = np.random.default_rng(seed).uniform(0, 1, (count, count))
     costs[np.random.default_rng(seed).random((count, count)) < 0.2] = np.inf
@@ -161,7 +157,7 @@ def least(done: int, last: int, needs: tuple[int, ...], costs: Any) -> float:
     return found
 
 
-def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path: Path) -> None:
+def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path):
     task = retry_task(0.25, 2.0)
     assert orders_ahead(model_of(task), retried(task), 0, Stop()) is None
     facts = Facts(("one", "two"))
@@ -178,7 +174,7 @@ def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path: Pat
     assert OrdersAhead(certain, 16, Stop()).sets == 16
 
 
-def test_what_verdicts_rest_on_is_noted_for_the_proof(tmp_path: Path) -> None:
+def test_what_verdicts_rest_on_is_noted_for_the_proof(tmp_path):
     """The order of jobs rests on verdicts, and so does a bound that is worked out with it."""
     board = BoardGenerator(5, 0.5, 1, 1, failures=(0.1, 0.4), failing_share=0.5)
     model = model_on(board, tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 from hypothesis import given, settings
@@ -18,7 +18,7 @@ from skillplan.model import evaluate_policy, least_expected_cost
 from skillplan.pipeline import load_problem, make_model
 from skillplan.solvers import Stop
 from skillplan.solvers.chance import AdaptiveSearch, ReplanSolver, relaxed, retried, why_not_retried
-from skillplan.task import CaseCost, Facts, Task
+from skillplan.task import CaseCost, Facts
 from skillplan.testing import SolverSuite
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -38,7 +38,7 @@ class TestReplanSolver(SolverSuite):
 
 
 @pytest.fixture
-def board(tmp_path: Path) -> Task:
+def board(tmp_path):
     """Return eight parts in almost any order, four of which may be missed."""
     path = tmp_path / "board.yaml"
     text = BoardGenerator(8, 0.1, 2, 3, failures=(0.1, 0.4), failing_share=0.5).text()
@@ -48,9 +48,7 @@ def board(tmp_path: Path) -> Task:
 
 @settings(max_examples=examples(8))
 @given(board=BOARDS)
-def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(
-    board: BoardGenerator, tmp_path_factory: Any
-) -> None:
+def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(board, tmp_path_factory):
     """Bound <= optimum <= replanning with lookahead, and without it <= the first plan."""
     path = tmp_path_factory.mktemp("board") / "board.yaml"
     path.write_text(board.text(), "utf-8")
@@ -70,7 +68,7 @@ def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(
         assert not found.proved
 
 
-def test_after_a_miss_another_part_may_come_first() -> None:
+def test_after_a_miss_another_part_may_come_first():
     """On the inverter board: 0.2 % above the optimum, where the order of a plan is 2.5 % above."""
     model = make_model(load_problem(CONFIGS / "inverter_grasps.yaml").task)
     found = ReplanSolver().solve(model)
@@ -82,7 +80,7 @@ def test_after_a_miss_another_part_may_come_first() -> None:
     assert found.trace["expected_cost"]["roll_outs"] == 2_000
 
 
-def test_later_searches_live_on_earlier_ones(board: Task) -> None:
+def test_later_searches_live_on_earlier_ones(board):
     """From wherever a grasp may fail: half the states that searches from there alone expand."""
     model = make_model(board)
     search = AdaptiveSearch(model, retried(board), Stop(), 100_000)
@@ -102,14 +100,14 @@ def test_later_searches_live_on_earlier_ones(board: Task) -> None:
     assert search.expanded - first < alone / 2
 
 
-def test_a_plan_costs_what_following_it_without_replanning_does() -> None:
+def test_a_plan_costs_what_following_it_without_replanning_does():
     task = retry_task(0.25, 2.0)
     assert AdaptiveSearch(model_of(task), retried(task), Stop(), 100).cost(
         task.initial
     ) == pytest.approx(8.0)
 
 
-def test_what_cannot_be_tried_again_is_refused_in_words() -> None:
+def test_what_cannot_be_tried_again_is_refused_in_words():
     """Where a failure takes away what the skill needs."""
     facts = Facts(("whole", "done"))
     outcomes = [(0.5, ("done",), ()), (0.5, (), ("whole",))]
@@ -122,7 +120,7 @@ def test_what_cannot_be_tried_again_is_refused_in_words() -> None:
     assert refusal.startswith(why)
 
 
-def test_where_failing_saves_something_no_bound_is_claimed() -> None:
+def test_where_failing_saves_something_no_bound_is_claimed():
     """A miss that carries the arm for nothing to where the next skill is cheap."""
     facts = Facts(("near", "far", "first", "second"), (("near", "far"),))
     skills = [
@@ -157,7 +155,7 @@ def test_where_failing_saves_something_no_bound_is_claimed() -> None:
     assert least - 1e-9 <= cost < math.inf
 
 
-def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board: Task) -> None:
+def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board):
     """A bound by few labels is below that of a whole search; weight 1.2 costs 20 % more at most."""
     model = make_model(board)
     whole = ReplanSolver(ReplanSolver.Options(roll_outs=2)).solve(model)
@@ -172,7 +170,7 @@ def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board: T
     assert evaluate_policy(model, rough.policy.get).cost is not None
 
 
-def test_its_policy_answers_where_nothing_was_worked_out(board: Task) -> None:
+def test_its_policy_answers_where_nothing_was_worked_out(board):
     """With policy_states=0 a state is planned for where it is met, in the same way."""
     model = make_model(board)
     lazy = ReplanSolver(ReplanSolver.Options(policy_states=0, roll_outs=2)).solve(model)

@@ -42,7 +42,7 @@ pytestmark = pytest.mark.slow(reason="warms up, and searches three tasks, in a p
 
 
 @pytest.fixture(scope="module")
-def counts(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, int]]:
+def counts(tmp_path_factory):
     """How many types every kernel is compiled for, after warming up and after real searches."""
     board = tmp_path_factory.mktemp("boards") / "board.yaml"
     board.write_text(BoardGenerator(14, 0.2, 2).text("test"), "utf-8")
@@ -54,7 +54,7 @@ def counts(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, int]]:
     return found
 
 
-def test_every_kernel_that_python_calls_is_compiled(counts: list[dict[str, int]]) -> None:
+def test_every_kernel_that_python_calls_is_compiled(counts):
     """Kernels that only other kernels call are compiled into their callers."""
     called = {
         name: n
@@ -65,6 +65,6 @@ def test_every_kernel_that_python_calls_is_compiled(counts: list[dict[str, int]]
     assert set(called.values()) == {1}
 
 
-def test_real_searches_compile_nothing_more(counts: list[dict[str, int]]) -> None:
+def test_real_searches_compile_nothing_more(counts):
     """Costs of metres or whole numbers, sets of one word or two, start or none."""
     assert counts[0] == counts[1]
