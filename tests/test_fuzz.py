@@ -565,11 +565,7 @@ REQUIRED = {
 
 
 @many(400)
-@given(
-    command=st.sampled_from(sorted(REQUIRED)),
-    option=st.sampled_from(OPTIONS),
-    word=WORDS,
-)
+@given(command=st.sampled_from(sorted(REQUIRED)), option=st.sampled_from(OPTIONS), word=WORDS)
 def test_no_value_of_an_option_is_too_odd(small, command, option, word):
     """One option of a command line that is valid without it."""
     limit = SHORT.get(command, ())

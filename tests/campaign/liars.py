@@ -69,11 +69,7 @@ def solvers() -> dict[str, Act]:
     acts: dict[str, Act] = {
         name: (lambda solver, model, make=make: make()) for name, make in claims.items()
     }
-    return {
-        **acts,
-        "the end of the program": _leaving,
-        "the end of a generator": _interrupting,
-    }
+    return {**acts, "the end of the program": _leaving, "the end of a generator": _interrupting}
 
 
 def _solver_is_caught(act: Act) -> None:

@@ -147,8 +147,5 @@ def test_orders_that_can_be_carried_out_are_those_that_chart_and_choices_allow(s
 
 def test_conditions_are_made_as_weak_as_they_can_be():
     """A choice that was found by cases is told without them."""
-    cases = [
-        frozenset({("left", False)}),
-        frozenset({("left", True), ("right", False)}),
-    ]
+    cases = [frozenset({("left", False)}), frozenset({("left", True), ("right", False)})]
     assert set(simplest(cases)) == {frozenset({("left", False)}), frozenset({("right", False)})}

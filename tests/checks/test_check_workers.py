@@ -336,8 +336,7 @@ def wait_until_gone(processes):
 
 
 @pytest.mark.parametrize(
-    "end",
-    ["close", pytest.param("forget", marks=pytest.mark.slow(reason="closed in every run"))],
+    "end", ["close", pytest.param("forget", marks=pytest.mark.slow(reason="closed in every run"))]
 )
 def test_processes_end_when_nobody_needs_them_any_more(tmp_path, end):
     """When closed, or with what asked them; once closed, it may be asked again."""

@@ -57,10 +57,7 @@ def test_the_first_way_that_is_granted_is_taken():
     assert (free.is_feasible, free.evidence) == (True, {"way": "along +x"})
     closed = verdict_of(checks, "place(drawer)", holding(checks.task, "left"))
     assert closed.is_feasible
-    assert closed.evidence == {
-        "way": "along -x",
-        "refused": {"along +x": "runs into placed(left)"},
-    }
+    assert closed.evidence == {"way": "along -x", "refused": {"along +x": "runs into placed(left)"}}
 
 
 def test_it_rests_on_the_facts_of_all_ways_that_were_looked_at():

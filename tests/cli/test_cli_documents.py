@@ -36,10 +36,7 @@ def one_of(*values: Any) -> dict[str, Any]:
 
 
 POINT = {
-    "anyOf": [
-        {"type": "null"},
-        {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3},
-    ]
+    "anyOf": [{"type": "null"}, {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}]
 }
 TASK = record(name=TEXT, kind=one_of("assembly"), sha256=SHA256)
 STEP = record(
@@ -100,10 +97,7 @@ VERIFICATION = record(
     task=TASK,
     claims=many(
         record(
-            claim=TEXT,
-            outcome=one_of("holds", "fails", "not checked"),
-            detail=TEXT,
-            method=TEXT,
+            claim=TEXT, outcome=one_of("holds", "fails", "not checked"), detail=TEXT, method=TEXT
         )
     ),
     origin=ORIGIN,

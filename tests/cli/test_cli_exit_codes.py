@@ -188,10 +188,7 @@ class TestThree:
         assert 3 == outcome.code
         assert "Back end 'bursting' failed on pick(" in outcome.err
         assert "RuntimeError: the simulator has gone away" in outcome.err
-        assert (3, "BackEndError") == (
-            outcome.document["exit_code"],
-            outcome.document["error"],
-        )
+        assert (3, "BackEndError") == (outcome.document["exit_code"], outcome.document["error"])
 
     def test_a_bug_of_our_own_is_no_traceback(self, cli, board, monkeypatch):
         """It is owned up to, and the way to more is named; JSON stays one document."""

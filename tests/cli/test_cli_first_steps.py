@@ -95,10 +95,7 @@ def warm():
 class TestWarmUp:
     def test_it_tells_of_every_step_and_what_was_compiled(self, cli, monkeypatch):
         """Progress on stderr, one line on stdout."""
-        steps = [
-            ("this", lambda: kernels.notify("a")),
-            ("that", lambda: kernels.notify("b")),
-        ]
+        steps = [("this", lambda: kernels.notify("a")), ("that", lambda: kernels.notify("b"))]
         monkeypatch.setattr(warm_up, "warm_up_steps", lambda: iter(steps))
         outcome = cli("warm-up")
         assert 0 == outcome.code

@@ -22,10 +22,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
     "plugins": (("plugins", "collision"), len(registry.names("collision"))),
     "plugin-options": (("plugins", "collision", "aabb"), 2),
     "no-options": (("plugins", "solver", "exhaustive"), 0),
-    "unsolved": (
-        ("search-optimal", "MOTOR", "--solver", "exhaustive", "--time-limit", "0.05"),
-        0,
-    ),
+    "unsolved": (("search-optimal", "MOTOR", "--solver", "exhaustive", "--time-limit", "0.05"), 0),
 }
 every_command = pytest.mark.parametrize("command", COMMANDS)
 

@@ -189,8 +189,7 @@ def test_a_bench_figure_of_an_assembly_is_refused(cli, walk, board, figure):
 
 
 @pytest.mark.parametrize(
-    ("figure", "message"),
-    [("gantt", "has several"), ("policy", "no task of the file leads")],
+    ("figure", "message"), [("gantt", "has several"), ("policy", "no task of the file leads")]
 )
 def test_a_figure_of_one_base_does_not_fit_a_fleet(cli, walk, meet, figure, message):
     """Nothing is solved in vain."""

@@ -294,10 +294,7 @@ def test_nor_does_a_back_end_end_a_process_of_its_own(cli, board, faulty, raised
 
 ENDINGS = {
     "exit": ("import os; os._exit(0)", "exit code 0"),
-    "crash": (
-        "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
-        "signal 11 (SIGSEGV)",
-    ),
+    "crash": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "signal 11 (SIGSEGV)"),
 }
 
 

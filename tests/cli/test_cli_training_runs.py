@@ -144,8 +144,7 @@ class TestEvaluate:
         assert "policy.json: is damaged" in outcome.err
 
     @pytest.mark.parametrize(
-        "words",
-        [("--sequence", "0"), ("--policy", "x"), ("--from", "C1"), ("--part", "p")],
+        "words", [("--sequence", "0"), ("--policy", "x"), ("--from", "C1"), ("--part", "p")]
     )
     def test_what_a_task_takes_a_folder_does_not(self, cli, runs, words):
         outcome = cli("evaluate", str(runs), *words)

@@ -304,11 +304,7 @@ def test_a_horizontal_screw_is_pressed_on_what_is_behind_its_head():
 def test_a_screw_is_not_driven_through_what_lies_above_its_hole():
     """The screw itself is swept, not just the tool that drives it."""
     content = lid_content()
-    content["screws"]["screw"] = {
-        "tool": "screwdriver",
-        "hole_m": [0.5, 0.03],
-        "through": "box",
-    }
+    content["screws"]["screw"] = {"tool": "screwdriver", "hole_m": [0.5, 0.03], "through": "box"}
     del content["chart"]
     task = assembly(content)
     state = task.facts.of(

@@ -258,7 +258,7 @@ def test_a_policy_on_a_task_with_chance_that_steps_into_the_impossible_is_wrong(
             "try",
             forbids=("slipped",),
             outcomes=[(0.9, ("done",), ()), (0.1, ("slipped",), ())],
-        ),
+        )
     ]
     task = make_task(facts, skills, goal=("done",))
     policy = {facts.none: skills[0], facts.of("slipped"): skills[0]}

@@ -100,11 +100,7 @@ def test_steps_say_from_where_to_where_the_arm_goes(board_task):
     """Each starts where the one before ended, at safe height."""
     model = make_model(board_task, Setup(collision=("precedence",)))
     walked = replay(model, board_task.parse_sequence("0,1,13"))
-    assert [step.start[:2] for step in walked.steps] == [
-        (0.307, 0.0),
-        (0.345, 0.0),
-        (0.489, 0.0),
-    ]
+    assert [step.start[:2] for step in walked.steps] == [(0.307, 0.0), (0.345, 0.0), (0.489, 0.0)]
     assert walked.steps[1].goal == (0.489, 0.0, 0.0)
     assert walked.steps[0].cost == pytest.approx(0.345 - 0.307)
     # 3 s at the place and the way at 0.25 m/s.

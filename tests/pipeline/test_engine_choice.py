@@ -25,10 +25,7 @@ def install(monkeypatch):
 
 @pytest.mark.parametrize(
     ("installed", "expected"),
-    [
-        (("kinematic", "mujoco", "pybullet"), "pybullet"),
-        (("kinematic", "mujoco"), "mujoco"),
-    ],
+    [(("kinematic", "mujoco", "pybullet"), "pybullet"), (("kinematic", "mujoco"), "mujoco")],
 )
 def test_auto_is_pybullet_where_it_is_installed_else_mujoco(install, installed, expected):
     """A setup holds the name itself, so that results, tables and documents say it."""

@@ -271,13 +271,7 @@ class TestWhatItsSearchRestedOn:
         """A detector that names too few facts, or changes its mind, is found out."""
         name = stubborn(WALKS + "return Solution()")
         with pytest.raises(BackEndError, match=words):
-            solve(
-                lid_task(),
-                name,
-                asking(detector),
-                stop=Stop(time_limit_s=60),
-                audit=64,
-            )
+            solve(lid_task(), name, asking(detector), stop=Stop(time_limit_s=60), audit=64)
 
     @pytest.mark.slow(reason="waits for a process to be ended; one that ends in every run")
     def test_is_asked_again_where_it_was_ended(self, stubborn):

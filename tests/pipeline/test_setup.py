@@ -128,10 +128,7 @@ def test_a_back_end_that_the_command_line_names_tells_its_faults_with_their_line
 def test_a_back_end_that_the_file_chooses_tells_its_faults_too(made, path):
     """With the options that the file gives it."""
     path.write_text(TASK + "physics: {narrow: {opening_m: 0.01}}\n")
-    both = [
-        "7:3: parts.plate: 'plate' is too wide.",
-        "12:3: parts.pin: 'pin' is too wide.",
-    ]
+    both = ["7:3: parts.plate: 'plate' is too wide.", "12:3: parts.pin: 'pin' is too wide."]
     assert both == faults_of(path)
     assert both == faults_of(path, physics=["narrow"])
     assert made == ["narrow", "narrow"]

@@ -163,10 +163,7 @@ class TestStatus:
         whole = chain(heads, part(TWO), account=Account(bound_given=1.0))
         assert (1.0, False, "") == (whole.bound_given, whole.proved_by_level, whole.reason)
         document = whole.document()
-        assert (1.0, False) == (
-            document["bound_given_stages_before"],
-            document["proved_by_level"],
-        )
+        assert (1.0, False) == (document["bound_given_stages_before"], document["proved_by_level"])
 
     def test_ways_of_no_step_have_no_gap(self):
         whole = chain(part(base_task(42, 42)))

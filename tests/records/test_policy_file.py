@@ -132,11 +132,7 @@ class TestReading:
             read_policy(str(path), task)
 
     @pytest.mark.parametrize(
-        ("choices", "message"),
-        [
-            ({"at(C99)": "B1"}, r"at\(C99\)"),
-            ({"at(C1)": "B99"}, "B99"),
-        ],
+        ("choices", "message"), [({"at(C99)": "B1"}, r"at\(C99\)"), ({"at(C1)": "B99"}, "B99")]
     )
     def test_an_unknown_fact_or_skill_is_refused_with_the_file(
         self, choices, message, document, task, path

@@ -101,11 +101,7 @@ def test_the_document_has_the_steps(optimal):
     """As lists and numbers, a place that there is not as null."""
     document = optimal.document()
     assert "skillplan.result/1" == document["schema"]
-    assert (["pick(a)"], [3], 1) == (
-        document["skills"],
-        document["actions"],
-        document["makespan"],
-    )
+    assert (["pick(a)"], [3], 1) == (document["skills"], document["actions"], document["makespan"])
     (step,) = document["steps"]
     assert ([0.0, 0.0, 0.1], None) == (step["start"], step["goal"])
 

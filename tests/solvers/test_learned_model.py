@@ -135,12 +135,7 @@ def test_a_table_leaves_dead_ends_and_takes_the_least_mean_cost():
     for bit in (0.0, 1.0):
         counts.indices(np.array([[bit]], dtype=np.float32), np.ones((1, 3), dtype=np.bool_))
     table = OutcomeTable(counts, 0, 10)
-    for action, successor, cost in (
-        (0, 1, 0.0),
-        (1, 0, 1.0),
-        (1, GOAL, 1.0),
-        (2, GOAL, 3.0),
-    ):
+    for action, successor, cost in ((0, 1, 0.0), (1, 0, 1.0), (1, GOAL, 1.0), (2, GOAL, 3.0)):
         table.add(0, action, successor, cost)
     for action in range(3):
         table.add(1, action, 1, 0.0)

@@ -44,8 +44,7 @@ class TestNumbers:
 
     @settings(max_examples=examples(50))
     @given(
-        st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), max_size=60),
-        st.integers(0, 60),
+        st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), max_size=60), st.integers(0, 60)
     )
     def test_they_are_those_of_a_plain_dictionary_also_where_they_are_read_again(self, way, cut):
         counts, known = ObservationCounts(2, 12, ACTIONS), ({}, {})

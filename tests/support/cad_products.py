@@ -56,9 +56,7 @@ def moved(product: Product, matrix) -> Product:
             centre_m=tuple(turn @ part.centre_m),
             faces=tuple(
                 dataclasses.replace(
-                    face,
-                    origin_m=tuple(turn @ face.origin_m),
-                    axis=tuple(turn @ face.axis),
+                    face, origin_m=tuple(turn @ face.origin_m), axis=tuple(turn @ face.axis)
                 )
                 for face in part.faces
             ),

@@ -132,9 +132,7 @@ def strict_back_end(task, seed):
                 here = [name for name, holds in clause if holds]
                 gone = [name for name, holds in clause if not holds]
                 return Verdict.infeasible(
-                    "ruled out",
-                    task.facts.of(*present, *here),
-                    task.facts.of(*absent, *gone),
+                    "ruled out", task.facts.of(*present, *here), task.facts.of(*absent, *gone)
                 )
             (present if wrong[0] in state else absent).add(wrong[0])
         return Verdict.feasible(task.facts.of(*present), task.facts.of(*absent))

@@ -39,10 +39,7 @@ def drawer_task(**changes):
     return assembly(drawer_content(**changes))
 
 
-CLOSED = {
-    "place(drawer) along +x": ("placed(left)",),
-    "place(drawer) along -x": ("placed(right)",),
-}
+CLOSED = {"place(drawer) along +x": ("placed(left)",), "place(drawer) along -x": ("placed(right)",)}
 """What closes which direction: the stop that the drawer would have to go through."""
 
 

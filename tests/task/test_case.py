@@ -155,10 +155,7 @@ def test_exact_search_proves_a_walk():
 
 def test_a_place_beyond_a_gap_is_out_of_reach():
     gap = make_task(
-        FACTS,
-        [right(cases=(move(0, 1), move(2, 3)))],
-        initial=("at(0)",),
-        goal=("at(3)",),
+        FACTS, [right(cases=(move(0, 1), move(2, 3)))], initial=("at(0)",), goal=("at(3)",)
     )
     assert unreachable_facts(gap) == {"at(3)": "right needs at(2), which nothing brings about."}
 

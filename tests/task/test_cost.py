@@ -35,8 +35,7 @@ def motion(*routes):
 
 STRAIGHT = motion(((), (visit(3.0, 0.0, 9.0),)))
 BRANCHED = motion(
-    (("tool(a)",), (visit(3.0, 0.0), visit(3.0, 4.0))),
-    (("tool(b)",), (visit(0.0, 1.0),)),
+    (("tool(a)",), (visit(3.0, 0.0), visit(3.0, 4.0))), (("tool(b)",), (visit(0.0, 1.0),))
 )
 
 

@@ -31,11 +31,7 @@ def test_a_motion_goes_somewhere(routes):
 def test_the_first_route_that_fits_counts():
     """Later ones are for other states; where none fits that is said."""
     motion = Motion(
-        "arm",
-        (
-            Route(FACTS.of("tool(a)"), (THERE,)),
-            Route(FACTS.of("hand_free"), (HERE,)),
-        ),
+        "arm", (Route(FACTS.of("tool(a)"), (THERE,)), Route(FACTS.of("hand_free"), (HERE,)))
     )
     assert motion.visits(FACTS.of("tool(a)", "hand_free")) == (THERE,)
     assert motion.visits(FACTS.of("hand_free")) == (HERE,)

@@ -6,13 +6,7 @@ from skillplan.checks import DiskVerdictCache, VerdictCache
 from skillplan.pipeline import Setup, load_problem
 from skillplan.records import RunFolder
 from skillplan.sweep import StudyJob
-from skillplan.training import (
-    GROUP_RUNS,
-    GroupJob,
-    even_groups,
-    make_group_cache,
-    training_plan,
-)
+from skillplan.training import GROUP_RUNS, GroupJob, even_groups, make_group_cache, training_plan
 from training_situations import BOARD, a_plan, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner")

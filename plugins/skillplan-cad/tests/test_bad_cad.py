@@ -420,8 +420,7 @@ def damaged(content: bytes, seed: int) -> bytes:
         seed
         if seed in (0, 4)
         else pytest.param(
-            seed,
-            marks=pytest.mark.release(reason="starts OCCT for most seeds; two in every run"),
+            seed, marks=pytest.mark.release(reason="starts OCCT for most seeds; two in every run")
         )
         for seed in range(40)
     ],

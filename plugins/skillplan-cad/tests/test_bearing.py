@@ -119,13 +119,7 @@ def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(r
     assert not any("ram" in name for name in rammed.files)
 
 
-@pytest.mark.parametrize(
-    ("name", "left_out"),
-    [
-        ("floating", ["balloon"]),
-        ("l_slot", ["key"]),
-    ],
-)
+@pytest.mark.parametrize(("name", "left_out"), [("floating", ["balloon"]), ("l_slot", ["key"])])
 @pytest.mark.slow(reason="reads a product; what its fit holds is left out in every run")
 def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
     product, known = fixture(name), relation(name)

@@ -15,11 +15,7 @@ BOTH = {"body": "key", "key": "body"}
 
 @pytest.fixture(scope="module")
 def keyed():
-    solids = {
-        "body": L_TUNNEL,
-        "key": box(6, 6, 3, 14, 14, 9),
-        "lid": box(0, 0, 12, 40, 40, 14),
-    }
+    solids = {"body": L_TUNNEL, "key": box(6, 6, 3, 14, 14, 9), "lid": box(0, 0, 12, 40, 40, 14)}
     blocked = {"+x": BOTH, "+y": BOTH, "+z": {"body": "key lid", "key": "body lid"}}
     product = Product("keyed", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
     relation = relation_by_hand(solids, blocked, ["body key", "body lid"])

@@ -44,13 +44,7 @@ PRODUCTS = (
     "sensor_stack",
 )
 # Those of which every relation is executed in minutes.
-CHARTED = (
-    "battery_module",
-    "inverter_board",
-    "inverter_ur5e",
-    "relay_rail",
-    "sensor_stack",
-)
+CHARTED = ("battery_module", "inverter_board", "inverter_ur5e", "relay_rail", "sensor_stack")
 
 minutes = pytest.mark.release(
     reason="minutes of executions; plans of all boards in the whole suite"

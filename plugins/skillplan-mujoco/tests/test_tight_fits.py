@@ -73,12 +73,7 @@ def test_an_engine_refuses_a_file_with_a_fit_that_pieces_block(tmp_path, capfd, 
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
-    "outside_mm",
-    [
-        pytest.param(0.0, marks=WIDER),
-        pytest.param(0.45, marks=WIDER),
-        0.6,
-    ],
+    "outside_mm", [pytest.param(0.0, marks=WIDER), pytest.param(0.45, marks=WIDER), 0.6]
 )
 def test_an_engine_executes_what_it_does_not_refuse(tmp_path, engine, outside_mm):
     """In one order at least: pybullet has the frame exact where it stands, and the peg goes in."""

@@ -60,10 +60,7 @@ def test_blocks_side_by_side_do_not_bear_each_other():
 
 def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
     """A body whose centre is beside its foot tips on the table, too."""
-    shapes = (
-        Box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01)),
-        Box((0.2, 0.02, 0.02), (0.08, 0.0, 0.03)),
-    )
+    shapes = (Box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01)), Box((0.2, 0.02, 0.02), (0.08, 0.0, 0.03)))
     obstacles = [Obstacle("the table", None, (table(),))]
     for body, stays in (
         (Body("it", shapes[:1], (), 1.0), True),

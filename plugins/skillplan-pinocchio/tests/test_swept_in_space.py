@@ -122,12 +122,7 @@ def test_the_tip_follows_the_stretches_of_the_motion():
     assert [len(found.down), len(found.up)] == [2, 2]
     for path, (begin, end) in zip(
         (*found.down, *found.up),
-        [
-            motion.approach[:2],
-            motion.approach[1:],
-            motion.retreat[:2],
-            motion.retreat[1:],
-        ],
+        [motion.approach[:2], motion.approach[1:], motion.retreat[:2], motion.retreat[1:]],
         strict=True,
     ):
         for share in (0.0, 0.3, 0.5, 0.9, 1.0):

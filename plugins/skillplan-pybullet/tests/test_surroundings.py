@@ -24,10 +24,7 @@ from skillplan_simulation import (
 
 
 def everything(
-    self: Surroundings,
-    skill: Skill,
-    planned: Sequence[ArmMotion],
-    state: State,
+    self: Surroundings, skill: Skill, planned: Sequence[ArmMotion], state: State
 ) -> Neighbourhood:
     """Return all bodies that a state has on the table, however far off."""
     there = tuple(

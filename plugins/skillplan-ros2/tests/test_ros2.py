@@ -226,10 +226,7 @@ def refusal(handover: Handover) -> str:
 
 @pytest.mark.parametrize(
     ("config", "part", "plan"),
-    [
-        ("br17.10.sop", None, None),
-        ("swarmitfix_polygonal.yaml", "base-1", ("B2", "B2")),
-    ],
+    [("br17.10.sop", None, None), ("swarmitfix_polygonal.yaml", "base-1", ("B2", "B2"))],
 )
 def test_a_task_without_an_arm_is_refused_in_words(config, part, plan):
     """An order of TSPLIB has none, nor has a bench on which bases walk."""

@@ -117,11 +117,11 @@ class TestSupports:
     def test_the_workpiece_is_described(self, pentagon):
         """Five vertices, and as many straight segments, of which the lengths add up."""
         workpiece = pentagon.document["workpiece"]
-        assert (
-            workpiece["closed"],
-            len(workpiece["vertices"]),
-            len(workpiece["segments"]),
-        ) == (True, 5, 5)
+        assert (workpiece["closed"], len(workpiece["vertices"]), len(workpiece["segments"])) == (
+            True,
+            5,
+            5,
+        )
         total_m = sum(segment["length_m"] for segment in workpiece["segments"])
         assert workpiece["length_m"] == pytest.approx(total_m)
         assert workpiece["points_m"][0] == pytest.approx(workpiece["points_m"][-1])
@@ -176,10 +176,10 @@ class TestMachine:
 class TestFleet:
     def test_before_it_is_solved_only_bounds_are_known(self):
         made = account(job_of(robots=FLEET))
-        assert (
-            made.document["independent_bound_sum"],
-            made.document["independent_bound_max"],
-        ) == (4, 2)
+        assert (made.document["independent_bound_sum"], made.document["independent_bound_max"]) == (
+            4,
+            2,
+        )
         assert made.listings == ()
         assert made.makespan_s is None
 

@@ -156,8 +156,7 @@ def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken
 
 
 @pytest.mark.parametrize(
-    "actions",
-    [11, pytest.param(13, marks=pytest.mark.slow(reason="11 in every run"))],
+    "actions", [11, pytest.param(13, marks=pytest.mark.slow(reason="11 in every run"))]
 )
 def test_least_swings_are_those_of_the_shortest_ways(actions):
     bench = Bench(4, 7, 0.34, actions)

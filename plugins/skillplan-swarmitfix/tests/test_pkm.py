@@ -40,13 +40,7 @@ def planned_legs(row: dict[str, float]) -> list[float]:
 
 angles = st.floats(-math.pi, math.pi)
 poses = st.builds(
-    Pose6,
-    st.floats(-0.3, 0.3),
-    st.floats(-0.3, 0.3),
-    st.floats(0.1, 0.6),
-    angles,
-    angles,
-    angles,
+    Pose6, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.1, 0.6), angles, angles, angles
 )
 
 # A quarter of these poses are within reach of the legs; of poses at limits even fewer.

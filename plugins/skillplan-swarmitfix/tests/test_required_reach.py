@@ -41,10 +41,7 @@ def planar_legs_m(away_m: float, sheet_m: float = 0.848) -> tuple[float, float]:
     stretch_m = math.hypot(x_m, z_m)
     along = (x_m / stretch_m, z_m / stretch_m)
     leg_a_m = stretch_m - wrist_m
-    joint_b = (
-        leg_a_m * along[0] + 0.086 * along[1] - 0.18,
-        leg_a_m * along[1] - 0.086 * along[0],
-    )
+    joint_b = (leg_a_m * along[0] + 0.086 * along[1] - 0.18, leg_a_m * along[1] - 0.086 * along[0])
     return leg_a_m, math.hypot(*joint_b)
 
 

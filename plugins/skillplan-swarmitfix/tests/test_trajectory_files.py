@@ -398,10 +398,7 @@ class TestDxf:
         ("draw", "said"),
         [
             (
-                lambda space: (
-                    space.add_line((0, 0), (1, 0)),
-                    space.add_line((0, 5), (1, 5)),
-                ),
+                lambda space: (space.add_line((0, 0), (1, 0)), space.add_line((0, 5), (1, 5))),
                 "LINE #2F, LINE #30: There are 2 paths that do not meet",
             ),
             (

@@ -491,11 +491,7 @@ class TestFailures:
                     kind, *wrong, marks=pytest.mark.slow(reason="another break in every run")
                 )
                 for kind in ("usual", "counts", "no-plans")
-                for wrong in (
-                    ("network.0", np.nan),
-                    ("target.1", np.inf),
-                    ("adam.0.mean", -np.inf),
-                )
+                for wrong in (("network.0", np.nan), ("target.1", np.inf), ("adam.0.mean", -np.inf))
                 if (kind, wrong[0]) != ("usual", "network.0")
             ),
         ],
@@ -631,8 +627,7 @@ class TestGoingOn:
 
 class TestOptions:
     @pytest.mark.parametrize(
-        ("name", "values"),
-        [("exploration", ("epsilon", "count")), ("planning", (False, True))],
+        ("name", "values"), [("exploration", ("epsilon", "count")), ("planning", (False, True))]
     )
     def test_a_study_takes_all_values_of_an_option_that_may_be_null(self, name, values):
         assert read_space("dqn", [(name, "*")]).dimensions == (Choice(name, values),)

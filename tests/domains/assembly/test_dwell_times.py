@@ -142,10 +142,7 @@ def test_doubling_a_dwell_of_one_part_adds_exactly_that_to_the_least_cycle_time(
 
 @pytest.mark.parametrize(
     ("given_keys", "sha256"),
-    [
-        ({}, "8eb420633a83"),
-        ({"durations_s": {"fasten": 9.0}}, "7d810fd3a701"),
-    ],
+    [({}, "8eb420633a83"), ({"durations_s": {"fasten": 9.0}}, "7d810fd3a701")],
 )
 def test_a_file_without_the_later_keys_keeps_its_hash(given_keys, sha256):
     """So that results of earlier versions are still of the same task."""

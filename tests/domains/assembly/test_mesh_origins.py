@@ -14,14 +14,7 @@ from skillplan import load_problem
 from skillplan.cli import main
 from skillplan.errors import TaskError
 
-FACES = [
-    (1, 3, 4, 2),
-    (5, 6, 8, 7),
-    (1, 2, 6, 5),
-    (3, 7, 8, 4),
-    (1, 5, 7, 3),
-    (2, 4, 8, 6),
-]
+FACES = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
 
 
 def write_block(folder: Path, name: str, low_mm: list[float], high_mm: list[float]) -> None:

@@ -126,10 +126,7 @@ def test_with_three_numbers_a_part_is_where_they_say():
 def test_a_part_at_the_start_may_lie_anywhere_on_another():
     """On what start_on names at start_m, or at a height; then it has to go first."""
     tray = {"size_m": [0.2, 0.1, 0.01], "start_m": [0.3, 0.4], "goal_m": [0.7, 0.3]}
-    for given in (
-        {"start_on": "tray", "start_m": [0.35, 0.41]},
-        {"start_m": [0.35, 0.41, 0.01]},
-    ):
+    for given in ({"start_on": "tray", "start_m": [0.35, 0.41]}, {"start_m": [0.35, 0.41, 0.01]}):
         chip = {"size_m": [0.01, 0.01, 0.002], **given}
         config = config_of({"tray": tray, "chip": chip})
         assert [] == messages(config)

@@ -237,10 +237,7 @@ class TestYaml:
                 "[[0, 1, 2], [-1, 0], [-1, -1, 0]]",
                 "3:20: costs[1]: row 1 has 2 entries; in a matrix of 3 rows it has 3.",
             ),
-            (
-                "[[0, 1.5], [-1, 0]]",
-                "3:13: costs[0][1]: must be a whole number, not 1.5.",
-            ),
+            ("[[0, 1.5], [-1, 0]]", "3:13: costs[0][1]: must be a whole number, not 1.5."),
             (
                 "[[0, 1, 2, 3], [-1, 0, -1, 3], [-1, -1, 0, 3], [-1, -1, -1, 0]]",
                 "3:44: costs[2][1]: the order has a cycle: node 1 before 2 before 1. "

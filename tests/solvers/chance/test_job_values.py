@@ -136,7 +136,4 @@ def test_what_is_done_between_jobs_may_not_fail(tmp_path):
 
 
 def _failing(success: Any, failure: Any) -> tuple[Any, ...]:
-    return (
-        replace(success, probability=0.5),
-        replace(failure, probability=0.5),
-    )
+    return (replace(success, probability=0.5), replace(failure, probability=0.5))

@@ -130,13 +130,7 @@ def test_where_failing_saves_something_no_bound_is_claimed():
             forbids=("first",),
             outcomes=[(0.5, ("first", "far"), ("near",)), (0.5, ("near",), ("far",))],
         ),
-        make_skill(
-            facts,
-            "second",
-            forbids=("second",),
-            add=("second", "far"),
-            delete=("near",),
-        ),
+        make_skill(facts, "second", forbids=("second",), add=("second", "far"), delete=("near",)),
     ]
     by_place = CaseCost({facts.bit("near"): 1.0, facts.bit("far"): 100.0})
     skills[1] = replace(skills[1], cost=by_place)
