@@ -15,6 +15,7 @@ from skillplan.cli import main
 from skillplan.errors import TaskError
 from skillplan.files import MAX_BYTES, MAX_VALUES
 from skillplan.pipeline import load_problem
+from thinned import release_case, slow_case
 
 CORPUS = sorted((Path(__file__).parent / "bad_input").glob("*.yaml"))
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
@@ -118,11 +119,7 @@ def test_every_command_tells_the_same(words, run):
 
 
 @pytest.mark.parametrize(
-    "stem",
-    [
-        pytest.param("alias_bomb", marks=pytest.mark.slow(reason="another file in every run")),
-        "tag_python_object",
-    ],
+    "stem", [slow_case("alias_bomb", reason="another file in every run"), "tag_python_object"]
 )
 def test_a_process_of_its_own_says_the_same(stem):
     """No traceback, on whatever way the error leaves the process."""
@@ -514,18 +511,13 @@ EXPENSIVE = {
 @pytest.mark.parametrize(
     "names",
     [
-        pytest.param(
+        slow_case(
             sorted(set(PATHOLOGICAL) - EXPENSIVE),
-            marks=pytest.mark.slow(
-                reason="a process of its own with all of them; the corpus, with its bomb of "
-                "aliases, in every run"
-            ),
+            reason="a process of its own with all of them; the corpus, with its bomb of "
+            "aliases, in every run",
         ),
-        pytest.param(
-            sorted(EXPENSIVE),
-            marks=pytest.mark.release(
-                reason="21 of them, a second each; the others in the whole suite"
-            ),
+        release_case(
+            sorted(EXPENSIVE), reason="21 of them, a second each; the others in the whole suite"
         ),
     ],
     ids=["quick", "expensive"],
@@ -554,14 +546,7 @@ def test_no_file_hangs_or_exhausts_memory(tmp_path, names):
 
 @pytest.mark.slow(reason="waits for the limit; time limits of searches are in every run")
 @pytest.mark.parametrize(
-    "parts",
-    [
-        40,
-        *(
-            pytest.param(parts, marks=pytest.mark.slow(reason="40 parts in every run"))
-            for parts in (96, 256)
-        ),
-    ],
+    "parts", [40, *(slow_case(parts, reason="40 parts in every run") for parts in (96, 256))]
 )
 def test_a_search_on_a_large_task_heeds_its_time_limit(tmp_path, parts):
     """Preparing it included: many parts, each pair of them in the chart."""

@@ -18,6 +18,7 @@ import pytest
 import skillplan
 from skillplan import errors
 from sources import parsed
+from thinned import slow_case
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "skillplan"
@@ -92,8 +93,8 @@ class TestStarting:
         "command",
         [
             "search-optimal",
-            pytest.param("check", marks=pytest.mark.slow(reason="one command in every run")),
-            pytest.param("evaluate", marks=pytest.mark.slow(reason="one command in every run")),
+            slow_case("check", reason="one command in every run"),
+            slow_case("evaluate", reason="one command in every run"),
         ],
     )
     def test_help_of_a_command_loads_nothing_heavy(self, command):

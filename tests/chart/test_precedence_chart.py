@@ -11,6 +11,7 @@ from skillplan.chart import closure, derive_chart, reduction
 from skillplan.checks import Feasibility
 from skillplan.pipeline import Setup, make_feasibility, solve
 from skillplan.task import Verdict
+from thinned import release_case
 
 
 def derived(task, detector="aabb"):
@@ -226,13 +227,7 @@ def test_exactly_the_orders_that_respect_the_derived_relation_can_be_carried_out
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "inverter_board",
-        pytest.param(
-            "motor_drive", marks=pytest.mark.release(reason="the smaller board in every run")
-        ),
-    ],
+    "name", ["inverter_board", release_case("motor_drive", reason="the smaller board in every run")]
 )
 def test_an_optimal_plan_respects_the_relation(name):
     """Derived from the same back ends that the plan was checked with."""

@@ -33,6 +33,7 @@ from skillplan.errors import BackEndError, SkillplanError
 from skillplan.model import SkillModel, enumerate_feasibility
 from skillplan.task import Verdict
 from skillplan.testing import lid_task, reachable_states
+from thinned import slow_case
 
 TASK = lid_task()
 PATIENCE_S = 30
@@ -166,9 +167,7 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
     assert all(one == other for one, other in pairs)
 
 
-@pytest.mark.parametrize(
-    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
-)
+@pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
 def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     """As this one does."""
     plain = Feasibility(TASK, one_engine())
@@ -335,9 +334,7 @@ def wait_until_gone(processes):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize(
-    "end", ["close", pytest.param("forget", marks=pytest.mark.slow(reason="closed in every run"))]
-)
+@pytest.mark.parametrize("end", ["close", slow_case("forget", reason="closed in every run")])
 def test_processes_end_when_nobody_needs_them_any_more(tmp_path, end):
     """When closed, or with what asked them; once closed, it may be asked again."""
     questions = all_questions(TASK)
@@ -393,7 +390,7 @@ def program(tmp_path, wait_s, *, guarded=True):
     [
         signal.SIGKILL,
         *(
-            pytest.param(number, marks=pytest.mark.slow(reason="SIGKILL in every run"))
+            slow_case(number, reason="SIGKILL in every run")
             for number in (signal.SIGINT, signal.SIGTERM)
         ),
     ],
@@ -458,9 +455,7 @@ def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
     assert feasibility.verdict(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
 
 
-@pytest.mark.parametrize(
-    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="in one process in every run"))]
-)
+@pytest.mark.parametrize("jobs", [1, slow_case(2, reason="in one process in every run")])
 def test_progress_counts_checks_done_reused_and_to_go(jobs):
     """Up to the last of a batch; a question that is answered from memory is not shown."""
     counts = []

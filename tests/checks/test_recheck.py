@@ -11,6 +11,7 @@ from skillplan.errors import BackEndError
 from skillplan.model import enumerate_feasibility
 from skillplan.task import Verdict
 from skillplan.testing import lid_task
+from thinned import slow_case
 
 TASK = lid_task()
 
@@ -46,9 +47,7 @@ def test_a_sample_depends_on_the_seed_only(folder):
     assert [one for _, one in draw_kept(kept, 10_000, seed=0)] == kept[0]
 
 
-@pytest.mark.parametrize(
-    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
-)
+@pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
 def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
     """Of every skill, in one process or several."""
     drawn = draw_kept(folder.kept_for([engine()]), 10_000, seed=0)
@@ -90,9 +89,7 @@ def test_a_difference_says_in_what(folder, change, differs_in):
     assert trial.same == (not differs_in)
 
 
-@pytest.mark.parametrize(
-    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
-)
+@pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
 def test_a_trial_can_be_ended_early(folder, jobs):
     """What has been tried by then is returned."""
     drawn = draw_kept(folder.kept_for([engine()]), 10_000, seed=0)
@@ -107,9 +104,7 @@ def test_a_trial_can_be_ended_early(folder, jobs):
     assert 2 <= len(trials) < len(drawn)
 
 
-@pytest.mark.parametrize(
-    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
-)
+@pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
 def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
     """It is no difference."""
     log = tmp_path / "log"

@@ -19,6 +19,7 @@ from skillplan.checks import Checked, Feasibility, VerdictCache
 from skillplan.collision import AabbDetector, PrecedenceDetector
 from skillplan.physics import KinematicEngine
 from skillplan.task import Verdict
+from thinned import slow_case
 
 seeds = st.integers(0, 2**32)
 BOARD = assembly(config_content("inverter_board"))
@@ -67,9 +68,7 @@ def assert_reuse(task, make, rng, pairs):
 @pytest.mark.parametrize(
     "back_end",
     [
-        pytest.param(name, marks=pytest.mark.slow(reason="three back ends in every run"))
-        if " " in name
-        else name
+        slow_case(name, reason="three back ends in every run") if " " in name else name
         for name in BACK_ENDS
     ],
 )
@@ -83,12 +82,7 @@ def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, con
 @pytest.mark.parametrize("back_end", BACK_ENDS)
 @pytest.mark.parametrize(
     "config",
-    [
-        "inverter_board",
-        pytest.param(
-            "motor_drive", marks=pytest.mark.slow(reason="twelve parts; a board in every run")
-        ),
-    ],
+    ["inverter_board", slow_case("motor_drive", reason="twelve parts; a board in every run")],
 )
 def test_a_reused_verdict_equals_a_fresh_one_on_the_configs(back_end, config):
     """Most pairs of states differ, so that reuse is put to the test."""

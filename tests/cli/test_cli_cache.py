@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from skillplan.files import write_whole
+from thinned import release_case, slow_case
 
 PATIENCE_S = 60
 SKILLPLAN = [sys.executable, "-m", "skillplan"]
@@ -299,11 +300,7 @@ class TestClear:
         assert 0 == cli("cache", "show", "--format", "json").document["verdicts"]
 
     @pytest.mark.parametrize(
-        ("answer", "left"),
-        [
-            (b"n\n", 1),
-            pytest.param(b"y\n", 0, marks=pytest.mark.slow(reason="the answer no in every run")),
-        ],
+        ("answer", "left"), [(b"n\n", 1), slow_case(b"y\n", 0, reason="the answer no in every run")]
     )
     def test_on_a_terminal_it_asks_first(self, cli, slow, environment, board, answer, left):
         """Nothing is removed that was not agreed to."""
@@ -336,13 +333,13 @@ class TestOtherCommands:
         "words",
         [
             ("search-optimal", "TASK"),
-            pytest.param(
+            slow_case(
                 ("chart", "TASK", "--no-screening"),
-                marks=pytest.mark.slow(reason="five processes; two other commands in every run"),
+                reason="five processes; two other commands in every run",
             ),
-            pytest.param(
+            release_case(
                 ("compare", "TASK", "--solvers", "exact,exhaustive"),
-                marks=pytest.mark.release(reason="ten processes; others in the whole suite"),
+                reason="ten processes; others in the whole suite",
             ),
             ("evaluate", "TASK", "--sequence", "0,1,2,3"),
         ],
@@ -364,15 +361,9 @@ class TestOtherCommands:
     @pytest.mark.parametrize(
         "words",
         [
-            pytest.param(
-                ("search-optimal", "BOARD"),
-                marks=pytest.mark.slow(reason="a search; an evaluation in every run"),
-            ),
+            slow_case(("search-optimal", "BOARD"), reason="a search; an evaluation in every run"),
             ("evaluate", "BOARD", "--sequence", "0"),
-            pytest.param(
-                ("chart", "BOARD"),
-                marks=pytest.mark.slow(reason="a chart; an explanation in every run"),
-            ),
+            slow_case(("chart", "BOARD"), reason="a chart; an explanation in every run"),
             ("explain", "BOARD", "0"),
         ],
         ids=lambda words: words[0],

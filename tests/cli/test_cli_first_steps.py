@@ -15,6 +15,7 @@ from skillplan.cli import NOTICE, compilation_announced, main
 from skillplan.cli.commands import warm_up
 from skillplan.pipeline import registry
 from skillplan.solvers import kernels
+from thinned import slow_case
 
 SUFFIXES = {"assembly": ".yaml", "swarmitfix": ".yaml", "sop": ".yaml"}
 # Compiles one kernel of this project anew, in a process of its own.
@@ -37,7 +38,7 @@ class TestInit:
     @pytest.mark.parametrize(
         "kind",
         [
-            pytest.param(kind, marks=pytest.mark.slow(reason="solves; an order in every run"))
+            slow_case(kind, reason="solves; an order in every run")
             if kind in ("assembly", "swarmitfix")
             else kind
             for kind in registry.names("domain")

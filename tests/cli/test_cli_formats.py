@@ -8,6 +8,7 @@ import io
 import pytest
 
 from skillplan.pipeline import registry
+from thinned import slow_case
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 # Command to its words and the number of rows of its table.
@@ -76,7 +77,7 @@ def test_a_table_begins_with_its_title(cli, words, command):
 @pytest.mark.parametrize(
     "command",
     [
-        pytest.param(command, marks=pytest.mark.slow(reason="four searches; others in every run"))
+        slow_case(command, reason="four searches; others in every run")
         if command in ("compare", "evaluate", "search-optimal")
         else command
         for command in COMMANDS

@@ -10,6 +10,7 @@ import typer
 
 from skillplan.cli import figures_text, memory_size, waiting
 from skillplan.solvers import Progress
+from thinned import slow_case
 
 MIB = 1024**2
 EXACT = ("--solver", "exact", "--format", "json")
@@ -159,14 +160,7 @@ class TestStart:
         return folder
 
     @pytest.mark.parametrize(
-        "named",
-        [
-            "",
-            pytest.param(
-                "result.json",
-                marks=pytest.mark.slow(reason="another name of the same file in every run"),
-            ),
-        ],
+        "named", ["", slow_case("result.json", reason="another name of the same file in every run")]
     )
     def test_a_search_goes_on_from_an_earlier_result(self, cli, motor, earlier, named):
         """By the folder or the file; the optimum is the same."""

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from skillplan.views.figures import figure_names
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 POLYGONAL = str(CONFIGS / "swarmitfix_polygonal.yaml")
@@ -63,32 +64,29 @@ def texts(path: Path) -> set[str]:
             ("--solver", "policy-iteration"),
             {"C1", "C15", "Policy of base-1: from C1 to C8"},
         ),
-        pytest.param(
-            "policy",
-            QUICK,
-            {"P1", "goal"},
-            marks=pytest.mark.slow(reason="a policy that is not learned in every run"),
+        slow_case(
+            "policy", QUICK, {"P1", "goal"}, reason="a policy that is not learned in every run"
         ),
         ("rewards", (), {"reward [-]", "C15"}),
         ("gantt", (), {"head", "PKM", "base", "sequence 1"}),
         ("q-values", QUICK, {"Q(s, a) [-]", "episode [-]"}),
-        pytest.param(
+        slow_case(
             "q-values",
             (*QUICK, "--states", "C2,C3"),
             {"Q(s, a) [-]"},
-            marks=pytest.mark.slow(reason="all states in every run"),
+            reason="all states in every run",
         ),
-        pytest.param(
+        slow_case(
             "learning",
             (*QUICK, "--seeds", "2"),
             {"base-1: C1 to C8", "base-3: C8 to C15"},
-            marks=pytest.mark.slow(reason="learns all ways; one of them in every run"),
+            reason="learns all ways; one of them in every run",
         ),
-        pytest.param(
+        slow_case(
             "learning",
             (*QUICK, "--seeds", "1", "--part", "base-1"),
             {"base-1: C1 to C8"},
-            marks=pytest.mark.slow(reason="learns a way; the same of a board in every run"),
+            reason="learns a way; the same of a board in every run",
         ),
     ],
 )
@@ -119,11 +117,7 @@ def test_the_ways_of_a_fleet_are_drawn(cli, walk, meet):
 
 
 @pytest.mark.parametrize(
-    "figure",
-    [
-        pytest.param("rewards", marks=pytest.mark.slow(reason="another figure in every run")),
-        "learning",
-    ],
+    "figure", [slow_case("rewards", reason="another figure in every run"), "learning"]
 )
 def test_assemblies_are_drawn_too(cli, walk, board, figure):
     """Where nothing of a bench is shown."""
@@ -219,17 +213,13 @@ def test_a_figure_of_an_arm_is_refused_of_a_bench(cli, walk, figure):
     ("figure", "written"),
     [
         ("layout", {"pcb", "8, 10", "50 mm"}),
-        pytest.param(
+        slow_case(
             "gantt",
             {"panda, gripper", "panda, tool change", "time [s]"},
-            marks=pytest.mark.slow(reason="draws; two others in every run"),
+            reason="draws; two others in every run",
         ),
         ("precedence", {"pcb", "brace", "screw_2"}),
-        pytest.param(
-            "exploded",
-            {"transformer", "8"},
-            marks=pytest.mark.slow(reason="draws; two others in every run"),
-        ),
+        slow_case("exploded", {"transformer", "8"}, reason="draws; two others in every run"),
     ],
 )
 def test_a_board_is_drawn(cli, board, tmp_path, figure, written):

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from skillplan.pipeline import registry
-from thinned import thinned
+from thinned import slow_case, thinned
 
 SOLVER = '''
 from skillplan import Solution, Solver
@@ -108,12 +108,7 @@ class TestASolver:
         "method",
         [
             "solve",
-            pytest.param(
-                "constructor",
-                marks=pytest.mark.slow(
-                    reason="walks the board again; a failing search in every run"
-                ),
-            ),
+            slow_case("constructor", reason="walks the board again; a failing search in every run"),
         ],
     )
     def test_in_a_comparison_it_is_a_row_and_the_others_run_on(self, cli, board, faulty, method):

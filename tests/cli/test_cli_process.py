@@ -20,6 +20,7 @@ from pathlib import Path
 import pytest
 
 from skillplan import __version__
+from thinned import slow_case
 
 fcntl = pytest.importorskip("fcntl")
 termios = pytest.importorskip("termios")
@@ -273,10 +274,10 @@ class TestPipes:
     @pytest.mark.parametrize(
         "style",
         [
-            pytest.param("table", marks=pytest.mark.slow(reason="JSON in every run")),
+            slow_case("table", reason="JSON in every run"),
             "json",
-            pytest.param("csv", marks=pytest.mark.slow(reason="two formats in every run")),
-            pytest.param("md", marks=pytest.mark.slow(reason="two formats in every run")),
+            slow_case("csv", reason="two formats in every run"),
+            slow_case("md", reason="two formats in every run"),
         ],
     )
     def test_a_reader_who_has_gone_is_no_fault(self, environment, board, style):
@@ -317,8 +318,8 @@ class TestPipes:
         "encoding",
         [
             "ascii",
-            pytest.param("latin-1", marks=pytest.mark.slow(reason="two encodings in every run")),
-            pytest.param("utf-8", marks=pytest.mark.slow(reason="ASCII in every run")),
+            slow_case("latin-1", reason="two encodings in every run"),
+            slow_case("utf-8", reason="ASCII in every run"),
         ],
     )
     def test_any_encoding_of_stdout_will_do(self, environment, board, encoding):
@@ -392,9 +393,9 @@ class TestTerminals:
         "columns",
         [
             30,
-            pytest.param(70, marks=pytest.mark.slow(reason="two other widths in every run")),
-            pytest.param(80, marks=pytest.mark.slow(reason="30 columns in every run")),
-            pytest.param(120, marks=pytest.mark.slow(reason="two other widths in every run")),
+            slow_case(70, reason="two other widths in every run"),
+            slow_case(80, reason="30 columns in every run"),
+            slow_case(120, reason="two other widths in every run"),
         ],
     )
     def test_nothing_is_cut_in_any_width(self, environment, board, columns):

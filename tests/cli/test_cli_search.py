@@ -12,6 +12,7 @@ import pytest
 
 from skillplan.cli import write_folder, writing
 from skillplan.errors import OptionError
+from thinned import slow_case
 
 EXACT = ("--solver", "exact")
 
@@ -43,11 +44,7 @@ def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli, motor):
     ("solver", "gap"),
     [
         ("exact", "0.3"),
-        pytest.param(
-            "exhaustive",
-            "0.9",
-            marks=pytest.mark.slow(reason="walks the whole board; exact search in every run"),
-        ),
+        slow_case("exhaustive", "0.9", reason="walks the whole board; exact search in every run"),
     ],
 )
 def test_a_gap_is_good_enough(cli, board, motor, solver, gap):

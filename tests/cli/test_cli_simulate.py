@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from skillplan.pipeline import registry
+from thinned import slow_case
 
 JSON = ("--format", "json")
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
@@ -180,11 +181,7 @@ class TestSimulate:
         assert {"trace": str(path)} == outcome.document["files"]
 
     @pytest.mark.parametrize(
-        "suffix",
-        [
-            ".gif",
-            pytest.param(".mp4", marks=pytest.mark.slow(reason="another format in every run")),
-        ],
+        "suffix", [".gif", slow_case(".mp4", reason="another format in every run")]
     )
     def test_the_video_shows_simulated_time_at_the_speed_asked_for(
         self, cli, board, puppet, tmp_path, suffix

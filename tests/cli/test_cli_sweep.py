@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from same_process import studies_in_this_process
+from thinned import slow_case
 
 CASES = str(Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml")
 PATIENCE_S = 60
@@ -82,8 +83,7 @@ class TestOutput:
         assert {"2"} == {row["runs"] for row in rows}
 
     @pytest.mark.parametrize(
-        "style",
-        ["table", pytest.param("md", marks=pytest.mark.slow(reason="another format in every run"))],
+        "style", ["table", slow_case("md", reason="another format in every run")]
     )
     def test_the_table_has_a_row_for_every_setting(self, cli, style):
         out = cli("sweep", CASES, *QUICK, "--format", style).out
@@ -121,20 +121,20 @@ class TestFolder:
         ("words", "message"),
         [
             (("--seed", "1"), "the seeds: 0 there, 1 now"),
-            pytest.param(
+            slow_case(
                 ("--set", "bench.pitch_m=0.3"),
                 "is another one, in the task",
-                marks=pytest.mark.slow(reason="other seeds in every run"),
+                reason="other seeds in every run",
             ),
-            pytest.param(
+            slow_case(
                 ("--design", "grid"),
                 'the design: "one-at-a-time" there, "grid" now',
-                marks=pytest.mark.slow(reason="other seeds in every run"),
+                reason="other seeds in every run",
             ),
-            pytest.param(
+            slow_case(
                 ("-O", "alpha=0.2"),
                 "is another one, in the fixed options",
-                marks=pytest.mark.slow(reason="other seeds in every run"),
+                reason="other seeds in every run",
             ),
         ],
     )
@@ -172,9 +172,7 @@ class TestFaults:
         assert "" == outcome.out
 
     @pytest.mark.slow(reason="starts processes; failed runs are in every run in this one")
-    @pytest.mark.parametrize(
-        "jobs", ["1", pytest.param("2", marks=pytest.mark.slow(reason="one process in every run"))]
-    )
+    @pytest.mark.parametrize("jobs", ["1", slow_case("2", reason="one process in every run")])
     def test_a_run_that_fails_is_named_and_the_others_go_on(self, cli, fragile_solver, jobs):
         words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--jobs", jobs, "--format", "json")

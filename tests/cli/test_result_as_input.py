@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")
@@ -177,15 +178,9 @@ class TestPlot:
     @pytest.mark.parametrize(
         "figure",
         [
-            pytest.param("gantt", marks=pytest.mark.slow(reason="a board's in every run")),
-            pytest.param(
-                "placement",
-                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
-            ),
-            pytest.param(
-                "rewards",
-                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
-            ),
+            slow_case("gantt", reason="a board's in every run"),
+            slow_case("placement", reason="draws two figures; another one in every run"),
+            slow_case("rewards", reason="draws two figures; another one in every run"),
         ],
     )
     def test_a_stored_chain_is_drawn(self, cli, corner, solved_corner, tmp_path, figure):
@@ -273,11 +268,7 @@ class TestRuns:
         )
 
     @pytest.mark.parametrize(
-        "figure",
-        [
-            "success",
-            pytest.param("distances", marks=pytest.mark.slow(reason="another figure in every run")),
-        ],
+        "figure", ["success", slow_case("distances", reason="another figure in every run")]
     )
     def test_their_curves_stand_in_one_figure(self, cli, good, poor, tmp_path, figure):
         """The legend names each by its folder and solver."""

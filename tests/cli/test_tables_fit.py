@@ -15,6 +15,7 @@ from same_process import studies_in_this_process
 from skillplan.cli import output
 from skillplan.views import Table, render
 from tabular_learner import learner_installed
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")
@@ -118,9 +119,7 @@ def fits(tables: list[Table], text: str, monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow(reason="a second; other tables in every run"))
-        if name in LONG
-        else name
+        slow_case(name, reason="a second; other tables in every run") if name in LONG else name
         for name in COMMANDS
     ],
 )
@@ -140,8 +139,7 @@ def test_columns_counts_in_a_pipe_too(cli, monkeypatch, width):
 
 
 @pytest.mark.parametrize(
-    "task",
-    [BOARD, pytest.param(BENCH, marks=pytest.mark.slow(reason="a sheet; the board in every run"))],
+    "task", [BOARD, slow_case(BENCH, reason="a sheet; the board in every run")]
 )
 @pytest.mark.parametrize("words", [(), ("--verbose",)])
 def test_verify_fits(cli, result, printed, monkeypatch, task, words):

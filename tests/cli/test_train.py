@@ -20,6 +20,7 @@ import pytest
 
 from skillplan.cli import main
 from tabular_learner import learner_installed
+from thinned import release_case, slow_case
 from training_situations import event_lengths, learned_bytes
 
 ROOT = Path(__file__).parents[2]
@@ -180,17 +181,9 @@ class TestInterruption:
     @pytest.mark.parametrize(
         ("kills", "steps"),
         [
-            pytest.param(
-                1,
-                600,
-                marks=pytest.mark.slow(
-                    reason="a killed program; one that is interrupted in every run"
-                ),
-            ),
-            pytest.param(20, 20_000, marks=pytest.mark.release(reason="20 kills")),
-            pytest.param(
-                3, 3_000, marks=pytest.mark.release(reason="three kills; one in the whole suite")
-            ),
+            slow_case(1, 600, reason="a killed program; one that is interrupted in every run"),
+            release_case(20, 20_000, reason="20 kills"),
+            release_case(3, 3_000, reason="three kills; one in the whole suite"),
         ],
     )
     def test_sigkill_at_random_instants_changes_nothing(
@@ -278,13 +271,11 @@ class TestFaults:
         "how",
         [
             "cut",
-            pytest.param("changed", marks=pytest.mark.slow(reason="two ways in every run")),
-            pytest.param("emptied", marks=pytest.mark.slow(reason="two ways in every run")),
-            pytest.param(
+            slow_case("changed", reason="two ways in every run"),
+            slow_case("emptied", reason="two ways in every run"),
+            slow_case(
                 "other version",
-                marks=pytest.mark.slow(
-                    reason="goes on from each damaged file; every run has those that are cut"
-                ),
+                reason="goes on from each damaged file; every run has those that are cut",
             ),
         ],
     )
@@ -325,13 +316,10 @@ class TestFaults:
     @pytest.mark.parametrize(
         "jobs",
         [
-            pytest.param(
-                "1",
-                marks=pytest.mark.slow(
-                    reason="a process; every run ends one at a write, and tells of a full disk"
-                ),
+            slow_case(
+                "1", reason="a process; every run ends one at a write, and tells of a full disk"
             ),
-            pytest.param("2", marks=pytest.mark.slow(reason="two processes; one in every run")),
+            slow_case("2", reason="two processes; one in every run"),
         ],
     )
     def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(

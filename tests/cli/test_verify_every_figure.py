@@ -17,6 +17,7 @@ from skillplan.pipeline import certify
 from skillplan.records import Verdict
 from skillplan.solvers import Stop
 from skillplan.views.tables import csv_files
+from thinned import release_case
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs/inverter_board.yaml")
@@ -176,8 +177,8 @@ def test_every_leaf_of_a_board_is_checked_or_listed(run):
 @pytest.mark.parametrize(
     "share",
     [
-        pytest.param(3, marks=pytest.mark.release(reason="70 verifications of a chain")),
-        pytest.param(1, marks=pytest.mark.release(reason="200 verifications of a chain")),
+        release_case(3, reason="70 verifications of a chain"),
+        release_case(1, reason="200 verifications of a chain"),
     ],
 )
 def test_every_leaf_of_a_chain_is_checked_or_listed(chain, share):

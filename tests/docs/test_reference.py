@@ -20,6 +20,7 @@ from same_process import studies_in_this_process
 from skillplan import errors
 from skillplan.pipeline import registry
 from skillplan.records import Status, schemas
+from thinned import slow_case
 from transcripts import ROOT, run
 
 DOCS = ROOT / "docs"
@@ -180,7 +181,7 @@ PRINTED = [
     "plugins",
     "plugins solver exact",
     *(
-        pytest.param(command, marks=pytest.mark.slow(reason="a second; a board's in every run"))
+        slow_case(command, reason="a second; a board's in every run")
         for command in (
             "search-optimal configs/ESC12.sop",
             f"compare {BOARD} --solvers exhaustive,exact --set step_limit=15",

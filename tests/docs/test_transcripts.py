@@ -7,6 +7,7 @@ import difflib
 
 import pytest
 
+from thinned import slow_case
 from transcripts import PAGES, ROOT, Session, agree, fences, untimed
 
 
@@ -72,7 +73,7 @@ def follow(page, request, *, with_slow):
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(p, marks=pytest.mark.slow(reason="a second of commands; others in every run"))
+        slow_case(p, reason="a second of commands; others in every run")
         if named(p) in LONG_PAGES
         else p
         for p in PAGES

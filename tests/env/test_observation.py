@@ -12,6 +12,7 @@ from skillplan.errors import OptionError
 from skillplan.pipeline import make_model
 from skillplan.task import Task
 from swarm_situations import base_task
+from thinned import slow_case
 
 FIG_5 = [1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0]
 
@@ -88,12 +89,7 @@ class TestLayout:
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [
-        "paper",
-        "markov",
-        pytest.param("layout", marks=pytest.mark.slow(reason="two other kinds in every run")),
-    ],
+    "kind", ["paper", "markov", slow_case("layout", reason="two other kinds in every run")]
 )
 def test_every_state_lies_in_the_space(board_task, kind):
     observation = Observation.of(board_task, kind)

@@ -27,6 +27,7 @@ from skillplan.model import SequencingProblem, replay
 from skillplan.pipeline import Setup, load_problem, make_model, solve
 from skillplan.task import Condition, Outcome, Verdict
 from skillplan.testing import lid_task, shut_box_task
+from thinned import slow_case
 
 
 def model_of(config, *detectors):
@@ -40,11 +41,7 @@ def model_of(config, *detectors):
         ("inverter_board", "precedence"),
         ("inverter_board", "aabb"),
         ("motor_drive", "precedence"),
-        pytest.param(
-            "motor_drive",
-            "aabb",
-            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
-        ),
+        slow_case("motor_drive", "aabb", reason="the largest; by chart in every run"),
     ],
 )
 def test_its_best_order_costs_what_exact_search_proves(config, detector):

@@ -17,6 +17,7 @@ from skillplan.errors import OptionError
 from skillplan.pipeline import Setup, Terms, compare_solvers, rows_side_by_side
 from skillplan.solvers import Stop
 from skillplan.workers import LocalProcesses
+from thinned import slow_case
 
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "configs" / "inverter_board.yaml"
@@ -36,10 +37,10 @@ def timeless(document: Any) -> Any:
     ("file", "solvers"),
     [
         (BOARD, ["exact", "value-iteration"]),
-        pytest.param(
+        slow_case(
             BENCH,
             ["csp", "monte-carlo", "policy-iteration"],
-            marks=pytest.mark.slow(reason="learns in processes; one task in every run"),
+            reason="learns in processes; one task in every run",
         ),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 from situations import CONFIGS
 from skillplan.env import SkillEnv, SkillVectorEnv
 from skillplan.errors import OptionError, PluginError, TaskError
+from thinned import slow_case
 
 BOARD = CONFIGS / "inverter_board.yaml"
 NAME = "skillplan/Task-v0"
@@ -21,11 +22,7 @@ class TestRegistration:
         [
             ("gymnasium", f"skillplan.env:{NAME}"),
             *(
-                pytest.param(
-                    imports,
-                    NAME,
-                    marks=pytest.mark.slow(reason="an interpreter each; one in every run"),
-                )
+                slow_case(imports, NAME, reason="an interpreter each; one in every run")
                 for imports in (
                     "gymnasium, skillplan",
                     "gymnasium, skillplan.env",

@@ -9,6 +9,7 @@ from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import load_problem, preview, registry
 from skillplan.pipeline import obstacles as stage
 from skillplan.records import DerivedOrder
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = load_problem(CONFIGS / "inverter_board.yaml")
@@ -154,9 +155,7 @@ LARGE = {"drawer_module", "gear_unit", "inverter_grasps", "inverter_time", "mini
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(path, marks=pytest.mark.slow(reason="a large one; others in every run"))
-        if path.stem in LARGE
-        else path
+        slow_case(path, reason="a large one; others in every run") if path.stem in LARGE else path
         for path in sorted(CONFIGS.glob("*.yaml"))
     ],
     ids=lambda path: path.stem,

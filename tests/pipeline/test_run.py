@@ -22,6 +22,7 @@ from skillplan.pipeline import (
 from skillplan.solvers import Plan, Solution, Stop
 from skillplan.task import BackEndChoice, Verdict
 from skillplan.testing import lid_task
+from thinned import slow_case
 
 BOARD = CONFIGS / "inverter_board.yaml"
 
@@ -248,11 +249,7 @@ def test_a_plan_takes_as_long_as_the_back_ends_say():
 
 
 @pytest.mark.parametrize(
-    "solver",
-    [
-        "exact",
-        pytest.param("exhaustive", marks=pytest.mark.slow(reason="exact search in every run")),
-    ],
+    "solver", ["exact", slow_case("exhaustive", reason="exact search in every run")]
 )
 def test_a_result_does_not_depend_on_how_many_processes_check(solver):
     """Neither plan, nor proof, nor counts, but for what idle processes made of their time."""

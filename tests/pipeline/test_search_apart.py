@@ -16,6 +16,7 @@ from skillplan.pipeline import GRACE_S, make_solver, registry, solve
 from skillplan.solvers import Solver, Stop
 from skillplan.testing import lid_task
 from skillplan.workers import resident_bytes
+from thinned import slow_case
 
 PATIENCE_S = 20
 HEAD = """
@@ -225,17 +226,15 @@ def test_all_that_come_with_skillplan_poll():
     ("body", "words"),
     [
         ("raise LookupError('no table')", "failed: LookupError: no table .*stubborn_solver.py"),
-        pytest.param(
-            "raise SystemExit(0)",
-            "failed: SystemExit: 0",
-            marks=pytest.mark.slow(reason="another one in every run"),
+        slow_case(
+            "raise SystemExit(0)", "failed: SystemExit: 0", reason="another one in every run"
         ),
         ("os.kill(os.getpid(), 9)", "its process was ended by signal 9"),
         ("return 7", "returned int, not a Solution"),
-        pytest.param(
+        slow_case(
             "return Solution(trace={'x': float('nan')})",
             "cannot be read: its trace is not JSON",
-            marks=pytest.mark.slow(reason="what it returns is read in every run"),
+            reason="what it returns is read in every run",
         ),
     ],
 )
@@ -260,10 +259,10 @@ class TestWhatItsSearchRestedOn:
                 r"'too-few' contradicts itself about place\(lid\): .* resting on no fact, .*"
                 r"should have named .*placed\(fuse\)",
             ),
-            pytest.param(
+            slow_case(
                 "Fickle",
                 "'fickle' answers differently the second time: ",
-                marks=pytest.mark.slow(reason="a process; another fault in every run"),
+                reason="a process; another fault in every run",
             ),
         ],
     )

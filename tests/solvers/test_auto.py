@@ -24,6 +24,7 @@ from skillplan.records import Status
 from skillplan.solvers import Plan, Stop
 from skillplan.testing import SolverSuite
 from sop_instances import BEST_KNOWN, instance
+from thinned import slow_case
 
 CHART = Setup(collision=("precedence",))
 
@@ -91,12 +92,7 @@ def assert_proved(model, expected):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "ESC07",
-        pytest.param("ESC12", marks=pytest.mark.slow(reason="others in every run")),
-        "rbg048a",
-    ],
+    "name", ["ESC07", slow_case("ESC12", reason="others in every run"), "rbg048a"]
 )
 def test_it_proves_what_is_published(name):
     """On instances of sequential ordering, in less than a second each."""
@@ -156,10 +152,8 @@ def test_a_small_board_is_solved_without_numpy():
     "config",
     [
         "battery_module",
-        pytest.param(
-            "relay_rail", marks=pytest.mark.slow(reason="the largest of three; one in every run")
-        ),
-        pytest.param("sensor_stack", marks=pytest.mark.slow(reason="another one in every run")),
+        slow_case("relay_rail", reason="the largest of three; one in every run"),
+        slow_case("sensor_stack", reason="another one in every run"),
     ],
 )
 def test_it_proves_what_exact_search_proves(config):

@@ -10,6 +10,7 @@ from skillplan.pipeline import make_model, make_solver
 from skillplan.solvers import SarsaSolver
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task, minimal_starts
+from thinned import release_case, slow_case
 
 
 class TestSarsaSolver(SolverSuite):
@@ -32,13 +33,8 @@ def test_the_defaults_are_the_parameters_of_the_paper():
 @pytest.mark.parametrize(
     "every",
     [
-        pytest.param(
-            3,
-            marks=pytest.mark.slow(
-                reason="learns a bench; value iteration is step-minimal in every run"
-            ),
-        ),
-        pytest.param(1, marks=pytest.mark.release(reason="learns a bench for every goal")),
+        slow_case(3, reason="learns a bench; value iteration is step-minimal in every run"),
+        release_case(1, reason="learns a bench for every goal"),
     ],
 )
 def test_its_ways_are_step_minimal_from_nearly_all_starts_to_goals(every):

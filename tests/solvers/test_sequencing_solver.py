@@ -29,6 +29,7 @@ from skillplan.records import Status
 from skillplan.solvers import Plan, Stop
 from skillplan.testing import SolverSuite
 from sop_instances import BEST_KNOWN, FOLDER, instance, tsplib_text
+from thinned import release_case, slow_case
 
 PROVING = ["portfolio", "subset-dp", "tree-search", "branch-and-cut"]
 CHART = Setup(collision=("precedence",))
@@ -68,19 +69,11 @@ def make_solver(name, stop=None):
         *((config, "precedence") for config in ASSEMBLIES if config not in LARGEST),
         *((config, "aabb") for config in ASSEMBLIES if config not in LARGEST),
         *(
-            pytest.param(
-                config,
-                "precedence",
-                marks=pytest.mark.slow(reason="the largest; others in every run"),
-            )
+            slow_case(config, "precedence", reason="the largest; others in every run")
             for config in LARGEST
         ),
         *(
-            pytest.param(
-                config,
-                "aabb",
-                marks=pytest.mark.release(reason="the largest by boxes; others in every run"),
-            )
+            release_case(config, "aabb", reason="the largest by boxes; others in every run")
             for config in LARGEST
         ),
     ],
@@ -184,9 +177,7 @@ def test_the_same_seed_gives_the_same_figures(solver):
     [
         *("ESC07", "ESC12", "br17.10"),
         *(
-            pytest.param(
-                name, marks=pytest.mark.slow(reason="over a hundred jobs; fewer in every run")
-            )
+            slow_case(name, reason="over a hundred jobs; fewer in every run")
             for name in ("rbg109a", "rbg150a")
         ),
     ],
@@ -206,7 +197,7 @@ def test_the_dynamic_program_proves_what_is_published(name):
         "ft53.4",
         "p43.1",
         *(
-            pytest.param(name, marks=pytest.mark.release(reason="up to a minute, alone on it"))
+            release_case(name, reason="up to a minute, alone on it")
             for name in ("prob.42", "rbg253a", "ft53.1", "ft70.1")
         ),
     ],
@@ -259,15 +250,8 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
     [
-        pytest.param(
-            40,
-            400,
-            2,
-            marks=pytest.mark.slow(reason="2 s; every run has a memory limit in a process"),
-        ),
-        pytest.param(
-            380, 600, 25, marks=pytest.mark.release(reason="380 nodes for 25 s; 40 in every run")
-        ),
+        slow_case(40, 400, 2, reason="2 s; every run has a memory limit in a process"),
+        release_case(380, 600, 25, reason="380 nodes for 25 s; 40 in every run"),
     ],
 )
 def test_a_memory_limit_is_kept_and_leaves_a_plan_and_a_bound(tmp_path, n, limit_mib, time_limit_s):

@@ -17,6 +17,7 @@ from skillplan.task import DistanceReward, Task
 from skillplan.testing import SolverSuite
 from skillplan_swarmitfix import Bench
 from swarm_situations import base_task, grounding, minimal_starts
+from thinned import slow_case
 
 
 class TestValueIterationSolver(SolverSuite):
@@ -36,10 +37,7 @@ def in_pitches(task: Task) -> Task:
     return task.replace(reward=DistanceReward(distances, 1.0, task.reward.infeasible))
 
 
-@pytest.mark.parametrize(
-    "unit",
-    ["metres", pytest.param("pitches", marks=pytest.mark.slow(reason="in metres in every run"))],
-)
+@pytest.mark.parametrize("unit", ["metres", slow_case("pitches", reason="in metres in every run")])
 def test_the_way_of_the_largest_reward_is_step_minimal_for_all_pairs(unit):
     """Eqs 6 and 7 at the paper's discount, for all 6006 pairs of start and goal."""
     solver = ValueIterationSolver(ValueIterationSolver.Options(objective="reward", gamma=0.999))

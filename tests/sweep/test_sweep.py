@@ -50,6 +50,7 @@ from skillplan.sweep import (
 )
 from skillplan.views.figures import figure_bytes, sweep_figure
 from skillplan.views.tables import setting_table, start_table
+from thinned import release_case, slow_case
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]
@@ -442,8 +443,8 @@ class TestFolders:
         "length",
         [
             -1,
-            pytest.param(17, marks=pytest.mark.slow(reason="torn elsewhere in every run")),
-            pytest.param(0, marks=pytest.mark.slow(reason="torn elsewhere in every run")),
+            slow_case(17, reason="torn elsewhere in every run"),
+            slow_case(0, reason="torn elsewhere in every run"),
         ],
     )
     def test_a_torn_last_line_is_dropped_and_its_run_done_again(self, study, done, copied, length):
@@ -519,13 +520,8 @@ class TestKilling:
     @pytest.mark.parametrize(
         "kills",
         [
-            pytest.param(
-                1,
-                marks=pytest.mark.slow(
-                    reason="a study killed and done again; a training cut short in every run"
-                ),
-            ),
-            pytest.param(6, marks=pytest.mark.release(reason="6 kills; one in the whole suite")),
+            slow_case(1, reason="a study killed and done again; a training cut short in every run"),
+            release_case(6, reason="6 kills; one in the whole suite"),
         ],
     )
     def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(
@@ -615,13 +611,8 @@ class TestFigures:
     @pytest.mark.parametrize(
         "design",
         [
-            pytest.param(
-                "one-at-a-time",
-                marks=pytest.mark.slow(reason="draws a study; other figures in every run"),
-            ),
-            pytest.param(
-                "grid", marks=pytest.mark.slow(reason="draws a study; other figures in every run")
-            ),
+            slow_case("one-at-a-time", reason="draws a study; other figures in every run"),
+            slow_case("grid", reason="draws a study; other figures in every run"),
         ],
     )
     def test_there_is_a_column_for_every_option(self, walk, design):

@@ -13,6 +13,7 @@ from skillplan.pipeline import registry
 from skillplan.records import RunFolder
 from skillplan.training import FileChange, apply_changes
 from skillplan.workers import Answer, Ended, ExecutorChoice, Prepare
+from thinned import slow_case
 from training_situations import counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner", "elsewhere")
@@ -121,9 +122,9 @@ lossy = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarn
 @pytest.mark.parametrize(
     "answers",
     [
-        pytest.param(0, marks=pytest.mark.slow(reason="trains twice; lost later in every run")),
+        slow_case(0, reason="trains twice; lost later in every run"),
         1,
-        pytest.param(3, marks=pytest.mark.slow(reason="trains twice; lost earlier in every run")),
+        slow_case(3, reason="trains twice; lost earlier in every run"),
     ],
 )
 def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(

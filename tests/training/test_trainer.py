@@ -17,7 +17,7 @@ from skillplan.pipeline import Setup, load_problem
 from skillplan.plugins import Interrupted
 from skillplan.records import RunFolder, RunStatus
 from skillplan.training import GroupTraining, TrainingFolder, plan_training
-from thinned import thinned
+from thinned import slow_case, thinned
 from training_situations import BOARD, a_plan, counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner")
@@ -113,11 +113,11 @@ class TestWhatHappens:
     @pytest.mark.parametrize(
         ("jobs", "reports"),
         [
-            pytest.param(1, 1, marks=pytest.mark.slow(reason="two others in every run")),
+            slow_case(1, 1, reason="two others in every run"),
             (1, 3),
-            pytest.param(1, 6, marks=pytest.mark.slow(reason="another stop in every run")),
-            pytest.param(1, 7, marks=pytest.mark.slow(reason="two others in every run")),
-            pytest.param(2, 5, marks=pytest.mark.slow(reason="two processes; one in every run")),
+            slow_case(1, 6, reason="another stop in every run"),
+            slow_case(1, 7, reason="two others in every run"),
+            slow_case(2, 5, reason="two processes; one in every run"),
         ],
     )
     def test_a_stop_between_two_strides_changes_nothing(self, whole, tmp_path, jobs, reports):
@@ -170,13 +170,8 @@ class TestWhatHappens:
     @pytest.mark.parametrize(
         "jobs",
         [
-            pytest.param(
-                1,
-                marks=pytest.mark.slow(
-                    reason="waits for a stride; every run stops between two strides"
-                ),
-            ),
-            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+            slow_case(1, reason="waits for a stride; every run stops between two strides"),
+            slow_case(2, reason="one process in every run"),
         ],
     )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
@@ -255,13 +250,8 @@ class TestFailures:
     @pytest.mark.parametrize(
         "jobs",
         [
-            pytest.param(
-                1,
-                marks=pytest.mark.slow(
-                    reason="a group that raises; a run that cannot go on in every run"
-                ),
-            ),
-            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+            slow_case(1, reason="a group that raises; a run that cannot go on in every run"),
+            slow_case(2, reason="one process in every run"),
         ],
     )
     def test_a_group_that_raises_does_not_take_the_others_along(self, whole, tmp_path, jobs):

@@ -56,6 +56,7 @@ from skillplan_swarmitfix import (
     ranges_text,
     steps_to,
 )
+from thinned import slow_case
 
 pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
 
@@ -172,7 +173,7 @@ class TestFiles:
         [
             name
             if name in ("gantt", "placement", "rewards")
-            else pytest.param(name, marks=pytest.mark.slow(reason="other figures in every run"))
+            else slow_case(name, reason="other figures in every run")
             for name in FIGURES
         ],
     )
@@ -191,7 +192,7 @@ class TestFiles:
         [
             name
             if name in ("gantt", "rewards")
-            else pytest.param(name, marks=pytest.mark.slow(reason="other figures in every run"))
+            else slow_case(name, reason="other figures in every run")
             for name in FIGURES
         ],
     )

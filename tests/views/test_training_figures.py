@@ -19,6 +19,7 @@ from skillplan.views.figures import (
     over_runs,
     success_figure,
 )
+from thinned import slow_case
 
 HEADING, METRIC = Heading("A title", "task t"), Metric("distance", "m")
 
@@ -166,8 +167,7 @@ class TestDistances:
 
 
 @pytest.mark.parametrize(
-    "suffix",
-    [pytest.param(".png", marks=pytest.mark.slow(reason="another format in every run")), ".svg"],
+    "suffix", [slow_case(".png", reason="another format in every run"), ".svg"]
 )
 def test_equal_figures_are_equal_files(suffix):
     curves = [a_curve([0, 1, 1] * 50, run=run) for run in range(3)]

@@ -25,6 +25,7 @@ from skillplan.plugins import installed
 from skillplan_cad import Part, RayMesh, ReadOptions, parts_of, read_product
 from skillplan_cad.importing import import_cad
 from skillplan_cad.reading import step_file
+from thinned import release_case
 
 END = b"\nENDSEC;\nEND-ISO-10303-21;\n"
 LARGE_BYTES = 200 * 1024 * 1024
@@ -419,9 +420,7 @@ def damaged(content: bytes, seed: int) -> bytes:
     [
         seed
         if seed in (0, 4)
-        else pytest.param(
-            seed, marks=pytest.mark.release(reason="starts OCCT for most seeds; two in every run")
-        )
+        else release_case(seed, reason="starts OCCT for most seeds; two in every run")
         for seed in range(40)
     ],
 )

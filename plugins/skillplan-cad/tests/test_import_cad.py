@@ -16,6 +16,7 @@ from skillplan.plugins import installed
 from skillplan.views.figures import exploded_png
 from skillplan_cad import read_relation
 from skillplan_cad.importing import import_cad
+from thinned import slow_case
 
 DOCUMENTS = FIXTURES.parents[3] / "docs/reference/documents"
 SOURCE = str(file("threads"))
@@ -110,15 +111,15 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
     [
         ([str(FIXTURES / "nothing.step")], "there is no such file or folder"),
         ([str(FIXTURES / "bracket.json")], "is neither STEP"),
-        pytest.param(
+        slow_case(
             [str(file("open_mesh"))],
             "not watertight: tray",
-            marks=pytest.mark.slow(reason="reads a file more; its reader says so in every run"),
+            reason="reads a file more; its reader says so in every run",
         ),
-        pytest.param(
+        slow_case(
             [SOURCE, "--base", "blok"],
             "Did you mean 'block'",
-            marks=pytest.mark.slow(reason="imports first; a robot of no such name in every run"),
+            reason="imports first; a robot of no such name in every run",
         ),
         ([SOURCE, "--robot", "pandas"], "must be one of panda, ur5e. Did you mean 'panda'"),
         ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),

@@ -21,7 +21,7 @@ from skillplan_cad import (
     read_product,
     shapes_of,
 )
-from thinned import thinned
+from thinned import slow_case, thinned
 
 
 def box(size=(10, 10, 10), at=(0, 0, 0)):
@@ -110,12 +110,10 @@ class TestStep:
             (b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=", "is cut off"),
             (b"\x1f\x8brest of no stream", "is damaged"),
             (gzip.compress(b"ISO-10303-21;" * 99, mtime=0)[:-9], "is cut off"),
-            pytest.param(
+            slow_case(
                 b"ISO-10303-21;\nnothing\nEND-ISO-10303-21;\n",
                 "STEP",
-                marks=pytest.mark.slow(
-                    reason="starts OCCT; a file that lacks a piece in every run"
-                ),
+                reason="starts OCCT; a file that lacks a piece in every run",
             ),
         ],
     )
@@ -219,10 +217,10 @@ class TestOcctApart:
         ("limits", "words"),
         [
             (Limits(0), "still at it after 0 s"),
-            pytest.param(
+            slow_case(
                 Limits(60, 1),
                 "took more than .* of memory",
-                marks=pytest.mark.slow(reason="starts OCCT; the other limit in every run"),
+                reason="starts OCCT; the other limit in every run",
             ),
         ],
     )

@@ -13,6 +13,7 @@ from cad_products import product, related, relation
 from skillplan import load_problem
 from skillplan.cli import run
 from skillplan_cad import Planner, Product, best_bearing, task_of
+from thinned import slow_case
 
 DOWN = [0.0, 0.0, -1.0]
 # How many parts and screws of how many are in the task: others go round a corner, or float.
@@ -37,7 +38,7 @@ SOLIDS = {
     "collar": box(15, 15, 42, 45, 45, 50) - box(25, 25, 42, 35, 35, 50),
 }
 CASES = [
-    pytest.param(name, marks=pytest.mark.slow(reason="reads a product; solids in every run"))
+    slow_case(name, reason="reads a product; solids in every run")
     for name in WRITTEN
     if name != "made"
 ]

@@ -21,6 +21,7 @@ from skillplan.solvers import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
 from skillplan.workers import resident_bytes
 from skillplan_ortools import CpSatSolver
+from thinned import release_case, slow_case
 
 CONFIGS = SOP.parents[2] / "configs"
 
@@ -38,26 +39,10 @@ class TestCpSatSolver(SolverSuite):
     [
         ("inverter_board", ("precedence",)),
         ("inverter_board", ("aabb",)),
-        pytest.param(
-            "motor_drive",
-            ("precedence",),
-            marks=pytest.mark.slow(reason="smaller boards in every run"),
-        ),
-        pytest.param(
-            "motor_drive",
-            ("aabb",),
-            marks=pytest.mark.release(reason="smaller boards in every run"),
-        ),
-        pytest.param(
-            "relay_rail",
-            ("precedence",),
-            marks=pytest.mark.slow(reason="smaller boards in every run"),
-        ),
-        pytest.param(
-            "relay_rail",
-            ("aabb",),
-            marks=pytest.mark.slow(reason="other boards by boxes in every run"),
-        ),
+        slow_case("motor_drive", ("precedence",), reason="smaller boards in every run"),
+        release_case("motor_drive", ("aabb",), reason="smaller boards in every run"),
+        slow_case("relay_rail", ("precedence",), reason="smaller boards in every run"),
+        slow_case("relay_rail", ("aabb",), reason="other boards by boxes in every run"),
         ("battery_module", ("precedence",)),
         ("battery_module", ("aabb",)),
     ],
@@ -76,8 +61,8 @@ def test_it_proves_what_exact_search_proves(config, collision):
     ("name", "optimum"),
     [
         ("ESC07", 2125),
-        pytest.param("ESC12", 1675, marks=pytest.mark.slow(reason="a smaller one in every run")),
-        pytest.param("br17.10", 55, marks=pytest.mark.slow(reason="two others in every run")),
+        slow_case("ESC12", 1675, reason="a smaller one in every run"),
+        slow_case("br17.10", 55, reason="two others in every run"),
     ],
 )
 def test_it_proves_the_benchmark(name, optimum):
@@ -179,7 +164,7 @@ def test_a_task_with_nothing_to_do_is_solved_by_doing_nothing():
     [
         ("ry48p.4", 0.5),
         *(
-            pytest.param(name, 1.5, marks=pytest.mark.slow(reason="a smaller one in every run"))
+            slow_case(name, 1.5, reason="a smaller one in every run")
             for name in ("rbg253a", "kro124p.1")
         ),
     ],

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from thinned import slow_case
+
 INSTANCE = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC07.sop"
 
 
@@ -14,9 +16,7 @@ INSTANCE = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC07.so
     "solvers",
     [
         "cp-sat,branch-and-cut",
-        pytest.param(
-            "branch-and-cut,cp-sat", marks=pytest.mark.slow(reason="the other order in every run")
-        ),
+        slow_case("branch-and-cut,cp-sat", reason="the other order in every run"),
     ],
 )
 def test_a_comparison_may_hold_both_in_any_order(solvers):

@@ -6,6 +6,7 @@ import pytest
 
 from skillplan.chart import derive_chart
 from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SWEPT = Setup(collision=("swept",))
@@ -14,8 +15,8 @@ SWEPT = Setup(collision=("swept",))
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("battery_module", marks=pytest.mark.slow(reason="another board in every run")),
-        pytest.param("relay_rail", marks=pytest.mark.slow(reason="another board in every run")),
+        slow_case("battery_module", reason="another board in every run"),
+        slow_case("relay_rail", reason="another board in every run"),
         "inverter_grasps",
     ],
 )
@@ -30,16 +31,10 @@ def test_swept_derives_the_hand_made_chart(name):
     ("name", "solver"),
     [
         *(
-            pytest.param(
-                name, "exact", marks=pytest.mark.slow(reason="the inverter board in every run")
-            )
+            slow_case(name, "exact", reason="the inverter board in every run")
             for name in ("battery_module", "relay_rail")
         ),
-        pytest.param(
-            "inverter_grasps",
-            "value-iteration",
-            marks=pytest.mark.slow(reason="another board in every run"),
-        ),
+        slow_case("inverter_grasps", "value-iteration", reason="another board in every run"),
     ],
 )
 def test_swept_gives_the_optimum_of_the_chart(name, solver):
@@ -53,13 +48,10 @@ def test_swept_gives_the_optimum_of_the_chart(name, solver):
 @pytest.mark.parametrize(
     "count",
     [
-        pytest.param(
-            2,
-            marks=pytest.mark.slow(
-                reason="solves two more boards by hulls; every run solves the board itself by hulls"
-            ),
+        slow_case(
+            2, reason="solves two more boards by hulls; every run solves the board itself by hulls"
         ),
-        pytest.param(12, marks=pytest.mark.slow(reason="12 boards")),
+        slow_case(12, reason="12 boards"),
     ],
 )
 def test_the_layouts_of_the_inverter_s_family_leave_room_for_the_hand(count):

@@ -15,6 +15,7 @@ from example_count import examples
 from serial_arms import random_arm
 from skillplan.robots import PANDA, UR5E, Transform
 from skillplan_pinocchio import NumericInverse, SerialArm, Unreached
+from thinned import release_case
 
 ACCURACY = 1e-6
 ARMS = {"panda": SerialArm(PANDA), "ur5e": SerialArm(UR5E)}
@@ -45,10 +46,7 @@ def assert_solves(arm, joints, target):
     assert max(away(arm, joints, target)) < ACCURACY
 
 
-@pytest.mark.parametrize(
-    "count",
-    [100, pytest.param(10_000, marks=pytest.mark.release(reason="10,000; 100 in every run"))],
-)
+@pytest.mark.parametrize("count", [100, release_case(10_000, reason="10,000; 100 in every run")])
 @pytest.mark.parametrize("name", ARMS)
 def test_at_least_995_of_1000_reachable_poses_are_solved(name, count):
     """To a micrometre and a microradian, within the limits."""

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from skillplan.robots import UR5E
 from skillplan_pinocchio import ArmModel, SweptDetector, TravelHeights, Unreachable, elbows
+from thinned import slow_case
 
 SAFE_M = 0.2
 BOARDS = ["inverter_board", "battery_module", "motor_drive", "relay_rail", "sensor_stack"]
@@ -45,10 +46,7 @@ def test_nothing_is_ever_lower(arm, seed):
     "name",
     [
         BOARDS[0],
-        *(
-            pytest.param(name, marks=pytest.mark.slow(reason="plans a board; one in every run"))
-            for name in BOARDS[1:]
-        ),
+        *(slow_case(name, reason="plans a board; one in every run") for name in BOARDS[1:]),
     ],
 )
 def test_no_travel_of_a_shipped_board_needs_a_check(product_task, name):

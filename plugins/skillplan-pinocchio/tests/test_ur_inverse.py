@@ -14,6 +14,7 @@ from example_count import examples
 from serial_arms import ur_arm
 from skillplan.robots import PANDA, UR5E, Transform
 from skillplan_pinocchio import SerialArm, UrInverse, UrLengths
+from thinned import release_case
 
 ACCURACY = 1e-9
 BASE = Transform((0.3, 0.2, 0.1), (0.2, 0.3, 0.4))
@@ -38,10 +39,7 @@ def assert_all_solve(arm, found, target):
         assert np.abs(arm.tip(joints).homogeneous - target.homogeneous).max() < ACCURACY
 
 
-@pytest.mark.parametrize(
-    "count",
-    [200, pytest.param(10_000, marks=pytest.mark.release(reason="10,000; 200 in every run"))],
-)
+@pytest.mark.parametrize("count", [200, release_case(10_000, reason="10,000; 200 in every run")])
 def test_every_pose_has_the_posture_that_it_was_made_of(count):
     """Up to full turns; and up to seven others that lead there, too."""
     rng = np.random.default_rng(7)

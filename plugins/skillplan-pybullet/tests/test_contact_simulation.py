@@ -11,6 +11,7 @@ from skillplan.task import VerdictStatus
 from skillplan.trials import Truth, injected_collisions, try_detectors
 from skillplan_pybullet import ContactForceDetector, PybulletEngine
 from skillplan_simulation import ContactPairsDetector
+from thinned import slow_case
 
 OPTIMUM = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
 
@@ -41,9 +42,7 @@ def after(task, *actions):
     "done",
     [
         # A screw is driven into the brace.
-        done
-        if done == 14
-        else pytest.param(done, marks=pytest.mark.slow(reason="one of its skills in every run"))
+        done if done == 14 else slow_case(done, reason="one of its skills in every run")
         for done in range(len(OPTIMUM))
     ],
 )
@@ -156,10 +155,8 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors):
 @pytest.mark.parametrize(
     "kind",
     [
-        pytest.param("beside", marks=pytest.mark.slow(reason="other obstacles in every run")),
-        pytest.param(
-            "light, beside", marks=pytest.mark.slow(reason="other obstacles in every run")
-        ),
+        slow_case("beside", reason="other obstacles in every run"),
+        slow_case("light, beside", reason="other obstacles in every run"),
         "tall",
         "too deep",
     ],

@@ -18,7 +18,7 @@ from skillplan.checks import VerdictCache
 from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
 from skillplan.records import Result, Status
 from skillplan.task import Precedence, Task
-from thinned import thinned
+from thinned import release_case, slow_case, thinned
 
 SETUPS = {
     "swept": Setup(collision=("swept",)),
@@ -26,15 +26,9 @@ SETUPS = {
 }
 ALL = list(SETUPS)
 # An execution takes half a second: most changed products are executed in the whole suite only.
-SLOW_BY_PHYSICS = [
-    "swept",
-    pytest.param("physics", marks=pytest.mark.slow(reason="by swept hulls in every run")),
-]
+SLOW_BY_PHYSICS = ["swept", slow_case("physics", reason="by swept hulls in every run")]
 # Of those, some are executed before a release only.
-RELEASED_BY_PHYSICS = [
-    "swept",
-    pytest.param("physics", marks=pytest.mark.release(reason="other products in the whole suite")),
-]
+RELEASED_BY_PHYSICS = ["swept", release_case("physics", reason="other products in the whole suite")]
 
 
 @dataclass(frozen=True)

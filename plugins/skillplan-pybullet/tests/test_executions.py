@@ -14,6 +14,7 @@ from skillplan.task import Body, Box, Cylinder, Mesh, VerdictStatus
 from skillplan_pinocchio import mass_properties
 from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
 from skillplan_simulation import ContactPairsDetector, PlannedPaths, SkillRunner
+from thinned import slow_case
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
 SCREW_M, BIT_M = 0.002, 0.040
@@ -48,10 +49,7 @@ class TestWhatAVerdictRestsOn:
     @pytest.mark.parametrize(
         "holder_m",
         [
-            pytest.param(
-                [0.62, 0.30],
-                marks=pytest.mark.slow(reason="two executions; another place in every run"),
-            ),
+            slow_case([0.62, 0.30], reason="two executions; another place in every run"),
             [0.25, 1.20],
         ],
     )
@@ -152,9 +150,9 @@ class TestSimulationsThatSayNothing:
     @pytest.mark.parametrize(
         "speed_m_per_s",
         [
-            pytest.param(math.nan, marks=pytest.mark.slow(reason="another speed in every run")),
+            slow_case(math.nan, reason="another speed in every run"),
             60.0,
-            pytest.param(1e200, marks=pytest.mark.slow(reason="two speeds in every run")),
+            slow_case(1e200, reason="two speeds in every run"),
         ],
     )
     def test_a_blow_up_is_unknown_with_a_reason(self, board, monkeypatch, speed_m_per_s):
@@ -187,13 +185,11 @@ class TestHands:
     @pytest.mark.parametrize(
         "part",
         [
-            pytest.param(
+            slow_case(
                 "capacitor_1",
-                marks=pytest.mark.slow(
-                    reason="an execution of the larger board; parts that come to rest in every run"
-                ),
+                reason="an execution of the larger board; parts that come to rest in every run",
             ),
-            pytest.param("capacitor_2", marks=pytest.mark.slow(reason="the other in every run")),
+            slow_case("capacitor_2", reason="the other in every run"),
         ],
     )
     def test_light_parts_stay_between_the_jaws_that_take_them_over(self, part):
@@ -211,8 +207,8 @@ class TestHands:
     @pytest.mark.parametrize(
         "height_m",
         [
-            pytest.param(0.0, marks=pytest.mark.slow(reason="another height in every run")),
-            pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")),
+            slow_case(0.0, reason="another height in every run"),
+            slow_case(0.003, reason="its ends in every run"),
             0.02,
         ],
     )

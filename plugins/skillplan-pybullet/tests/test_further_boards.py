@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from skillplan.pipeline import Setup, load_problem, solve
+from thinned import release_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
@@ -13,13 +14,10 @@ PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(
-            "battery_module",
-            marks=pytest.mark.release(
-                reason="half a minute of executions; by swept hulls in every run"
-            ),
+        release_case(
+            "battery_module", reason="half a minute of executions; by swept hulls in every run"
         ),
-        pytest.param("relay_rail", marks=pytest.mark.release(reason="minutes of executions")),
+        release_case("relay_rail", reason="minutes of executions"),
     ],
 )
 def test_physics_proves_the_optimum_of_the_chart(name):

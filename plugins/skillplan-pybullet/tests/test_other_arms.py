@@ -14,6 +14,7 @@ from skillplan.task import Pose, Task
 from skillplan.testing import lid_content
 from skillplan_pybullet import PybulletEngine
 from skillplan_simulation import ContactPairsDetector
+from thinned import slow_case
 
 # It looks along -x where its joints are at home.
 TURNED = Pose.upright((0.0, 0.0, 0.0), math.pi).orientation
@@ -54,11 +55,7 @@ def performed(task: Task, plan, **options):
     "changes",
     [
         pytest.param({}, id="the Panda's hand"),
-        pytest.param(
-            {"hand": OTHER},
-            marks=pytest.mark.slow(reason="two others in every run"),
-            id="another hand",
-        ),
+        slow_case({"hand": OTHER}, id="another hand", reason="two others in every run"),
         pytest.param(
             {"base": LEANING.position, "base_orientation": LEANING.orientation},
             id="a base that leans",

@@ -12,6 +12,7 @@ from skillplan.physics import HEIGHT, WIDTH
 from skillplan.pipeline import load_problem
 from skillplan.testing import lid_content
 from skillplan_pybullet import PybulletEngine
+from thinned import slow_case
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +40,7 @@ def board():
 
 @pytest.fixture(
     scope="module",
-    params=[
-        plate,
-        pytest.param(
-            board, marks=pytest.mark.slow(reason="15 skills; a plan of four in every run")
-        ),
-    ],
+    params=[plate, slow_case(board, reason="15 skills; a plan of four in every run")],
     ids=lambda made: made.__name__,
 )
 def performance(request):

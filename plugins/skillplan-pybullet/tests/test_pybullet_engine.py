@@ -14,6 +14,7 @@ from skillplan.errors import TaskError
 from skillplan.pipeline import load_problem
 from skillplan.task import AXES, Grasp, GraspKind, Task, Verdict, VerdictStatus
 from skillplan_pybullet import PybulletEngine
+from thinned import slow_case
 
 
 @pytest.fixture(scope="module")
@@ -40,9 +41,9 @@ class TestThePapersBoard:
         "part",
         [
             "pcb",
-            pytest.param("brace", marks=pytest.mark.slow(reason="another part in every run")),
+            slow_case("brace", reason="another part in every run"),
             *(
-                pytest.param(part, marks=pytest.mark.slow(reason="two parts in every run"))
+                slow_case(part, reason="two parts in every run")
                 for part in ("switch_1", "transformer", "clock")
             ),
         ],
@@ -75,11 +76,7 @@ class TestThePapersBoard:
         assert verdict.reason == "screw_1 was pressed with 0.0 N, where 3.0 N are needed"
 
     @pytest.mark.parametrize(
-        "screw",
-        [
-            "screw_1",
-            pytest.param("screw_2", marks=pytest.mark.slow(reason="the other one in every run")),
-        ],
+        "screw", ["screw_1", slow_case("screw_2", reason="the other one in every run")]
     )
     def test_a_screw_is_driven_with_three_newtons_and_more(self, task, engine, screw):
         skill, state = imagined(task, f"fasten({screw})", "pcb", "transformer", "brace")
@@ -140,13 +137,10 @@ class TestDeterminism:
     @pytest.mark.parametrize(
         "questions",
         [
-            pytest.param(
-                QUESTIONS[:2],
-                marks=pytest.mark.slow(
-                    reason="six executions; in every run bodies far off change no digit"
-                ),
+            slow_case(
+                QUESTIONS[:2], reason="six executions; in every run bodies far off change no digit"
             ),
-            pytest.param(QUESTIONS, marks=pytest.mark.slow(reason="two of four in every run")),
+            slow_case(QUESTIONS, reason="two of four in every run"),
         ],
         ids=["two", "four"],
     )
@@ -186,7 +180,7 @@ class TestOptions:
             ("pybullet", "osc"),
             ("pinocchio", "position"),
             *(
-                pytest.param(*both, marks=pytest.mark.slow(reason="each with another in every run"))
+                slow_case(*both, reason="each with another in every run")
                 for both in (("pybullet", "position"), ("pinocchio", "osc"))
             ),
         ],
@@ -207,11 +201,7 @@ class TestOptions:
         assert engine.check(*imagined(task, "place(clock)", "pcb")).is_feasible
 
     @pytest.mark.parametrize(
-        "control",
-        [
-            pytest.param("osc", marks=pytest.mark.slow(reason="the other control in every run")),
-            "position",
-        ],
+        "control", [slow_case("osc", reason="the other control in every run"), "position"]
     )
     def test_either_control_drives_a_screw_with_the_force_asked_for(self, task, control):
         engine = self.made(task, control=control, press_force_n=8.0)

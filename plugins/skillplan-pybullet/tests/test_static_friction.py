@@ -22,6 +22,7 @@ from skillplan_simulation import (
     turn_between,
     utilisation,
 )
+from thinned import slow_case
 
 SETTINGS = SimulationSettings()
 ROD = Cylinder(0.02, 0.08, (0.0, 0.0, 0.04))
@@ -132,9 +133,7 @@ def slip_of(
     "shape",
     [
         pytest.param(ROD, id="rod"),
-        pytest.param(
-            BLOCK, id="block", marks=pytest.mark.slow(reason="4 s simulated; a rod in every run")
-        ),
+        slow_case(BLOCK, id="block", reason="4 s simulated; a rod in every run"),
     ],
 )
 def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(scene, shape):
@@ -147,10 +146,8 @@ def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(scene, sh
     ("mass_kg", "held_m", "mm", "deg"),
     [
         pytest.param(1.0, 0.06, 10.0, 0.0, id="heavy"),
-        pytest.param(
-            *(0.2, 0.3, 0.0, 2.0),
-            id="long",
-            marks=pytest.mark.slow(reason="4 s simulated; a heavy part in every run"),
+        slow_case(
+            *(0.2, 0.3, 0.0, 2.0), id="long", reason="4 s simulated; a heavy part in every run"
         ),
     ],
 )

@@ -21,6 +21,7 @@ from skillplan_simulation import (
     Neighbourhood,
     Surroundings,
 )
+from thinned import release_case, slow_case
 
 
 def everything(
@@ -72,10 +73,8 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
 @pytest.mark.parametrize(
     "sample",
     [
-        pytest.param(
-            5, marks=pytest.mark.slow(reason="a sample executed twice, in whole worlds, too")
-        ),
-        pytest.param(20, marks=pytest.mark.release(reason="80 simulated worlds a product")),
+        slow_case(5, reason="a sample executed twice, in whole worlds, too"),
+        release_case(20, reason="80 simulated worlds a product"),
     ],
 )
 @pytest.mark.parametrize(
@@ -83,7 +82,7 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
     [
         "sensor_stack",
         *(
-            pytest.param(name, marks=pytest.mark.release(reason="another in the whole suite"))
+            release_case(name, reason="another in the whole suite")
             for name in ("inverter_board", "motor_drive")
         ),
     ],

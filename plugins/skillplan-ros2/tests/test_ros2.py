@@ -31,6 +31,7 @@ from skillplan.task import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task, solved_lid
 from skillplan_pinocchio import SweptDetector
 from skillplan_ros2 import TEXT_TYPE, TRAJECTORY_TYPE, message_types
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
@@ -117,12 +118,10 @@ def bag(tmp_path_factory):
     "config",
     [
         "inverter_board",
-        pytest.param("inverter_ur5e", marks=pytest.mark.slow(reason="another arm in every run")),
-        pytest.param(
+        slow_case("inverter_ur5e", reason="another arm in every run"),
+        slow_case(
             "drawer_module",
-            marks=pytest.mark.slow(
-                reason="searches a board with ways by swept; boards without are in every run"
-            ),
+            reason="searches a board with ways by swept; boards without are in every run",
         ),
     ],
 )

@@ -30,6 +30,7 @@ from skillplan_swarmitfix import (
     simulate,
     simulate_timed,
 )
+from thinned import slow_case
 
 BENCH = Bench(6, 13, 0.34)
 # Benches by rows and columns, and how many bases fit on them, with little room to move.
@@ -178,13 +179,7 @@ class TestMany:
 
     @pytest.mark.parametrize(
         "count",
-        [
-            *(2, 3),
-            *(
-                pytest.param(count, marks=pytest.mark.slow(reason="2 and 3 in every run"))
-                for count in (4, 5, 6, 7, 8)
-            ),
-        ],
+        [*(2, 3), *(slow_case(count, reason="2 and 3 in every run") for count in (4, 5, 6, 7, 8))],
     )
     @pytest.mark.parametrize("objective", ["swings", "makespan"])
     def test_random_fleets_on_the_papers_bench_are_solved(self, count, objective):

@@ -22,7 +22,7 @@ from skillplan_swarmitfix import (
     goal_sets,
 )
 from swarm_situations import shortest_way
-from thinned import thinned
+from thinned import slow_case, thinned
 from yaml_data import yaml_data
 
 DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
@@ -155,9 +155,7 @@ def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken
         assert choose(BENCH, here, sets, rule, SWING_S).goals == (target,)
 
 
-@pytest.mark.parametrize(
-    "actions", [11, pytest.param(13, marks=pytest.mark.slow(reason="11 in every run"))]
-)
+@pytest.mark.parametrize("actions", [11, slow_case(13, reason="11 in every run")])
 def test_least_swings_are_those_of_the_shortest_ways(actions):
     bench = Bench(4, 7, 0.34, actions)
     least = LeastSwings(bench, SWING_S)

@@ -21,6 +21,7 @@ from skillplan.sweep import read_space
 from skillplan.task import Facts, Literal
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch import DqnSolver, PpoSolver
+from thinned import release_case, slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 OPTIMUM_M = 1.86709
@@ -181,22 +182,18 @@ class TestLearning:
     @pytest.mark.parametrize(
         "seeds",
         [
-            pytest.param(
-                [3], marks=pytest.mark.release(reason="10,000 steps; the lid in the whole suite")
-            ),
-            pytest.param(
-                [*range(10)], marks=pytest.mark.release(reason="ten runs of 10,000 steps")
-            ),
+            release_case([3], reason="10,000 steps; the lid in the whole suite"),
+            release_case([*range(10)], reason="ten runs of 10,000 steps"),
         ],
     )
     @pytest.mark.parametrize(
         ("options", "share", "success"),
         [
-            pytest.param(
+            release_case(
                 {"mask": "none", "observation": "paper"},
                 0.9,
                 0.80,
-                marks=pytest.mark.release(reason="without a mask; the lid in the whole suite"),
+                reason="without a mask; the lid in the whole suite",
             ),
             ({"mask": "applicable", "observation": "markov"}, 1.0, 0.99),
         ],
@@ -269,7 +266,7 @@ class TestMasks:
             ("usual", 1e6),
             ("no-plans", -1e6),
             *(
-                pytest.param(*row, marks=pytest.mark.slow(reason="two others in every run"))
+                slow_case(*row, reason="two others in every run")
                 for row in (
                     ("usual", -1e6),
                     ("two-layers", 1e6),
@@ -336,10 +333,10 @@ class TestRewards:
     @pytest.mark.parametrize(
         "transformed",
         [
-            pytest.param({}, marks=pytest.mark.slow(reason="other rewards in every run")),
-            pytest.param(
+            slow_case({}, reason="other rewards in every run"),
+            slow_case(
                 {"complete": 100.0, "failure": 0.1, "step_floor": 1.0},
-                marks=pytest.mark.slow(reason="a training; of costs in every run"),
+                reason="a training; of costs in every run",
             ),
         ],
     )
@@ -402,11 +399,7 @@ class TestPoliciesFollowed:
 
     @pytest.mark.parametrize("kind", kinds("usual"))
     @pytest.mark.parametrize(
-        "which",
-        [
-            pytest.param("two roads", marks=pytest.mark.slow(reason="the board in every run")),
-            "board",
-        ],
+        "which", [slow_case("two roads", reason="the board in every run"), "board"]
     )
     def test_the_best_policy_costs_what_it_was_kept_for(self, board, kind, which):
         late = nearly_done(board, [0, 1, 2, 3, 4, 5, 8, 9, 10, 11])
@@ -450,11 +443,7 @@ class TestRunsSideBySide:
         self.held_alone(solver(**KINDS[kind]), lid_task(), self.SEEDS, [1, 4], 150)
 
     @pytest.mark.parametrize(
-        "kind",
-        [
-            "usual",
-            pytest.param("two-layers", marks=pytest.mark.slow(reason="another kind in every run")),
-        ],
+        "kind", ["usual", slow_case("two-layers", reason="another kind in every run")]
     )
     def test_with_few_actions_and_under_chance_too(self, kind):
         for task in (two_roads_task(), retry_task(0.5)):
@@ -465,11 +454,7 @@ class TestRunsSideBySide:
         self.held_alone(learner, board, self.SEEDS, [0, 3], 60)
 
     @pytest.mark.parametrize(
-        "kind",
-        [
-            "no-plans",
-            pytest.param("usual", marks=pytest.mark.slow(reason="another kind in every run")),
-        ],
+        "kind", ["no-plans", slow_case("usual", reason="another kind in every run")]
     )
     def test_of_more_actions_than_a_block_too(self, motor_drive, kind):
         assert len(motor_drive.skills) > 32
@@ -487,9 +472,7 @@ class TestFailures:
         [
             ("usual", "network.0", np.nan),
             *(
-                pytest.param(
-                    kind, *wrong, marks=pytest.mark.slow(reason="another break in every run")
-                )
+                slow_case(kind, *wrong, reason="another break in every run")
                 for kind in ("usual", "counts", "no-plans")
                 for wrong in (("network.0", np.nan), ("target.1", np.inf), ("adam.0.mean", -np.inf))
                 if (kind, wrong[0]) != ("usual", "network.0")
@@ -571,14 +554,7 @@ class TestGoingOn:
         assert_same(other, whole)
 
     @pytest.mark.parametrize(
-        "cut",
-        [
-            1,
-            *(
-                pytest.param(cut, marks=pytest.mark.slow(reason="another cut in every run"))
-                for cut in (77, 150)
-            ),
-        ],
+        "cut", [1, *(slow_case(cut, reason="another cut in every run") for cut in (77, 150))]
     )
     def test_on_the_board_too(self, board, cut):
         learner = solver(mask="none", observation="paper", width=256, batch=64)

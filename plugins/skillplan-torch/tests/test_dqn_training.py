@@ -15,6 +15,7 @@ import pytest
 from skillplan.cli import main
 from skillplan.pipeline import Setup, load_problem
 from skillplan.training import Trainer, TrainingFolder, plan_training
+from thinned import release_case, slow_case
 from training_situations import BOARD, learned_bytes
 
 PATIENCE_S = 240
@@ -98,15 +99,13 @@ def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(tmp_path, s
 @pytest.mark.parametrize(
     ("runs", "steps", "kills"),
     [
-        pytest.param(
+        slow_case(
             2,
             600,
             1,
-            marks=pytest.mark.slow(
-                reason="it loads torch again; a stop, and kills of another learner, in every run"
-            ),
+            reason="it loads torch again; a stop, and kills of another learner, in every run",
         ),
-        pytest.param(6, 3_000, 20, marks=pytest.mark.release(reason="20 kills")),
+        release_case(6, 3_000, 20, reason="20 kills"),
     ],
 )
 def test_sigkill_at_random_instants_changes_nothing(tmp_path, runs, steps, kills):

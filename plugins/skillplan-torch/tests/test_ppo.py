@@ -18,6 +18,7 @@ from skillplan.pipeline import Setup, make_model, solve
 from skillplan.solvers import Snapshot
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch import PpoSolver, RolloutBuffer
+from thinned import release_case, slow_case
 
 pytestmark = pytest.mark.slow(reason="trainings; DQN's in every run")
 
@@ -94,8 +95,8 @@ class TestLearning:
     @pytest.mark.parametrize(
         "runs",
         [
-            pytest.param(1, marks=pytest.mark.release(reason="runs to the optimum of the board")),
-            pytest.param(10, marks=pytest.mark.release(reason="ten runs to the optimum")),
+            release_case(1, reason="runs to the optimum of the board"),
+            release_case(10, reason="ten runs to the optimum"),
         ],
     )
     @pytest.mark.parametrize(
@@ -185,7 +186,7 @@ class TestRunsSideBySide:
     @pytest.mark.parametrize(
         "options",
         [
-            pytest.param({}, marks=pytest.mark.slow(reason="other options in every run")),
+            slow_case({}, reason="other options in every run"),
             {"mask": "none", "novelty": 1.0, "layers": 1},
         ],
     )

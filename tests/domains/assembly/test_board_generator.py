@@ -21,6 +21,7 @@ from skillplan.errors import OptionError
 from skillplan.pipeline import Setup, load_problem, make_feasibility, solve
 from skillplan.records import Status
 from skillplan.task import Task
+from thinned import slow_case
 from yaml_data import yaml_text
 
 BOARDS = st.builds(
@@ -146,13 +147,8 @@ def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
 @pytest.mark.parametrize(
     "density",
     [
-        pytest.param(
-            0.3, marks=pytest.mark.slow(reason="a board of 256 parts; smaller ones in every run")
-        ),
-        *(
-            pytest.param(density, marks=pytest.mark.slow(reason="another density in every run"))
-            for density in (0.0, 1.0)
-        ),
+        slow_case(0.3, reason="a board of 256 parts; smaller ones in every run"),
+        *(slow_case(density, reason="another density in every run") for density in (0.0, 1.0)),
     ],
 )
 def test_the_largest_board_is_faultless_too(density):
@@ -193,10 +189,7 @@ def test_a_total_order_leaves_one_way():
     assert set(pairwise(placed)) <= before
 
 
-@pytest.mark.parametrize(
-    "density",
-    [pytest.param(0.0, marks=pytest.mark.slow(reason="more orders; fewer in every run")), 0.4],
-)
+@pytest.mark.parametrize("density", [slow_case(0.0, reason="more orders; fewer in every run"), 0.4])
 @pytest.mark.parametrize("tools", [1, 2])
 def test_brute_force_and_exact_search_find_the_same_optimum(tools, density):
     """Of five parts, on a board that is small enough to be searched through."""

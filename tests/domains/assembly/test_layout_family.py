@@ -21,6 +21,7 @@ from skillplan.domains.assembly import (
 )
 from skillplan.errors import OptionError, TaskError
 from skillplan.pipeline import Setup, load_problem, solve
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"
@@ -152,10 +153,7 @@ class TestFamily:
         assert other.sha256 == board.sha256
         assert other.variants(0, 1)[0].sha256 != board.variants(0, 1)[0].sha256
 
-    @pytest.mark.parametrize(
-        ("count", "orders"),
-        [(3, 2), pytest.param(40, 4, marks=pytest.mark.slow(reason="40 boards"))],
-    )
+    @pytest.mark.parametrize(("count", "orders"), [(3, 2), slow_case(40, 4, reason="40 boards")])
     def test_every_optimum_is_proved_at_once(self, board, count, orders):
         """With several orders among them, in seconds."""
         tasks = board.variants(1, count)

@@ -23,6 +23,7 @@ from skillplan.records import Status
 from skillplan.task import Task
 from skillplan.testing import DomainSuite, reachable_states
 from sop_instances import BEST_KNOWN, FOLDER, instance
+from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -107,12 +108,7 @@ class TestInstances:
 
     @pytest.mark.parametrize(
         ("name", "cost"),
-        [
-            ("ESC07", 2125),
-            pytest.param(
-                "ESC12", 1675, marks=pytest.mark.slow(reason="a smaller one in every run")
-            ),
-        ],
+        [("ESC07", 2125), slow_case("ESC12", 1675, reason="a smaller one in every run")],
     )
     def test_exact_search_proves_the_optimum_of_small_ones(self, name, cost):
         """The published one."""

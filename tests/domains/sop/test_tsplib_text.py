@@ -15,6 +15,7 @@ from skillplan.domains.sop import SopDomain, read_tsplib, tsplib_file
 from skillplan.errors import TaskError
 from skillplan.pipeline import load_problem
 from sop_instances import BEST_KNOWN, instance, instance_text, tsplib_text
+from thinned import slow_case
 
 SMALL = """NAME: small.sop
 TYPE: SOP
@@ -326,8 +327,7 @@ def test_a_malformed_file_is_one_clear_message(tmp_path, text, said):
 
 
 @pytest.mark.parametrize(
-    "most",
-    [3, pytest.param(2000, marks=pytest.mark.slow(reason="four million numbers; 16 in every run"))],
+    "most", [3, slow_case(2000, reason="four million numbers; 16 in every run")]
 )
 def test_too_many_nodes_are_one_clear_message(tmp_path, monkeypatch, most):
     """Said before anything is made of the numbers; a lower limit is put in its place."""

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from ordering_instances import StopAfter, all_orders, instance_of, least_cost, orderings
 from skillplan.solvers.ordering import METHODS, OrderingSearch
+from thinned import slow_case
 
 PROVING = tuple((method,) for method in METHODS if method != "local-search")
 EXACT = METHODS[1:]
@@ -114,10 +115,7 @@ def test_an_order_to_start_from_that_is_none_is_not_used():
 
 
 @pytest.mark.parametrize("methods", [METHODS, *PROVING])
-@pytest.mark.parametrize(
-    "kind",
-    ["whole", pytest.param("real", marks=pytest.mark.slow(reason="whole costs in every run"))],
-)
+@pytest.mark.parametrize("kind", ["whole", slow_case("real", reason="whole costs in every run")])
 def test_the_same_seed_makes_the_same_moves(methods, kind):
     """Order, bound and every figure of the effort."""
     instance = instance_of(14, 1, kind=kind, density=0.1)

@@ -17,6 +17,7 @@ from skillplan.solvers.ordering import (
     beam,
     tighten,
 )
+from thinned import slow_case
 
 
 def never():
@@ -148,10 +149,7 @@ def test_read_backwards_an_instance_has_the_same_optimum(instance):
     "n",
     [
         *(63, 64, 65),
-        *(
-            pytest.param(n, marks=pytest.mark.slow(reason="63, 64 and 65 in every run"))
-            for n in (66, 127, 128, 129, 130, 200)
-        ),
+        *(slow_case(n, reason="63, 64 and 65 in every run") for n in (66, 127, 128, 129, 130, 200)),
     ],
 )
 def test_sets_may_fill_any_number_of_words(n):
