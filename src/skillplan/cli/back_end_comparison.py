@@ -1,4 +1,4 @@
-"""``skillplan compare --engines`` and ``--detectors``: back ends side by side."""
+"""``skillplan compare --engines`` and ``--detectors``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
 from skillplan.views.tables.trials import agreement_tables, detectors_tables
 
-# So many queries a process are given out at a time.
+# Queries per process and batch.
 _AT_ONCE = 8
 
 
@@ -44,32 +44,25 @@ def compare_physics(
     time_limit_s: float | None,
     style: str,
 ) -> int:
-    """Ask engines the same about a task and print where they differ; return the exit code.
+    """Compare engines on a task, print where they differ, and return the exit code.
 
     Parameters
     ----------
-    path
-        Of the task file.
     engines
-        Their names, by commas.
+        Names of the engines, separated by commas.
     back_ends
-        With what is asked of every engine beside it; by default the detectors that read its
-        contacts.
-    reading
-        How the task file is read.
+        Further back ends of every engine. Default: detectors that read its contacts.
     jobs, executor
-        How many processes, and where.
+        Number of processes, and their executor.
     pictures
-        The folder that contradictions are drawn into; None to draw none.
+        Folder for pictures of contradictions, if any.
     time_limit_s
-        After how long to be content with what is known [s].
-    style
-        How to print.
+        Time limit of the comparison [s]; it keeps the results so far.
 
     Raises
     ------
     OptionError
-        If there are not two engines, one refuses the task, or the task has no bodies.
+        If there are not two engines, an engine refuses the task, or the task has no bodies.
     """
     names = split_names(engines)
     if len(names) < 2:
@@ -87,7 +80,7 @@ def compare_physics(
 
         checks: dict[str, Feasibility] = {}
         for name in names:
-            setup = _setup(name, names, back_ends, task, executor)
+            setup = _make_engine_setup(name, names, back_ends, task, executor)
             checks[name] = open_ones.enter_context(
                 closing(make_feasibility(task, setup, jobs=jobs))
             )
@@ -98,15 +91,15 @@ def compare_physics(
             note=count.one_more,
             stopped=stopped,
         )
-    drawn = [] if folder is None else _drawn(agreement, checks, folder)
+    drawn = [] if folder is None else _draw_contradictions(agreement, checks, folder)
     emit(style, agreement_document(agreement, drawn), agreement_tables(agreement, drawn))
     return exit_code(interrupted=count.interrupted)
 
 
-def _setup(
+def _make_engine_setup(
     engine: str, engines: Sequence[str], back_ends: BackEnds, task: Task, executor: str
 ) -> Setup:
-    """Return how one of several engines is asked, without the options of the others."""
+    """Return the setup of one engine, without the options of the others."""
     others = tuple(f"{name}." for name in engines if name != engine)
     options = [entry for entry in back_ends.options if not entry.startswith(others)]
     collision = back_ends.collision
@@ -117,23 +110,23 @@ def _setup(
     return make_setup(own, task, executor=executor, with_chart=False)
 
 
-def _drawn(
+def _draw_contradictions(
     agreement: EngineAgreement, checks: dict[str, Feasibility], folder: Path
 ) -> list[dict[str, str]]:
-    """Draw every contradiction by every engine that can; return the files by engine."""
+    """Draw every contradiction by every engine that draws; return the files by engine."""
     folder.mkdir(exist_ok=True)
-    found = []
-    for number, one in enumerate(agreement.contradictions, start=1):
+    pictures = []
+    for number, contradiction in enumerate(agreement.contradictions, start=1):
         files = {}
         for name, feasibility in checks.items():
             drawer = next((b for b in feasibility.back_ends if isinstance(b, Performer)), None)
             if drawer is None:
                 continue
-            taken = feasibility.taken(one.skill, one.state)
+            taken = feasibility.taken(contradiction.skill, contradiction.state)
             path = folder / f"{number:03d}-{name}.png"
-            files[name] = draw(drawer, taken, one.state, {PICTURE: path})["picture"]
-        found.append(files)
-    return found
+            files[name] = draw(drawer, taken, contradiction.state, {PICTURE: path})["picture"]
+        pictures.append(files)
+    return pictures
 
 
 def compare_detectors(
@@ -145,22 +138,16 @@ def compare_detectors(
     time_limit_s: float | None,
     style: str,
 ) -> int:
-    """Try detectors on executions of a task and print their verdicts; return the exit code.
+    """Compare detectors on a task, print the errors of each, and return the exit code.
 
     Parameters
     ----------
-    path
-        Of the task file.
     back_ends
-        With the names of the detectors.
-    reading
-        How the task file is read.
+        Contains the names of the detectors.
     staged
-        How many collisions are injected at most, >= 0.
+        Largest number of injected collisions, >= 0.
     time_limit_s
-        After how long to be content with what is known [s].
-    style
-        How to print.
+        Time limit of the comparison [s]; it keeps the results so far.
 
     Raises
     ------

@@ -46,8 +46,8 @@ def command(
             "--detectors",
             metavar="A,B,C",
             autocompletion=plugin_lists("collision"),
-            help="Instead of solvers: collision detectors, tried on executions known to be right "
-            "or wrong.",
+            help="Instead of solvers: collision detectors, tried on executions known to be "
+            "right or wrong.",
             rich_help_panel=COMPARED,
         ),
     ] = None,
@@ -57,8 +57,8 @@ def command(
             "--engines",
             metavar="A,B",
             autocompletion=plugin_lists("physics"),
-            help="Instead of solvers: physics engines, asked about every skill in every state that "
-            "can be reached.",
+            help="Instead of solvers: physics engines, compared on every skill in every state that "
+            "they can reach.",
             rich_help_panel=COMPARED,
         ),
     ] = None,
@@ -67,7 +67,7 @@ def command(
         typer.Option(
             "--pictures",
             metavar="DIR",
-            help="For --engines: draw every contradiction into DIR, by each engine that can.",
+            help="For --engines: draw every contradiction into DIR, by each engine that draws.",
             rich_help_panel=COMPARED,
         ),
     ] = None,
@@ -77,8 +77,7 @@ def command(
             "--staged",
             least=0,
             most=1000,
-            text="For --detectors: how many collisions are injected at most, and how many near "
-            "misses.",
+            text="For --detectors: largest number of injected collisions, and of near misses.",
             rich_help_panel=COMPARED,
         ),
     ] = 40,
@@ -91,21 +90,21 @@ def command(
         bool,
         typer.Option(
             "--warm",
-            help="Let solvers use verdicts kept on disk; says so in the title.",
+            help="Let solvers use verdicts stored on disk; the title shows this.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
     limits: Limits,
     style: Style = "table",
 ) -> int:
-    """Run several solvers, collision detectors or physics engines on TASK side by side.
+    """Compare several solvers, collision detectors or physics engines on TASK.
 
-    Each solver starts with a cold cache of verdicts and its own limits; one whose claimed
-    bound is refuted by another's plan is marked wrong. They run in turn, or with --jobs no larger
-    than their number so many at once, in a process each. Detectors check executions that are
-    right by the hand-made chart, and collisions injected into the task: false alarms, misses
-    and the figures that decide. Engines execute what is applicable in every state that one of them
-    leads to: how often they agree, and both pieces of evidence wherever they do not.
+    Each solver starts with an empty verdict cache and has its own limits. A solver is marked wrong
+    if the plan of another one refutes its bound. Solvers run in turn, or with --jobs up to their
+    number in parallel, each in a process. Detectors check executions that are right by the
+    hand-made chart, and injected collisions: the table shows false alarms, misses and the decisive
+    readings. Engines execute every applicable skill in every state that one of them reaches: the
+    table shows how often they agree, and the evidence of both for every contradiction.
     """
     from skillplan.errors import OptionError
 
@@ -163,7 +162,7 @@ def command(
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """Which solvers are compared, and how they run."""
+    """The solvers to compare, and their settings."""
 
     names: tuple[str, ...]
     limits: Limits

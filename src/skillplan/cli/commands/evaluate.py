@@ -117,7 +117,7 @@ class RollOuts:
             "--layouts",
             least=0,
             most=10_000,
-            text="Also try N unseen layouts of the task file's family. Default: 20 after a "
+            text="Unseen layouts of the task file's family to try as well, by default 20 after a "
             "training on a family, else none.",
             rich_help_panel=OF_RUN,
         ),
@@ -131,7 +131,7 @@ def command(
         typer.Argument(
             metavar="TASK|RESULT|RUN...",
             autocompletion=task_files,
-            help=f"A task file, {RESULT_HELP}, or one or several folders of train.",
+            help=f"A task file; {RESULT_HELP}; or one or several folders of train.",
             show_default=False,
         ),
     ],

@@ -139,7 +139,7 @@ def command(
         typer.Argument(
             metavar="TASK|RESULT|RUN... [FIGURE]",
             autocompletion=_complete,
-            help=f"A task file, {RESULT_HELP}, or one or several folders of train; then the "
+            help=f"A task file; {RESULT_HELP}; or one or several folders of train. Then the "
             "figure, one of those below. Without a figure, all figures of a RUN are drawn.",
             show_default=False,
         ),

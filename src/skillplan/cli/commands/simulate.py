@@ -50,8 +50,8 @@ def command(
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="The plan of TASK: action numbers or skill names, separated by commas, or @ and "
-            "a file with a plan. RESULT holds its own.",
+            help="The plan of TASK: action numbers or skill names, separated by commas, or "
+            "@FILE with a plan. RESULT contains its own plan.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -61,8 +61,8 @@ def command(
             "--physics",
             metavar="NAME",
             autocompletion=engine_names,
-            help="An engine that moves bodies, or auto: pybullet where it is installed, else "
-            "mujoco; default: the task file's choice, or else auto.",
+            help="Engine that moves bodies, or auto: pybullet if it is installed, else mujoco. "
+            "Default: the task file's choice, or else auto.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
@@ -72,7 +72,7 @@ def command(
             "-O",
             metavar="KEY=VALUE",
             autocompletion=plugin_options,
-            help="Option of the engine, or of the detector whose limits hold for contacts, as "
+            help="Option of the engine, or of the detector that judges contacts, as "
             "PLUGIN.KEY=VALUE; 'skillplan plugins KIND NAME' lists them. May be repeated.",
             rich_help_panel=BACK_ENDS,
         ),
@@ -82,7 +82,7 @@ def command(
         typer.Option(
             "--video",
             metavar="FILE",
-            help="Film it, as .gif or .mp4. What was there is replaced.",
+            help="Film the simulation as .gif or .mp4; an existing file is replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -92,7 +92,7 @@ def command(
             "--fps",
             parser=positive_number(50),
             metavar="N",
-            help="Pictures a second of the video.",
+            help="Pictures per second of the video.",
             rich_help_panel=OUTPUT,
         ),
     ] = 12.5,
@@ -102,7 +102,7 @@ def command(
             "--speed",
             parser=positive_number(1000),
             metavar="X",
-            help="How many simulated seconds the video shows in a second.",
+            help="Simulated seconds per second of the video.",
             rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
@@ -111,8 +111,8 @@ def command(
         typer.Option(
             "--trace",
             metavar="FILE",
-            help="Where hand and bodies were, 60 rows a simulated second, as .csv. What was there "
-            "is replaced.",
+            help="Write the poses of hand and bodies as .csv, 60 rows per simulated second; an "
+            "existing file is replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -121,8 +121,8 @@ def command(
         typer.Option(
             "--camera",
             metavar="ANGLE",
-            help="From where it is filmed: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in "
-            "degrees and m; arm and board are in the picture. By default from a corner.",
+            help="View of the film: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in degrees and "
+            "m; arm and board are in the picture. Default: from a corner.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -130,19 +130,19 @@ def command(
         bool,
         typer.Option(
             "--labels",
-            help="Film it with name tags at bodies, feeders and docks.",
+            help="Show name tags of bodies, feeders and docks in the film.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",
 ) -> int:
-    """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
+    """Execute a whole plan of TASK, or the plan of RESULT, in one continuous simulated world.
 
-    Says how each skill went, what was sensed, and how far from its goal every body ended. From
-    what force on a contact is a collision, say the detectors that read contacts, with the options
-    of the task file or of RESULT; where none is chosen, contact-pairs. Of a skill with several
-    ways, that of RESULT is executed, or else the first that the engine grants. The plan ends at
-    the first skill that fails; Ctrl-C and --time-limit end it after the current skill.
+    Prints how each skill went, its measurements, and how far every body ended from its goal. The
+    detectors that read contacts decide which force is a collision, with the options of the task
+    file or of RESULT; the default detector is contact-pairs. If a skill has several variants, the
+    one in RESULT is executed, or else the first that the engine accepts. The plan ends at the first
+    skill that fails; Ctrl-C and --time-limit end it after the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -161,21 +161,21 @@ def command(
     deadline = limits.begin(graceful=True)
     back_ends = BackEnds(physics, None, options or [])
     loaded, setup, skills, ways, _, timing = _load(task, sequence, back_ends, reading)
-    made = introduce(setup.back_ends(loaded))
-    engine = performer(made, "move")
+    checkers = introduce(setup.back_ends(loaded))
+    engine = performer(checkers, "move")
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
-    angle = _angle(camera)
+    angle = _parse_angle(camera)
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
     with ExitStack() as stack:
         show = None
         if film is not None:
             show = stack.enter_context(video_file(film, fps, "--video")).add
-        row = None if table is None else stack.enter_context(_trace(table, loaded))
+        row = None if table is None else stack.enter_context(_open_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
         stack.enter_context(deadline.calling(count.stop))
         with blamed(engine):
-            taken = by_ways(loaded, possible, made, ways, lambda: count.interrupted)
+            taken = by_ways(loaded, possible, checkers, ways, lambda: count.interrupted)
         planned = planned_times(loaded, taken, *timing)
         begin_s = time.perf_counter()
         rate = fps / speed if show is not None else None
@@ -207,7 +207,7 @@ def _perform(
     row: Callable[[Sample], None] | None,
     **pictures: Any,
 ) -> Performance:
-    """Have an engine perform a plan, which may be empty; `pictures` are for its films."""
+    """Let an engine perform a plan, which may be empty; `pictures` are the settings of its film."""
     from skillplan.cli.showing import blamed
     from skillplan.physics.performance import Performance
 
@@ -215,22 +215,22 @@ def _perform(
         return Performance((), (), 0.0, 0)
     note = _Notes(count, row)
     with blamed(engine):
-        made: Performance = engine.perform(
+        performance: Performance = engine.perform(
             skills, note=note, stopped=lambda: count.interrupted, **pictures
         )
-    return made
+    return performance
 
 
 class _Notes:
-    """Counts the skills that are over, and writes every sample into the trace, if there is one."""
+    """Counts finished skills, and writes every sample to the trace, if there is one."""
 
     def __init__(self, count: Count, row: Callable[[Sample], None] | None) -> None:
         self._count, self._row = count, row
         self._under_way = ""
 
     def __call__(self, sample: Sample) -> None:
-        """Take note of a sample."""
-        # While the world settles no skill is executed.
+        """Process a sample."""
+        # No skill is executed while the world settles.
         if sample.skill and sample.skill != self._under_way:
             if self._under_way:
                 self._count.one_more()
@@ -240,7 +240,7 @@ class _Notes:
 
 
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
-    """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
+    """Read task, setup and plan; the engine is the chosen one, the file's, or pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange import given_plan
     from skillplan.pipeline.performing import ANY_DETECTOR, contact_detectors
@@ -267,16 +267,15 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
         timing = Setup().timed_by(task), {}
         return _Read(task, setup, given_plan(sequence or "", task), (), detectors, timing)
 
-    # Of the detectors that the file chooses only those need to be installed that read contacts,
-    # and which these are the engine says.
+    # Only detectors that read contacts need to be installed, and only the engine knows them.
     first = read(replace(back_ends, collision=ANY_DETECTOR, options=[]), warn=False)
-    engine = _engine(first)
+    engine = _choose_engine(first)
     collision = ",".join(contact_detectors(engine, first.detectors)) or ANY_DETECTOR
     return read(replace(back_ends, physics=engine, collision=collision), warn=True)
 
 
 class _Read(NamedTuple):
-    """A plan as it was read, its ways, the detectors of task or result, and its timers."""
+    """A plan, the variants of its skills, the detectors of task or result, and its timers."""
 
     task: Task
     setup: Setup
@@ -286,8 +285,8 @@ class _Read(NamedTuple):
     timing: tuple[str, Mapping[str, Mapping[str, Any]]]
 
 
-def _engine(read: _Read) -> str:
-    """Return the name of the engine chosen, or the file's, or else an installed one."""
+def _choose_engine(read: _Read) -> str:
+    """Return the name of the engine: the chosen one, the file's, or an installed one."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.performing import performing_engine
     from skillplan.plugins.installed import PREFERRED
@@ -303,21 +302,15 @@ def _engine(read: _Read) -> str:
     return able
 
 
-def _trace(table: Path, task: Task) -> AbstractContextManager[Callable[[Sample], None]]:
-    """Return the file that every sample is written to."""
+def _open_trace(table: Path, task: Task) -> AbstractContextManager[Callable[[Sample], None]]:
+    """Open the trace file."""
     from skillplan.records.execution.simulation import trace_file
 
     return trace_file(table, [body.name for body in task.scene.bodies], "--trace")
 
 
-def _angle(camera: str | None) -> Angle | None:
-    """Return from which side is filmed.
-
-    Raises
-    ------
-    OptionError
-        If that is no angle.
-    """
+def _parse_angle(camera: str | None) -> Angle | None:
+    """Parse the angle of the camera."""
     from skillplan.errors import OptionError
     from skillplan.physics.performance import Angle
 

@@ -65,8 +65,8 @@ class Amount:
             "--runs",
             least=1,
             most=1_000,
-            text="Number of runs, with seeds from --seed on. Up to five runs learn together as a "
-            "group; two or more runs form at least two groups.",
+            text="Number of runs, with seeds from --seed on. Groups of up to five runs share a "
+            "process.",
             rich_help_panel=TRAINING,
         ),
     ] = 10
@@ -76,8 +76,8 @@ class Amount:
             "--steps",
             least=1,
             most=1_000_000_000,
-            text="Environment steps per run; overrides the learner's option steps. Default: "
-            "derived from the task.",
+            text="Environment steps per run, by default derived from the task. Overrides the "
+            "learner's option steps.",
             rich_help_panel=TRAINING,
         ),
     ] = None
