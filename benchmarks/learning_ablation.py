@@ -26,7 +26,7 @@ from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.pipeline.setup import load_problem
 from skillplan.pipeline.solving import make_model, make_solver
-from skillplan.training.policies import greedy_roll_out
+from skillplan.training.policies import roll_out_greedily
 
 STRIDE_STEPS = 100
 # Above the cheapest, of a policy that does not complete the task.
@@ -150,7 +150,7 @@ def tried(trial: Trial, changed: Mapping[str, Any], least: float) -> dict[str, A
     above = []
     for run in range(trial.runs):
         policy = training.learned(run).policy
-        cost = greedy_roll_out(model, seen, policy, trial.mask).cost
+        cost = roll_out_greedily(model, seen, policy, trial.mask).cost
         above.append(MISSED if cost is None else max(0.0, cost / least - 1.0))
     return {"above": above, "seconds": took_s}
 

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.errors import OptionError
-from skillplan.records import FiguresRecord, RunMetrics, metrics_line, parse_metrics, read_metrics
+from skillplan.records import (
+    FiguresRecord,
+    RunMetrics,
+    format_metrics_line,
+    parse_metrics,
+    read_metrics,
+)
 from skillplan.solvers import Episode
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -21,7 +27,7 @@ EPISODES = st.builds(
     reward=FINITE,
     greedy=st.booleans(),
 )
-GOOD = metrics_line(Episode(0, 7, "complete", (0, 1), 1.5, 10.0, True))
+GOOD = format_metrics_line(Episode(0, 7, "complete", (0, 1), 1.5, 10.0, True))
 
 
 @given(st.lists(EPISODES, max_size=8), st.dictionaries(st.text(min_size=1), FINITE, max_size=4))
@@ -29,20 +35,22 @@ def test_every_line_comes_back_as_it_was(episodes, figures):
     episodes.sort(key=lambda one: one.step)
     figures = {name: value for name, value in figures.items() if name not in ("kind", "step")}
     record = FiguresRecord(10**9, figures)
-    lines = [metrics_line(one) for one in (*episodes, record)]
+    lines = [format_metrics_line(one) for one in (*episodes, record)]
     assert all("\n" not in line for line in lines)
     assert RunMetrics(tuple(episodes), (record,)) == parse_metrics(lines, Path("a"), 3)
 
 
 def test_figures_that_are_not_finite_are_left_out():
-    line = metrics_line(FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")}))
+    line = format_metrics_line(
+        FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")})
+    )
     (found,) = parse_metrics([line], Path("a"), 0).figures
     assert FiguresRecord(5, {"q": 1.0}) == found
 
 
 def test_an_episode_whose_cost_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="JSON"):
-        metrics_line(Episode(0, 7, "complete", (0, 1), float("nan"), 10.0, True))
+        format_metrics_line(Episode(0, 7, "complete", (0, 1), float("nan"), 10.0, True))
 
 
 def test_a_run_that_has_noted_nothing_has_no_metrics(tmp_path):

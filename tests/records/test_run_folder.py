@@ -8,7 +8,7 @@ import pytest
 
 from skillplan.errors import OptionError
 from skillplan.pipeline import load_problem
-from skillplan.records import RunFolder, copy_name, is_run_folder
+from skillplan.records import RunFolder, get_copy_name, is_run_folder
 from sop_instances import FOLDER
 from tabular_learner import learner_installed
 from training_situations import BOARD, train
@@ -83,7 +83,7 @@ def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path):
     ],
 )
 def test_a_copy_takes_the_name_of_no_other_file(source, name):
-    assert name == copy_name(source)
+    assert name == get_copy_name(source)
 
 
 def test_a_folder_of_runs_is_told_from_a_task_file(kept, tmp_path):

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from skillplan.pipeline import load_problem
-from skillplan.records import Optimum, Shortfall, TrainingResult, shortfall_of
+from skillplan.records import Optimum, Shortfall, TrainingResult, analyse_shortfall
 from skillplan.solvers import End, Episode
 from skillplan.task import Task
 from skillplan.views.tables import training_tables
@@ -34,7 +34,7 @@ SECOND = ("pick(switch_2)", "place(switch_2)")
 
 
 def short(board: Task, *episodes: Episode, mask: str = "applicable") -> Shortfall:
-    found = shortfall_of(board, "dqn", {"mask": mask}, STEPS, {3: episodes})
+    found = analyse_shortfall(board, "dqn", {"mask": mask}, STEPS, {3: episodes})
     assert found is not None
     return found
 
@@ -99,7 +99,7 @@ def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board):
         ({"mask": "applicable"}, True),
         ({"mask": "applicable", "planning": True}, False),
     ):
-        found = shortfall_of(board, "ppo", options, STEPS, {0: [one]})
+        found = analyse_shortfall(board, "ppo", options, STEPS, {0: [one]})
         assert found is not None
         assert found.advice.startswith("--solver dqn, which plans") == told
         assert "search-optimal" in found.advice
@@ -111,7 +111,7 @@ def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board):
 def test_a_learner_that_could_plan_is_told_how(board, observation, words):
     options = {"mask": "applicable", "planning": False, "observation": observation}
     one = episode(board, 20, "infeasible", *PCB, *FIRST)
-    found = shortfall_of(board, "dqn", options, STEPS, {0: [one]})
+    found = analyse_shortfall(board, "dqn", options, STEPS, {0: [one]})
     assert found is not None
     assert found.advice.startswith(f"-O dqn.{words}, with which episodes are planned; or ")
 
@@ -119,8 +119,8 @@ def test_a_learner_that_could_plan_is_told_how(board, observation, words):
 def test_of_no_run_and_under_chance_nothing_is_said(board):
     failing = load_problem(CONFIGS / "inverter_grasps.yaml").task
     one = episode(board, 20, "infeasible", *FIRST)
-    assert shortfall_of(board, "dqn", {}, STEPS, {}) is None
-    assert shortfall_of(failing, "dqn", {}, STEPS, {0: [one]}) is None
+    assert analyse_shortfall(board, "dqn", {}, STEPS, {}) is None
+    assert analyse_shortfall(failing, "dqn", {}, STEPS, {0: [one]}) is None
 
 
 def test_it_is_told_below_the_table_and_in_the_document(board):

@@ -23,8 +23,8 @@ from skillplan.records import (
     Tally,
     TrainingRecord,
     TrainingResult,
-    published_runs,
-    training_record,
+    get_published_runs,
+    summarise_training,
 )
 from skillplan.solvers import Episode, deviation
 from skillplan.task import Task
@@ -68,7 +68,7 @@ class TestRecord:
             an_episode(1_001),
             an_episode(3_000, 2),
         ]
-        record = training_record(episodes, 3_000, 1.5)
+        record = summarise_training(episodes, 3_000, 1.5)
         assert (Tally(2, 4), Tally(1, 2)) == (record.every, record.recent)
         assert (1_000, 2.0, (4,), 1.5) == (
             record.first_success_step,
@@ -78,7 +78,7 @@ class TestRecord:
         )
 
     def test_a_run_without_success_has_no_best(self):
-        record = training_record([an_episode(5)], 10)
+        record = summarise_training([an_episode(5)], 10)
         assert (None, None, ()) == (
             record.first_success_step,
             record.best_cost,
@@ -86,7 +86,7 @@ class TestRecord:
         )
 
     def test_a_run_without_an_episode_has_no_rate(self):
-        assert training_record([], 10).recent.rate is None
+        assert summarise_training([], 10).recent.rate is None
 
     @pytest.mark.parametrize("counts", [(2, 1), (-1, 3)])
     def test_more_successes_than_episodes_are_refused(self, counts):
@@ -150,7 +150,7 @@ class TestResult:
         assert [] == document["published"]
 
     def test_what_was_seen_on_other_layouts_is_not_held_to_this_ones_optimum(self, board):
-        record = training_record([an_episode(10, 2.2)], 100, 1.0)
+        record = summarise_training([an_episode(10, 2.2)], 100, 1.0)
         (own,) = a_result(board, a_run(training=record)).document()["runs"]
         (other,) = a_result(board, a_run(training=record), family=True).document()["runs"]
         assert 2.2 == own["best_cost_seen"] == other["best_cost_seen"]
@@ -213,15 +213,15 @@ class TestPublished:
                 assert one.deviation == pytest.approx(one.cost / 1.867 - 1, abs=6e-5)
 
     def test_it_stands_beside_runs_on_the_papers_board(self, board):
-        assert TABLE_III == published_runs(board, BEST)
+        assert TABLE_III == get_published_runs(board, BEST)
 
     def test_it_stands_beside_no_other_task(self, board):
         """Not beside a board whose optimum is another one or not known, nor another board."""
         other = load_problem(CONFIGS / "motor_drive.yaml").task
-        assert () == published_runs(board, None)
-        assert () == published_runs(board, 1.9)
-        assert () == published_runs(board.replace(name="my-board"), BEST)
-        assert () == published_runs(other.replace(name="inverter-board"), BEST)
+        assert () == get_published_runs(board, None)
+        assert () == get_published_runs(board, 1.9)
+        assert () == get_published_runs(board.replace(name="my-board"), BEST)
+        assert () == get_published_runs(other.replace(name="inverter-board"), BEST)
 
 
 class TestTable:
@@ -272,7 +272,7 @@ class TestTable:
     def test_a_training_counts_no_more_steps_than_it_had(self, board, steps, shown):
         """Its success is that of the last 2,000 steps, or of all if there were fewer."""
         episodes = [an_episode(steps // 2, BEST), an_episode(steps, BEST)]
-        run = a_run(training=training_record(episodes, steps))
+        run = a_run(training=summarise_training(episodes, steps))
         text = as_markdown(training_tables(a_result(board, run))[0])
         assert f"that ended in the last {shown} steps of a run completed the task" in text
 

@@ -25,12 +25,12 @@ from skillplan.records import (
     GroupProgress,
     RunManifest,
     TaskReference,
-    copy_name,
     fingerprint,
-    group_path,
-    metrics_line,
+    format_metrics_line,
+    get_copy_name,
+    get_group_path,
+    get_run_path,
     resolved_config,
-    run_path,
     write_network,
 )
 from skillplan.solvers import Episode, NetworkPolicy
@@ -129,7 +129,7 @@ def write_runs(
         machine={},
     )
     (path / MANIFEST).write_text(json_text("skillplan.run/1", manifest))
-    (path / copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
+    (path / get_copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
     (path / TASK_CONFIG).write_text(
         json_text("skillplan.resolved-task/1", resolved_config(problem))
     )
@@ -143,13 +143,13 @@ def write_runs(
         executions=0,
         asked={},
     )
-    group_path(path, 0).mkdir(parents=True)
-    (group_path(path, 0) / PROGRESS).write_text(json_text("skillplan.group/1", progress))
+    get_group_path(path, 0).mkdir(parents=True)
+    (get_group_path(path, 0) / PROGRESS).write_text(json_text("skillplan.group/1", progress))
     for run, sequence in enumerate(sequences):
-        folder = run_path(path, run)
+        folder = get_run_path(path, run)
         folder.mkdir(parents=True)
         episodes = some_episodes(task, run, sequence or HOPELESS, progress.steps)
-        lines = [f"{metrics_line(episode)}\n" for episode in episodes]
+        lines = [f"{format_metrics_line(episode)}\n" for episode in episodes]
         (folder / METRICS).write_text("".join(lines))
         if sequence is None:
             continue

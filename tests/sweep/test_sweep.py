@@ -33,9 +33,9 @@ from skillplan.records import (
     SweepPlan,
     SweepRecord,
     SweepResult,
+    format_setting,
     mean,
-    record_of,
-    setting_text,
+    parse_record,
     share,
     t_quantile,
 )
@@ -189,7 +189,7 @@ class TestPlans:
 
     def test_without_axes_there_is_one_setting(self):
         assert [{}] == a_plan(axes=(), centre={}).settings
-        assert "defaults" == setting_text({})
+        assert "defaults" == format_setting({})
 
     @pytest.mark.parametrize(
         ("changes", "message"),
@@ -300,7 +300,7 @@ class TestRecords:
             SweepRecord(1, 2, (replace(OUTCOME, status=Status.UNSOLVED, cost=None, steps=None),)),
             SweepRecord(0, 0, error="refused: it is Monday"),
         ):
-            assert record == record_of(record.line())
+            assert record == parse_record(record.line())
 
     @pytest.mark.parametrize(
         "line",
@@ -317,9 +317,9 @@ class TestRecords:
         ],
     )
     def test_a_damaged_line_is_never_trusted(self, line):
-        record_of(GOOD_LINE)
+        parse_record(GOOD_LINE)
         with pytest.raises(ValueError):  # noqa: PT011  # what is wrong differs
-            record_of(line)
+            parse_record(line)
 
     def test_records_that_make_no_sense_are_refused(self):
         with pytest.raises(ValueError, match="does not fit its cost"):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.training import opening_record, scalars_record
+from skillplan.training import make_opening_record, make_scalars_record
 
 
 def events(content: bytes) -> list[Any]:
@@ -33,7 +33,7 @@ def events(content: bytes) -> list[Any]:
 
 
 def test_the_file_begins_with_its_version():
-    (first,) = events(opening_record(12.5))
+    (first,) = events(make_opening_record(12.5))
     assert (12.5, "brain.Event:2") == (first.wall_time, first.file_version)
 
 
@@ -43,17 +43,17 @@ def test_the_file_begins_with_its_version():
     st.dictionaries(st.text(max_size=200), st.floats(width=32, allow_nan=False), max_size=20),
 )
 def test_every_figure_is_read_as_it_was_written(wall_s, step, scalars):
-    (one,) = events(scalars_record(wall_s, step, scalars))
+    (one,) = events(make_scalars_record(wall_s, step, scalars))
     assert (wall_s, step) == (one.wall_time, one.step)
     assert scalars == {value.tag: value.simple_value for value in one.summary.value}
 
 
 def test_records_follow_each_other():
-    content = opening_record(0.0) + scalars_record(0.0, 300, {"loss": 0.5})
+    content = make_opening_record(0.0) + make_scalars_record(0.0, 300, {"loss": 0.5})
     assert [0, 300] == [one.step for one in events(content)]
 
 
 def test_a_record_has_the_same_length_whatever_the_clock_says():
-    lengths = {len(scalars_record(wall_s, 5, {"a": 1.0})) for wall_s in (0.0, 1.7e9, 1e-300)}
+    lengths = {len(make_scalars_record(wall_s, 5, {"a": 1.0})) for wall_s in (0.0, 1.7e9, 1e-300)}
     assert 1 == len(lengths)
-    assert pytest.approx(1.7e9) == events(opening_record(1.7e9))[0].wall_time
+    assert pytest.approx(1.7e9) == events(make_opening_record(1.7e9))[0].wall_time

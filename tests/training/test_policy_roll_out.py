@@ -15,7 +15,12 @@ from skillplan.model import SkillModel
 from skillplan.pipeline import Setup, load_problem, make_model
 from skillplan.solvers import NetworkPolicy, Stop
 from skillplan.task import Task
-from skillplan.training import greedy_roll_out, prove_optimum, random_baseline, sampled_roll_outs
+from skillplan.training import (
+    measure_random_baseline,
+    prove_optimum,
+    roll_out_greedily,
+    sample_roll_outs,
+)
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 BEST = 1.8670860141568904
@@ -28,7 +33,7 @@ def board():
 
 def followed(task: Task, sequence: str, kind: str = "markov", mask: str = "applicable") -> Any:
     network = lookup_network(task, kind, sequence)
-    return greedy_roll_out(make_model(task), Observation.of(task, kind), network, mask)
+    return roll_out_greedily(make_model(task), Observation.of(task, kind), network, mask)
 
 
 def an_env(task: Task, places: int = 50, mask: str = "applicable") -> SkillVectorEnv:
@@ -64,14 +69,14 @@ class TestGreedy:
 class TestSampled:
     def test_a_cold_policy_does_the_same_every_time(self, board):
         network = lookup_network(board, "markov", SWITCHED)
-        tally = sampled_roll_outs(an_env(board), network, 120, 3, 0.01)
+        tally = sample_roll_outs(an_env(board), network, 120, 3, 0.01)
         assert (120, 120) == (tally.successes, tally.episodes)
 
     def test_a_hot_policy_is_chance_alone(self, board):
         """As often as the random baseline, within what 2,000 episodes tell."""
         network = lookup_network(board, "markov", OPTIMAL)
-        hot = sampled_roll_outs(an_env(board, 1_000), network, 2_000, 3, 1e6)
-        chance = random_baseline(an_env(board, 1_000), 2_000, 4)
+        hot = sample_roll_outs(an_env(board, 1_000), network, 2_000, 3, 1e6)
+        chance = measure_random_baseline(an_env(board, 1_000), 2_000, 4)
         assert hot.rate is not None
         assert chance.tally.rate is not None
         assert 0.005 < chance.tally.rate < 0.08
@@ -80,7 +85,7 @@ class TestSampled:
     def test_the_seed_decides(self, board):
         network = lookup_network(board, "markov", OPTIMAL)
         first, again, other = (
-            sampled_roll_outs(an_env(board), network, 50, seed, 0.4) for seed in (1, 1, 2)
+            sample_roll_outs(an_env(board), network, 50, seed, 0.4) for seed in (1, 1, 2)
         )
         assert first == again
         assert 0 < first.successes < 50
@@ -89,7 +94,7 @@ class TestSampled:
     def test_episodes_that_fail_early_do_not_count_for_more(self, board):
         """More episodes than places: of every place one at a time, whatever its length."""
         rates = [
-            sampled_roll_outs(
+            sample_roll_outs(
                 an_env(board, places), lookup_network(board, "markov", OPTIMAL), 1_500, 5, 0.4
             ).rate
             for places in (30, 1_500)
@@ -98,16 +103,16 @@ class TestSampled:
 
     def test_there_is_at_least_one_episode(self, board):
         with pytest.raises(ValueError, match="at least one episode"):
-            sampled_roll_outs(an_env(board), lookup_network(board, "markov", "0"), 0, 0, 1.0)
+            sample_roll_outs(an_env(board), lookup_network(board, "markov", "0"), 0, 0, 1.0)
 
 
 class TestBaseline:
     def test_chance_without_a_mask_all_but_never_completes(self, board):
-        base = random_baseline(an_env(board, 500, "none"), 1_000, 0, "none")
+        base = measure_random_baseline(an_env(board, 500, "none"), 1_000, 0, "none")
         assert (0, 1_000, None) == (base.tally.successes, base.tally.episodes, base.best_cost)
 
     def test_what_it_finds_costs_no_less_than_the_optimum(self, board):
-        base = random_baseline(an_env(board, 500), 1_000, 0)
+        base = measure_random_baseline(an_env(board, 500), 1_000, 0)
         assert base.best_cost is not None
         assert BEST - 1e-9 <= base.best_cost < 4.0
 
@@ -143,7 +148,7 @@ class TestChance:
         task = self.risky(board)
         model: SkillModel = make_model(task)
         network = lookup_network(board, "paper", OPTIMAL)
-        rolled = greedy_roll_out(model, Observation.of(task, "paper"), network, "applicable")
+        rolled = roll_out_greedily(model, Observation.of(task, "paper"), network, "applicable")
         again = task.skills[0].cost.at(task.initial)
         assert rolled.complete
         assert OPTIMAL == ",".join(map(str, rolled.actions))

@@ -6,7 +6,13 @@ from skillplan.checks import DiskVerdictCache, VerdictCache
 from skillplan.pipeline import Setup, load_problem
 from skillplan.records import RunFolder
 from skillplan.sweep import StudyJob
-from skillplan.training import GROUP_RUNS, GroupJob, even_groups, make_group_cache, training_plan
+from skillplan.training import (
+    GROUP_RUNS,
+    GroupJob,
+    make_even_groups,
+    make_group_cache,
+    training_plan,
+)
 from training_situations import BOARD, a_plan, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner")
@@ -25,14 +31,14 @@ pytestmark = pytest.mark.usefixtures("learner")
     ],
 )
 def test_runs_are_shared_out_evenly_among_two_groups_or_more(runs, groups):
-    assert groups == even_groups(runs)
+    assert groups == make_even_groups(runs)
     assert groups == a_plan(load_problem(BOARD), runs=runs).groups
 
 
 @pytest.mark.parametrize("runs", range(2, 65))
 def test_two_processes_are_filled_and_no_group_is_larger_than_others(runs):
     """Every run is in one group; sizes differ by one at most."""
-    groups = even_groups(runs)
+    groups = make_even_groups(runs)
     sizes = [len(group) for group in groups]
     assert list(range(runs)) == [run for group in groups for run in group]
     assert len(groups) >= 2

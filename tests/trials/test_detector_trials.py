@@ -7,7 +7,7 @@ import pytest
 from situations import assembly, config_content, fake_back_end
 from skillplan.collision import AabbDetector
 from skillplan.physics import Engine, KinematicEngine
-from skillplan.records import detectors_document, find_decisive, list_wrong
+from skillplan.records import find_decisive, list_wrong, make_detectors_document
 from skillplan.task import Verdict, VerdictStatus
 from skillplan.trials import CHART, OBSTACLE, Truth, try_detectors
 
@@ -108,7 +108,7 @@ class TestTrials:
 class TestCounting:
     def test_false_alarms_and_misses_are_counted(self, trials):
         """The blind one misses all, the one that sees blocks also those that are clear."""
-        document = detectors_document(trials, 1.0)
+        document = make_detectors_document(trials, 1.0)
         by_name = {one["name"]: one for one in document["detectors"]}
         assert ["aabb", "blind", "seer"] == list(by_name)
         assert (0, 41) == (by_name["blind"]["false_alarms"], by_name["blind"]["misses"])
@@ -119,7 +119,7 @@ class TestCounting:
 
     def test_every_wrong_verdict_is_listed_with_its_evidence(self, trials):
         """As many as are counted; with the state and the injected fault."""
-        for one in detectors_document(trials, 1.0)["detectors"]:
+        for one in make_detectors_document(trials, 1.0)["detectors"]:
             wrong = one["wrong_rulings"]
             assert one["false_alarms"] + one["misses"] + one["undecided"] == len(wrong)
             assert all(checked["state"] for checked in wrong)
@@ -144,7 +144,7 @@ class TestCounting:
             return [fake_back_end(task, name="still", base=Engine), unsure]
 
         trials = try_detectors(board.replace(chart=board.chart), make, 3)
-        (only,) = detectors_document(trials, 1.0)["detectors"]
+        (only,) = make_detectors_document(trials, 1.0)["detectors"]
         assert (0, 0, len(trials.checked)) == (
             only["false_alarms"],
             only["misses"],

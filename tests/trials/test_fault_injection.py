@@ -13,10 +13,10 @@ from skillplan.trials import (
     LEAST_HIT_M,
     OBSTACLE,
     Truth,
-    injected_collisions,
+    find_standing_boxes,
+    inject_collisions,
+    inject_near_misses,
     is_possible,
-    near_misses,
-    standing_boxes,
 )
 
 
@@ -73,7 +73,7 @@ class TestInjectedCollisions:
     @pytest.mark.parametrize("skill", ["pick(switch_1)", "pick(transformer)", "pick(clock)"])
     def test_a_block_beside_a_part_is_in_the_way_of_a_finger_or_the_palm(self, board, skill):
         """Whatever the side and the depth."""
-        trials = list(injected_collisions(board, *initial(board, skill)))
+        trials = list(inject_collisions(board, *initial(board, skill)))
         blocks = [one for one in trials if one.kind in ("beside", "light, beside", "tall")]
         assert 6 <= len(blocks)
         assert all(hits(trial, board) for trial in blocks)
@@ -85,7 +85,7 @@ class TestInjectedCollisions:
         skill = board.skill("place(switch_1)")
         part = board.scene.body("switch_1")
         goal = world_boxes(part, part.placements[-1].pose)
-        for trial in injected_collisions(board, skill, state):
+        for trial in inject_collisions(board, skill, state):
             if "under the part" in trial.kind:
                 block = trial.task.scene.body(OBSTACLE)
                 (box,) = world_boxes(block, block.placement(state).pose)
@@ -95,11 +95,11 @@ class TestInjectedCollisions:
         """Only where they would really overlap: a bridge goes over what it spans."""
         placed = ("pick(pcb)", "place(pcb)", "pick(switch_1)", "place(switch_1)", "pick(switch_2)")
         state = after(board, *placed)
-        trials = injected_collisions(board, board.skill("place(switch_2)"), state)
+        trials = inject_collisions(board, board.skill("place(switch_2)"), state)
         said = [trial.fault for trial in trials if trial.kind == "place taken"]
         assert ["switch_1 stands where switch_2 belongs"] == said
         over = ("pick(pcb)", "place(pcb)", "pick(transformer)", "place(transformer)", "pick(brace)")
-        trials = injected_collisions(board, board.skill("place(brace)"), after(board, *over))
+        trials = inject_collisions(board, board.skill("place(brace)"), after(board, *over))
         assert not [trial for trial in trials if trial.kind == "place taken"]
 
     @settings(max_examples=examples(60))
@@ -110,13 +110,13 @@ class TestInjectedCollisions:
         for skill in task.skills:
             if not skill.applicable(task.initial):
                 continue
-            before = is_possible(standing_boxes(task, task.initial))
+            before = is_possible(find_standing_boxes(task, task.initial))
             trials = [
-                *injected_collisions(task, skill, task.initial),
-                *near_misses(task, skill, task.initial),
+                *inject_collisions(task, skill, task.initial),
+                *inject_near_misses(task, skill, task.initial),
             ]
             for trial in trials:
-                standing = standing_boxes(trial.task, trial.state)
+                standing = find_standing_boxes(trial.task, trial.state)
                 assert is_possible(standing) >= before
                 block = standing.get(OBSTACLE)
                 if block is None:
@@ -130,7 +130,7 @@ class TestInjectedCollisions:
         for skill in board.skills:
             if skill.applicable(board.initial):
                 following = skill.prediction.apply(board.initial)
-                for trial in injected_collisions(board, skill, board.initial):
+                for trial in inject_collisions(board, skill, board.initial):
                     if any(body.name == OBSTACLE for body in trial.task.scene.bodies):
                         block = trial.task.scene.body(OBSTACLE)
                         assert block.placement(board.initial)
@@ -141,7 +141,7 @@ class TestInjectedCollisions:
     def test_staging_is_deterministic(self, board):
         """The same trials in the same order."""
         first, second = (
-            list(injected_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
+            list(inject_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
         )
         assert first == second
         assert len({trial.fault for trial in first}) == len(first)
@@ -151,7 +151,7 @@ class TestNearMisses:
     @pytest.mark.parametrize("skill", ["pick(switch_1)", "pick(transformer)", "pick(clock)"])
     def test_nothing_hits_the_block(self, board, skill):
         """Neither finger nor palm nor part."""
-        trials = list(near_misses(board, *initial(board, skill)))
+        trials = list(inject_near_misses(board, *initial(board, skill)))
         assert 2 <= len(trials)
         for trial in trials:
             assert Truth.LEGITIMATE is trial.truth

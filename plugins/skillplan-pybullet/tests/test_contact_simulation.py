@@ -8,7 +8,7 @@ from situations import assembly, config_content
 from skillplan.checks import check, introduce
 from skillplan.records import find_decisive
 from skillplan.task import VerdictStatus
-from skillplan.trials import Truth, injected_collisions, try_detectors
+from skillplan.trials import Truth, inject_collisions, try_detectors
 from skillplan_pybullet import ContactForceDetector, PybulletEngine
 from skillplan_simulation import ContactPairsDetector
 from thinned import slow_case
@@ -163,7 +163,7 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors):
 )
 def test_a_hand_that_hits_something_is_caught(task, kind):
     """A finger, the palm, a light block, the table."""
-    trials = injected_collisions(task, task.skill("pick(switch_1)"), task.initial)
+    trials = inject_collisions(task, task.skill("pick(switch_1)"), task.initial)
     trial = next(one for one in trials if one.kind == kind)
     pairs = ContactPairsDetector(trial.task)
     introduce([pairs])

@@ -22,7 +22,7 @@ from skillplan.physics.performance import Performer
 from skillplan.pipeline.performing import contact_detectors
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_feasibility
-from skillplan.records.execution.comparisons import agreement_document, detectors_document
+from skillplan.records.execution.comparisons import make_agreement_document, make_detectors_document
 from skillplan.task.task import Task
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
@@ -92,7 +92,7 @@ def compare_physics(
             stopped=stopped,
         )
     drawn = [] if folder is None else _draw_contradictions(agreement, checks, folder)
-    emit(style, agreement_document(agreement, drawn), agreement_tables(agreement, drawn))
+    emit(style, make_agreement_document(agreement, drawn), agreement_tables(agreement, drawn))
     return exit_code(interrupted=count.interrupted)
 
 
@@ -168,6 +168,6 @@ def compare_detectors(
             return count.interrupted or late
 
         trials = try_detectors(task, setup.back_ends, staged, note=count.one_more, stopped=stopped)
-    document = detectors_document(trials, time.monotonic() - begin_s)
+    document = make_detectors_document(trials, time.monotonic() - begin_s)
     emit(style, document, detectors_tables(trials))
     return exit_code(interrupted=count.interrupted)

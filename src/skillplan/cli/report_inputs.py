@@ -29,7 +29,7 @@ from skillplan.pipeline.solving import solve_problem, warm_cache
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate
-from skillplan.records.execution.simulation import simulation_outcome
+from skillplan.records.execution.simulation import summarise_simulation
 from skillplan.records.stored.result_folder import is_result, result_path, run_folder
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -99,11 +99,11 @@ class Reporter:
         """
         folder = run_folder(path)
         if folder is not None:
-            from skillplan.cli.training_runs.figures import training_chapter_of
+            from skillplan.cli.training_runs.figures import make_training_chapter
             from skillplan.records.training.run_folder import RunFolder
 
             limit_s = self.deadline.share_s(_SEARCH_SHARE * share)
-            return training_chapter_of(RunFolder(folder), name, limit_s)
+            return make_training_chapter(RunFolder(folder), name, limit_s)
         if not is_result(path):
             return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
         if _schema(result_path(path)) == schemas.COMPARISON:
@@ -188,7 +188,7 @@ class Reporter:
         document = {**document, "simulation": None}
         if measured is not None:
             skills = [task.skill(str(step["skill"])) for step in document["steps"]]
-            outcome = simulation_outcome(task, skills, measured.engine, measured.performance)
+            outcome = summarise_simulation(task, skills, measured.engine, measured.performance)
             document["simulation"] = outcome.document()
         given_plan = PlanInput(
             document,

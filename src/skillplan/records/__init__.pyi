@@ -5,9 +5,9 @@ from .chain_result import ChainPart as ChainPart
 from .chain_result import ChainResult as ChainResult
 from .evaluation import Evaluation as Evaluation
 from .evaluation import Optimum as Optimum
-from .execution.comparisons import detectors_document as detectors_document
 from .execution.comparisons import find_decisive as find_decisive
 from .execution.comparisons import list_wrong as list_wrong
+from .execution.comparisons import make_detectors_document as make_detectors_document
 from .execution.simulation import PlannedTimes as PlannedTimes
 from .execution.simulation import Simulation as Simulation
 from .interval import Estimate as Estimate
@@ -39,11 +39,11 @@ from .sweep.plan import Start as Start
 from .sweep.plan import SweepPlan as SweepPlan
 from .sweep.plan import Trial as Trial
 from .sweep.plan import TriedSetting as TriedSetting
-from .sweep.plan import setting_text as setting_text
+from .sweep.plan import format_setting as format_setting
 from .sweep.result import StartOutcome as StartOutcome
 from .sweep.result import SweepRecord as SweepRecord
 from .sweep.result import SweepResult as SweepResult
-from .sweep.result import record_of as record_of
+from .sweep.result import parse_record as parse_record
 from .task_difference import MISSING as MISSING
 from .task_difference import Difference as Difference
 from .task_difference import differences as differences
@@ -52,7 +52,7 @@ from .task_difference import what_changed as what_changed
 from .training.network_policy_file import read_network as read_network
 from .training.network_policy_file import write_network as write_network
 from .training.published_runs import TABLE_III as TABLE_III
-from .training.published_runs import published_runs as published_runs
+from .training.published_runs import get_published_runs as get_published_runs
 from .training.relational_file import write_relational as write_relational
 from .training.result import GreedyRollOut as GreedyRollOut
 from .training.result import LayoutOutcome as LayoutOutcome
@@ -64,7 +64,7 @@ from .training.result import Sampling as Sampling
 from .training.result import Tally as Tally
 from .training.result import TrainingRecord as TrainingRecord
 from .training.result import TrainingResult as TrainingResult
-from .training.result import training_record as training_record
+from .training.result import summarise_training as summarise_training
 from .training.run_folder import CHECKPOINT as CHECKPOINT
 from .training.run_folder import METRICS as METRICS
 from .training.run_folder import PROGRESS as PROGRESS
@@ -75,15 +75,15 @@ from .training.run_folder import RunFolder as RunFolder
 from .training.run_folder import RunManifest as RunManifest
 from .training.run_folder import RunMetrics as RunMetrics
 from .training.run_folder import TaskReference as TaskReference
-from .training.run_folder import copy_name as copy_name
-from .training.run_folder import group_path as group_path
+from .training.run_folder import format_metrics_line as format_metrics_line
+from .training.run_folder import get_copy_name as get_copy_name
+from .training.run_folder import get_group_path as get_group_path
+from .training.run_folder import get_run_path as get_run_path
 from .training.run_folder import is_run_folder as is_run_folder
-from .training.run_folder import metrics_line as metrics_line
 from .training.run_folder import parse_metrics as parse_metrics
 from .training.run_folder import read_metrics as read_metrics
-from .training.run_folder import run_path as run_path
 from .training.shortfall import Shortfall as Shortfall
-from .training.shortfall import shortfall_of as shortfall_of
+from .training.shortfall import analyse_shortfall as analyse_shortfall
 
 __all__ = [
     "CHECKPOINT",
@@ -139,36 +139,36 @@ __all__ = [
     "Trial",
     "TriedSetting",
     "Verdict",
+    "analyse_shortfall",
     "chart_document",
     "check_finished",
-    "copy_name",
-    "detectors_document",
     "differences",
     "find_decisive",
     "fingerprint",
-    "group_path",
+    "format_metrics_line",
+    "format_setting",
+    "get_copy_name",
+    "get_group_path",
+    "get_published_runs",
+    "get_run_path",
     "interquartile_mean",
     "is_relational",
     "is_run_folder",
     "list_wrong",
+    "make_detectors_document",
     "mean",
-    "metrics_line",
     "parse_metrics",
+    "parse_record",
     "policy_document",
-    "published_runs",
     "read_metrics",
     "read_network",
     "read_policy",
-    "record_of",
     "resolved_config",
-    "run_path",
-    "setting_text",
     "share",
-    "shortfall_of",
     "start_state",
+    "summarise_training",
     "t_quantile",
     "tolerance",
-    "training_record",
     "what_changed",
     "write_network",
     "write_relational",

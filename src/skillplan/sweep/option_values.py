@@ -103,7 +103,7 @@ def parse_list(
     options: type[BaseModel] = plugin.Options
     if name not in options.model_fields:
         registry.make_options("solver", solver, plugin, {name: text})  # raises
-    types = allowed_types(options.model_fields[name].annotation)
+    types = get_allowed_types(options.model_fields[name].annotation)
     numeric = bool(types & {int, float})
     if str in types and not numeric:
         return None
@@ -122,13 +122,13 @@ def parse_list(
     return tuple(dict.fromkeys(entries))
 
 
-def allowed_types(annotation: Any) -> set[Any]:
+def get_allowed_types(annotation: Any) -> set[Any]:
     """Return the types that an annotation allows, without constraints."""
     origin = get_origin(annotation)
     if origin is Annotated:
-        return allowed_types(get_args(annotation)[0])
+        return get_allowed_types(get_args(annotation)[0])
     if origin in (Union, UnionType):
-        return {kind for get_arg in get_args(annotation) for kind in allowed_types(get_arg)}
+        return {kind for get_arg in get_args(annotation) for kind in get_allowed_types(get_arg)}
     return {origin or annotation}
 
 
@@ -297,7 +297,7 @@ def _parse_span(plugin: type[Any], name: str, text: str) -> Dimension | None:
     """Parse ``a:b``, ``a:b:log`` or ``*``; return None for another form."""
     options: type[BaseModel] = plugin.Options
     field = options.model_fields[name]
-    types = allowed_types(field.annotation)
+    types = get_allowed_types(field.annotation)
     if text.strip() == ALL:
         return _allow_all(name, field)
     parts = [part.strip() for part in text.split(":")]
@@ -320,7 +320,7 @@ def _parse_span(plugin: type[Any], name: str, text: str) -> Dimension | None:
 
 def _allow_all(name: str, field: FieldInfo) -> Dimension:
     """Return all values that an option allows."""
-    types = allowed_types(field.annotation)
+    types = get_allowed_types(field.annotation)
     for form in (field.annotation, *get_args(field.annotation)):
         # An option that may be null has several forms.
         if get_origin(form) is Literal:

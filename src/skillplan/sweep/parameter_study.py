@@ -23,7 +23,7 @@ from skillplan.records.sweep.plan import (
     Trial,
     TriedSetting,
 )
-from skillplan.records.sweep.result import SweepRecord, SweepResult, record_of
+from skillplan.records.sweep.result import SweepRecord, SweepResult, parse_record
 from skillplan.sweep.option_values import read_space, read_values
 from skillplan.sweep.sampler import Question, Sampler, SharedTrials
 from skillplan.sweep.study_folder import StudyFolder, describe_difference, get_identity
@@ -403,7 +403,7 @@ def _collect_trials(plan: SampledPlan, trials: SharedTrials, *, interrupted: boo
     for finished in trials.finished():
         number = finished.trial.number
         try:
-            records = [record_of(line) for line in finished.lines]
+            records = [parse_record(line) for line in finished.lines]
             if set(finished.trial.values) != options:
                 raise ValueError("it has other options")
             if sorted(record.seed for record in records) != sorted(plan.seeds):

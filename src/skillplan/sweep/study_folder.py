@@ -21,7 +21,7 @@ from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST
 from skillplan.records.sweep.plan import SweepPlan, is_same
-from skillplan.records.sweep.result import SweepRecord, record_of
+from skillplan.records.sweep.result import SweepRecord, parse_record
 
 RUNS, RESULT, STARTS = "runs.jsonl", "sweep.json", "starts.csv"
 _MOST_BYTES = 1024**3
@@ -190,7 +190,7 @@ class StudyFolder(HeldFolder):
         starts = [start.name for start in plan.starts]
         for number, line in enumerate(whole.decode("utf-8", "replace").splitlines(), start=1):
             try:
-                record = record_of(line)
+                record = parse_record(line)
                 fits = [outcome.start for outcome in record.outcomes] in (starts, [])
                 if (
                     not fits

@@ -25,17 +25,17 @@ from skillplan.records.training.result import (
     Sampling,
     Tally,
     TrainingResult,
-    training_record,
+    summarise_training,
 )
-from skillplan.records.training.run_folder import RunFolder, StoredRun, run_path
-from skillplan.records.training.shortfall import Shortfall, shortfall_of
+from skillplan.records.training.run_folder import RunFolder, StoredRun, get_run_path
+from skillplan.records.training.shortfall import Shortfall, analyse_shortfall
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 from skillplan.training.policies import (
-    greedy_roll_out,
+    measure_random_baseline,
     prove_optimum,
-    random_baseline,
-    sampled_roll_outs,
+    roll_out_greedily,
+    sample_roll_outs,
 )
 
 # Largest number of episodes that run in parallel.
@@ -121,7 +121,7 @@ class RunsEvaluation:
         )
         outcomes = tuple(self._evaluate_run(model, env, run) for run in stored)
         episodes = self.sampling.episodes * len(stored)
-        baseline = random_baseline(env, episodes, self.sampling.seed, manifest.mask)
+        baseline = measure_random_baseline(env, episodes, self.sampling.seed, manifest.mask)
         return TrainingResult(
             task=self.task,
             run_dir=str(self.folder.path),
@@ -154,7 +154,9 @@ class RunsEvaluation:
             for run, outcome in zip(self._stored, outcomes, strict=True)
             if outcome.status is RunStatus.INCOMPLETE and run.episodes
         }
-        return shortfall_of(self.task, manifest.solver, manifest.options, manifest.steps, episodes)
+        return analyse_shortfall(
+            self.task, manifest.solver, manifest.options, manifest.steps, episodes
+        )
 
     def _notes(self) -> tuple[str, ...]:
         manifest = self.folder.manifest
@@ -177,14 +179,14 @@ class RunsEvaluation:
     def greedy(self, model: SkillModel, policy: StoredNetwork) -> GreedyRollOut:
         """Follow a policy greedily on the task or another layout of its family."""
         content, seen = policy.content, Observation.of(model.task, policy.content.observation)
-        return greedy_roll_out(
+        return roll_out_greedily(
             model, seen, policy.network, content.mask, content.kept, content.step
         )
 
     def _fault(self, stored: StoredRun) -> str | None:
         """Explain why the policy of a run cannot be evaluated; None if it can."""
         if stored.policy is None:
-            where = run_path(self.folder.path, stored.run)
+            where = get_run_path(self.folder.path, stored.run)
             done = stored.steps >= self.folder.manifest.steps
             lost = f"its policy.json is missing from {where}. Train again, or use a copy"
             return stored.failure or (lost if done else _NO_POLICY)
@@ -206,7 +208,7 @@ class RunsEvaluation:
     ) -> RunOutcome:
         known = bool(stored.episodes or stored.steps)
         record = (
-            training_record(stored.episodes, stored.steps, stored.wall_s, stored.latest_figures)
+            summarise_training(stored.episodes, stored.steps, stored.wall_s, stored.latest_figures)
             if known
             else None
         )
@@ -229,10 +231,12 @@ class RunsEvaluation:
         # The random numbers of a run do not depend on the other runs.
         drawn = self.sampling
         seed = drawn.seed + (run + 1) * 2**64
-        return sampled_roll_outs(env, policy.network, drawn.episodes, seed, drawn.temperature)
+        return sample_roll_outs(env, policy.network, drawn.episodes, seed, drawn.temperature)
 
 
-def unseen_layouts(evaluation: RunsEvaluation, problem: Problem, count: int) -> tuple[Task, ...]:
+def draw_unseen_layouts(
+    evaluation: RunsEvaluation, problem: Problem, count: int
+) -> tuple[Task, ...]:
     """Return layouts of a file's family that no run has learned on.
 
     They continue the random sequence of the training.

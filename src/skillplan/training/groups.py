@@ -39,7 +39,7 @@ from skillplan.records.training.run_folder import (
     CHECKPOINT,
     GroupProgress,
     RunFolder,
-    group_path,
+    get_group_path,
 )
 from skillplan.solvers.learning.learner import STRIDE_STEPS, Training
 from skillplan.training.policies import store_policies
@@ -88,7 +88,7 @@ class GroupJob:
     @property
     def has_checkpoint(self) -> bool:
         """True if the group has a checkpoint to conclude from."""
-        return (group_path(self.folder, self.group) / CHECKPOINT).exists()
+        return (get_group_path(self.folder, self.group) / CHECKPOINT).exists()
 
     @property
     def in_worker(self) -> GroupJob:
@@ -196,7 +196,7 @@ class GroupTraining:
         self._runs = plan.groups[job.group]
         self._begun_s = time.monotonic()
         self._logs: list[RunLog] = []
-        self._path = group_path(job.folder, job.group)
+        self._path = get_group_path(job.folder, job.group)
         with writing(job.folder, f"groups/{job.group}"):
             make_folder(self._path, within=job.folder)
         self._lock = FolderLock(self._path, "training", _PATIENCE_S)

@@ -25,7 +25,7 @@ from skillplan.records.result import Status
 from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.training.network_policy_file import write_network
 from skillplan.records.training.result import GreedyRollOut, RandomBaseline, Tally
-from skillplan.records.training.run_folder import run_path
+from skillplan.records.training.run_folder import get_run_path
 from skillplan.solvers.learning.learner import Learned
 from skillplan.solvers.learning.network_choice import NetworkChoice
 from skillplan.solvers.learning.network_policy import NetworkPolicy, random_actions
@@ -37,7 +37,7 @@ from skillplan.training.training_plan import TrainingPlan
 Choose = Callable[[Any, NDArray[np.bool_], NDArray[np.float64]], NDArray[np.int64]]
 
 
-def greedy_roll_out(
+def roll_out_greedily(
     model: SkillModel,
     observation: Observation,
     policy: NetworkPolicy,
@@ -93,7 +93,7 @@ def _explain_failure(reason: str, done: list[str], feasible: bool) -> str:
     return f"{done[-1]} at step {len(done)}: {reason}"
 
 
-def sampled_roll_outs(
+def sample_roll_outs(
     env: SkillVectorEnv, policy: NetworkPolicy, episodes: int, seed: int, temperature: float
 ) -> Tally:
     """Count how often a policy completes the task if it samples its actions.
@@ -121,7 +121,7 @@ def sampled_roll_outs(
     return _run_episodes(env, choose, episodes, seed)[0]
 
 
-def random_baseline(
+def measure_random_baseline(
     env: SkillVectorEnv, episodes: int, seed: int, mask: str = "applicable"
 ) -> RandomBaseline:
     """Measure uniformly random actions.
@@ -250,7 +250,7 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, policy: _Kept)
     task = plan.task
     with writing(folder, f"runs/{run:02d}/{stem}.json"):
         write_network(
-            run_path(folder, run),
+            get_run_path(folder, run),
             stem,
             policy.network,
             within=folder,
@@ -276,7 +276,7 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, policy: _Kept)
 
 def _follow(plan: TrainingPlan, model: SkillModel, policy: _Kept) -> GreedyRollOut:
     mask = str(plan.options["mask"])
-    return greedy_roll_out(
+    return roll_out_greedily(
         model, _get_observation(plan), policy.network, mask, policy.kept, policy.step
     )
 

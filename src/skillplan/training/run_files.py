@@ -45,10 +45,10 @@ from skillplan.records.training.run_folder import (
     TASK_CONFIG,
     FiguresRecord,
     GroupProgress,
-    group_path,
-    metrics_line,
+    format_metrics_line,
+    get_group_path,
+    get_run_path,
     read_metrics,
-    run_path,
 )
 from skillplan.solvers.learning.learner import Episode, Snapshot
 from skillplan.workers.processes import available_bytes
@@ -186,12 +186,12 @@ _POLYNOMIAL = 0x82F63B78
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
-def opening_record(wall_s: float) -> bytes:
+def make_opening_record(wall_s: float) -> bytes:
     """Return the first record of every event file."""
     return _framed(_double(1, wall_s) + _delimited(3, b"brain.Event:2"))
 
 
-def scalars_record(wall_s: float, step: int, scalars: Mapping[str, float]) -> bytes:
+def make_scalars_record(wall_s: float, step: int, scalars: Mapping[str, float]) -> bytes:
     """Return a record of figures.
 
     Parameters
@@ -288,7 +288,7 @@ def writing(folder: Path, name: str) -> Iterator[None]:
         ) from None
 
 
-def events_path(folder: Path, run: int) -> Path:
+def get_events_path(folder: Path, run: int) -> Path:
     """Return the path of a run's curves."""
     return folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
 
@@ -320,8 +320,8 @@ class RunLog:
         self.best_cost: float | None = None
         self._folder = folder
         self._files: dict[str, GrowingFile] = {}
-        metrics = run_path(folder, run) / METRICS
-        events = events_path(folder, run)
+        metrics = get_run_path(folder, run) / METRICS
+        events = get_events_path(folder, run)
         self._run = run
         self._metrics, self._events = (
             path.relative_to(folder).as_posix() for path in (metrics, events)
@@ -332,7 +332,7 @@ class RunLog:
             if lengths.get(self._metrics):
                 self._count(read_metrics(metrics, run, within=folder).episodes)
             if not lengths.get(self._events):
-                self._append(self._events, opening_record(time.time()))
+                self._append(self._events, make_opening_record(time.time()))
         except BaseException:
             self.close()
             raise
@@ -353,8 +353,8 @@ class RunLog:
             If the figures of an episode are not finite.
         """
         self._count(episodes)
-        lines = [metrics_line(episode) for episode in episodes]
-        lines += [metrics_line(FiguresRecord(step, figures))] if figures else []
+        lines = [format_metrics_line(episode) for episode in episodes]
+        lines += [format_metrics_line(FiguresRecord(step, figures))] if figures else []
         if lines:
             self._append(self._metrics, "".join(f"{line}\n" for line in lines).encode())
         scalars = {
@@ -369,7 +369,7 @@ class RunLog:
             if costs:
                 scalars["episode/cost_of_success"] = sum(costs) / len(costs)
         if scalars:
-            self._append(self._events, scalars_record(time.time(), step, scalars))
+            self._append(self._events, make_scalars_record(time.time(), step, scalars))
 
     def sync(self) -> dict[str, int]:
         """Flush all files to disk; return their lengths [B] by path from the folder.
@@ -431,9 +431,9 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
         If it cannot be written.
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
-        make_folder(group_path(folder, group), within=folder)
+        make_folder(get_group_path(folder, group), within=folder)
         text = json_text(schemas.RUN_GROUP, progress)
-        write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
+        write_whole(get_group_path(folder, group) / PROGRESS, text, within=folder)
 
 
 @dataclass(frozen=True, slots=True)
@@ -522,9 +522,9 @@ class FolderWatcher:
 
 def _list_files(folder: Path, group: int, runs: Sequence[int]) -> Iterator[str]:
     """Yield the files that a group reads or writes, as paths from the folder."""
-    roots = [group_path(folder, group)]
-    roots += [run_path(folder, run) for run in runs]
-    roots += [events_path(folder, run).parent for run in runs]
+    roots = [get_group_path(folder, group)]
+    roots += [get_run_path(folder, run) for run in runs]
+    roots += [get_events_path(folder, run).parent for run in runs]
     settings = [path for path in (folder / MANIFEST, folder / TASK_CONFIG) if path.is_file()]
     for path in (*settings, *(path for root in roots for path in sorted(root.rglob("*")))):
         if path.is_file() and not path.is_symlink() and not is_unfinished(path.name):

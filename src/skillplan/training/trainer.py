@@ -10,9 +10,14 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
 from skillplan.pipeline.solving import warm_cache
 from skillplan.records.evaluation import Optimum
-from skillplan.records.training.result import RunOutcome, RunStatus, TrainingResult, training_record
+from skillplan.records.training.result import (
+    RunOutcome,
+    RunStatus,
+    TrainingResult,
+    summarise_training,
+)
 from skillplan.records.training.run_folder import GroupProgress, RunFolder
-from skillplan.records.training.shortfall import shortfall_of
+from skillplan.records.training.shortfall import analyse_shortfall
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
 from skillplan.training.groups import (
@@ -164,7 +169,7 @@ class Trainer:
             for index in runs:
                 run = stored.run(index)
                 best, last = policies.get(index, (None, None))
-                record = training_record(run.episodes, run.steps, run.wall_s, run.latest_figures)
+                record = summarise_training(run.episodes, run.steps, run.wall_s, run.latest_figures)
                 outcome = RunOutcome(index, run.seed, run.failure, best, last, training=record)
                 outcomes.append(outcome)
                 if outcome.status is RunStatus.INCOMPLETE and run.episodes:
@@ -192,13 +197,13 @@ class Trainer:
             interrupted=undone,
             shortfall=None
             if plan.family is not None
-            else shortfall_of(plan.task, plan.solver, plan.options, plan.steps, incomplete),
+            else analyse_shortfall(plan.task, plan.solver, plan.options, plan.steps, incomplete),
             family=self._folder.manifest.family is not None,
             warm_start=self._folder.manifest.warm_start,
         )
 
 
-def next_folder(task: str, solver: str) -> Path:
+def find_next_folder(task: str, solver: str) -> Path:
     """Return the first folder ``runs/TASK-SOLVER-N`` that does not exist."""
     stem = f"{task}-{solver}".replace("/", "-")
     number = 1

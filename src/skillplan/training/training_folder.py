@@ -40,10 +40,10 @@ from skillplan.records.training.run_folder import (
     RunFolder,
     RunManifest,
     TaskReference,
-    copy_name,
-    group_path,
+    get_copy_name,
+    get_group_path,
+    get_run_path,
     read_metrics_lines,
-    run_path,
 )
 from skillplan.solvers.learning.learner import STRIDE_STEPS
 from skillplan.training.run_files import writing
@@ -75,7 +75,7 @@ def keep_schedules(existing: RunManifest, requested: RunManifest) -> RunManifest
     return requested.model_copy(update={"options": {**requested.options, SCHEDULE: known}})
 
 
-def with_steps(manifest: RunManifest, steps: int) -> RunManifest:
+def set_steps(manifest: RunManifest, steps: int) -> RunManifest:
     """Return the manifest of the same training with more steps and the same schedules."""
     options = {**manifest.options, "steps": steps}
     if SCHEDULE in options and options[SCHEDULE] is None:
@@ -211,7 +211,7 @@ class TrainingFolder(HeldFolder):
         lines = []
         with writing(self.path, METRICS):
             for run in range(len(self.manifest.seeds)):
-                metrics = run_path(self.path, run) / METRICS
+                metrics = get_run_path(self.path, run) / METRICS
                 for line in read_metrics_lines(metrics, within=self.path):
                     lines.append(f'{{"run":{run},{line[1:]}\n')
         text = json.dumps(dict(result), indent=2, allow_nan=False)
@@ -223,7 +223,7 @@ class TrainingFolder(HeldFolder):
         self, requested: RunManifest, problem: Problem, resume: bool, steps_said: bool
     ) -> RunManifest:
         there = {path.name for path in self.path.iterdir()}
-        copy = copy_name(problem.source)
+        copy = get_copy_name(problem.source)
         # A program that ended before it wrote the manifest has done nothing else yet.
         unfinished = {name for name in there if is_unfinished(name)} | {copy, TASK_CONFIG}
         if there and not resume:
@@ -234,14 +234,16 @@ class TrainingFolder(HeldFolder):
             stored = RunFolder(self.path)
             requested = keep_schedules(stored.manifest, requested)
             longer = stored.manifest.steps < requested.steps
-            kept = with_steps(stored.manifest, requested.steps) if longer else stored.manifest
+            kept = set_steps(stored.manifest, requested.steps) if longer else stored.manifest
             self._compare(stored, kept, requested, problem)
             if longer:
                 check_extension(self.path, stored.manifest, requested.steps, requested=steps_said)
                 write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
                 self.extended = describe_extension(kept)
-            runs = [run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
-            groups = [group_path(self.path, group) for group in range(len(stored.manifest.groups))]
+            runs = [get_run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
+            groups = [
+                get_group_path(self.path, group) for group in range(len(stored.manifest.groups))
+            ]
             for folder in (self.path, *runs, *groups):
                 remove_unfinished(folder, within=self.path)
             return kept

@@ -154,7 +154,7 @@ LEAST_GROUPS = 2
 Groups = tuple[tuple[int, ...], ...]
 
 
-def even_groups(runs: int) -> Groups:
+def make_even_groups(runs: int) -> Groups:
     """Split runs into groups of almost equal size that learn together.
 
     Large groups need the least work, because their runs share the cost of every small operation.
@@ -189,7 +189,7 @@ class TrainingPlan:
     derived
         Values that the task determines, by name.
     groups
-        Numbers of the runs that learn together. Default: `even_groups`.
+        Numbers of the runs that learn together. Default: `make_even_groups`.
 
     Raises
     ------
@@ -215,7 +215,7 @@ class TrainingPlan:
         if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
             raise ValueError("A training has a layout, a seed, and steps between checkpoints.")
         if not self.groups:
-            object.__setattr__(self, "groups", even_groups(len(self.seeds)))
+            object.__setattr__(self, "groups", make_even_groups(len(self.seeds)))
 
     @property
     def steps(self) -> int:

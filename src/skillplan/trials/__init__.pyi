@@ -5,10 +5,10 @@ from .engine_agreement import compare_engines as compare_engines
 from .fault_injection import LEAST_HIT_M as LEAST_HIT_M
 from .fault_injection import OBSTACLE as OBSTACLE
 from .fault_injection import Truth as Truth
-from .fault_injection import injected_collisions as injected_collisions
+from .fault_injection import find_standing_boxes as find_standing_boxes
+from .fault_injection import inject_collisions as inject_collisions
+from .fault_injection import inject_near_misses as inject_near_misses
 from .fault_injection import is_possible as is_possible
-from .fault_injection import near_misses as near_misses
-from .fault_injection import standing_boxes as standing_boxes
 
 __all__ = [
     "CHART",
@@ -17,9 +17,9 @@ __all__ = [
     "EngineAgreement",
     "Truth",
     "compare_engines",
-    "injected_collisions",
+    "find_standing_boxes",
+    "inject_collisions",
+    "inject_near_misses",
     "is_possible",
-    "near_misses",
-    "standing_boxes",
     "try_detectors",
 ]

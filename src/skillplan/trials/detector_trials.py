@@ -28,10 +28,10 @@ from skillplan.trials.fault_injection import (
     LEAST_HIT_M,
     Trial,
     Truth,
-    injected_collisions,
+    find_standing_boxes,
+    inject_collisions,
+    inject_near_misses,
     is_possible,
-    near_misses,
-    standing_boxes,
 )
 
 # A part with this gap below it, and this room around it, touches nothing [m].
@@ -39,7 +39,7 @@ _GAP_M = 0.001
 _ROOM_M = 0.005
 
 
-def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
+def find_wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
     """Yield executions that go wrong because of earlier or missing operations.
 
     After another operation, the held part may come down on a part. Without a support, it falls
@@ -63,7 +63,7 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
             if others == done:
                 continue
             state = hypothetical.before(skill, others)
-            standing = standing_boxes(task, state)
+            standing = find_standing_boxes(task, state)
             if not is_possible(standing):
                 continue
             fault = _find_fault(task, skill, visit, standing)
@@ -209,9 +209,9 @@ def try_detectors(
             break
     if not interrupted:
         for trial in chain(
-            _choose_faults(legitimate, near_misses, faults),
-            wrong_orders(task, legitimate),
-            _choose_faults(legitimate, injected_collisions, faults),
+            _choose_faults(legitimate, inject_near_misses, faults),
+            find_wrong_orders(task, legitimate),
+            _choose_faults(legitimate, inject_collisions, faults),
         ):
             checkers = back_ends
             if trial.task is not task:

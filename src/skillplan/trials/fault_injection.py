@@ -91,7 +91,7 @@ class Block:
     mass_kg: float
 
 
-def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
+def make_blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
     """Yield blocks that a motion must hit; none if the hand does not move straight down."""
     if not motion.is_vertical:
         return
@@ -118,7 +118,7 @@ def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
         yield Block("in the holder", words, x_m, y_m, yaw_rad, size_xy, z_m + 0.015, _HEAVY_KG)
 
 
-def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
+def make_blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
     """Yield low blocks that the hand passes without contact on its way straight down."""
     if not motion.is_vertical or motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
@@ -246,7 +246,7 @@ LEAST_HIT_M = 0.003
 _TOUCH_M = 1e-5
 
 
-def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
+def inject_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
     """Yield executions of a skill with a collision.
 
     Parameters
@@ -256,9 +256,9 @@ def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Tria
     """
     if skill.motion is None:
         return
-    standing = standing_boxes(task, state)
+    standing = find_standing_boxes(task, state)
     for motion in linear_motions(task, skill, state):
-        for block in blocks_on_path(task, motion):
+        for block in make_blocks_on_path(task, motion):
             scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.COLLISION, block.kind, block.words)
@@ -266,19 +266,19 @@ def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Tria
             yield Trial(scene, skill, state, Truth.COLLISION, kind, words)
 
 
-def near_misses(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
+def inject_near_misses(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
     """Yield right executions of a skill with a block close to its path."""
     if skill.motion is None:
         return
-    standing = standing_boxes(task, state)
+    standing = find_standing_boxes(task, state)
     for motion in linear_motions(task, skill, state):
-        for block in blocks_close_by(task, motion):
+        for block in make_blocks_close_by(task, motion):
             scene = _add_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.LEGITIMATE, block.kind, block.words)
 
 
-def standing_boxes(task: Task, state: State) -> dict[str, tuple[WorldBox, ...]]:
+def find_standing_boxes(task: Task, state: State) -> dict[str, tuple[WorldBox, ...]]:
     """Return the boxes of all bodies that stand in the world in a state, by name."""
     return {
         body.name: world_boxes(body, placement.pose)

@@ -154,7 +154,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
     from skillplan.pipeline.performing import by_ways, planned_times
-    from skillplan.records.execution.simulation import SUFFIXES, Simulation, applicable_part
+    from skillplan.records.execution.simulation import SUFFIXES, Simulation, find_applicable_part
     from skillplan.views.tables.trials import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
@@ -163,7 +163,7 @@ def command(
     loaded, setup, skills, ways, _, timing = _load(task, sequence, back_ends, reading)
     checkers = introduce(setup.back_ends(loaded))
     engine = performer(checkers, "move")
-    possible, obstacle = applicable_part(loaded, skills)
+    possible, obstacle = find_applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
     angle = _parse_angle(camera)
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")

@@ -22,7 +22,7 @@ from skillplan.records.training.result import (
     LayoutsResult,
     Sampling,
     TrainingResult,
-    trainings_document,
+    make_trainings_document,
 )
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.solvers.stop import Stop
@@ -30,8 +30,8 @@ from skillplan.task.task import Task
 from skillplan.training.evaluation import (
     RunsEvaluation,
     check_same_task,
+    draw_unseen_layouts,
     evaluate_layouts,
-    unseen_layouts,
 )
 from skillplan.training.policies import prove_optimum
 from skillplan.views.tables.training import training_tables, trainings_table
@@ -89,7 +89,7 @@ def evaluate_run_folders(paths: Sequence[str], request: RunsRequest, style: str)
     if len(paths) == 1:
         emit(style, results[0].document(), training_tables(results[0]), failed=failed)
     else:
-        emit(style, trainings_document(results), [trainings_table(results)], failed=failed)
+        emit(style, make_trainings_document(results), [trainings_table(results)], failed=failed)
     solved = all(result.completed for result in results)
     return exit_code(interrupted=interrupted, solved=solved)
 
@@ -103,7 +103,7 @@ def _evaluate_folder(folder: RunFolder, request: RunsRequest) -> tuple[TrainingR
     count = request.roll_outs.layouts
     if count is None:
         count = 0 if folder.manifest.family is None else _LAYOUTS
-    layouts = unseen_layouts(evaluation, problem, count) if count else ()
+    layouts = draw_unseen_layouts(evaluation, problem, count) if count else ()
     cache = open_cache(request.checking) or VerdictCache()
     jobs = request.checking.jobs
     with stoppable(request.time_limit_s, label="proving the optimum") as stop:

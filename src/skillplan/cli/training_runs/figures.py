@@ -14,7 +14,7 @@ from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, TaskError, exit_code
 from skillplan.pipeline.setup import CHART, Setup, load_problem
 from skillplan.pipeline.solving import warm_cache
-from skillplan.records.training.published_runs import SUCCESS_RATE, published_runs
+from skillplan.records.training.published_runs import SUCCESS_RATE, get_published_runs
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.task.task import Task
 from skillplan.training.policies import prove_optimum
@@ -93,7 +93,7 @@ def plot_run_folders(
     return exit_code()
 
 
-def training_chapter_of(folder: RunFolder, name: str, time_limit_s: float | None) -> Chapter:
+def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | None) -> Chapter:
     """Return the chapter of a report about a training.
 
     Parameters
@@ -191,7 +191,7 @@ class _Training:
 def _draw_training(training: _Training, name: str, against: Any) -> Figure:
     task, optimum = training.task, training.optimum
     if name == "success":
-        published = SUCCESS_RATE if published_runs(task, optimum) else None
+        published = SUCCESS_RATE if get_published_runs(task, optimum) else None
         heading = _make_heading(training, "Success of training")
         return success_figure(training.curves, heading, against=against, published=published)
     if not training.any_success:

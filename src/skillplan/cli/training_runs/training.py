@@ -21,7 +21,7 @@ from skillplan.solvers.solution import deviation
 from skillplan.solvers.stop import Stop
 from skillplan.training.family_training import FamilyFolder, FamilyPlan, train_family
 from skillplan.training.groups import GroupReport
-from skillplan.training.trainer import Trainer, next_folder
+from skillplan.training.trainer import Trainer, find_next_folder
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.views.tables.training import family_table, training_tables
@@ -67,7 +67,7 @@ class TrainingSession:
         """
         command = sys.argv[1:]
         if out is None:
-            out = str(next_folder(self.plan.task.name, self.plan.solver))
+            out = str(find_next_folder(self.plan.task.name, self.plan.solver))
             command = [*command, "--out", out]
             tell(f"writing to {out}")
         with self._open(out, command, resume=False) as folder:
@@ -152,7 +152,7 @@ def train_family_policy(
     stop = Stop(time_limit_s=time_limit_s)
     steps = plan.learner(stop).steps
     if out is None:
-        out = str(next_folder(str(plan.family).replace(":", "-"), plan.solver))
+        out = str(find_next_folder(str(plan.family).replace(":", "-"), plan.solver))
         tell(f"writing to {out}")
     with (
         FamilyFolder(out) as folder,

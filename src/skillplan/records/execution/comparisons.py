@@ -14,7 +14,7 @@ from skillplan.trials.fault_injection import Truth
 Pictures = Sequence[Mapping[str, str]]
 
 
-def agreement_document(agreement: EngineAgreement, pictures: Pictures = ()) -> dict[str, Any]:
+def make_agreement_document(agreement: EngineAgreement, pictures: Pictures = ()) -> dict[str, Any]:
     """Return the document ``skillplan.agreement/1``.
 
     Parameters
@@ -69,7 +69,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
+def make_detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
     """Return the document ``skillplan.detectors/1``."""
     task = trials.task
     return {

@@ -157,7 +157,7 @@ class TimeDifference:
         }
 
 
-def time_difference(
+def compute_time_difference(
     task: Task, skills: Sequence[Skill], planned: PlannedTimes, performance: Performance
 ) -> TimeDifference | None:
     """Return the difference of simulated and planned time; None if no skill succeeded."""
@@ -183,7 +183,7 @@ def time_difference(
     )
 
 
-def simulation_outcome(
+def summarise_simulation(
     task: Task, skills: Sequence[Skill], engine: str, performance: Performance
 ) -> SimulationOutcome:
     """Summarise the simulation of a whole plan."""
@@ -251,7 +251,7 @@ class Simulation:
         """Difference of simulated and planned time, if known."""
         if self.planned is None:
             return None
-        return time_difference(self.task, self.skills, self.planned, self.performance)
+        return compute_time_difference(self.task, self.skills, self.planned, self.performance)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.simulation/1``."""
@@ -276,7 +276,7 @@ class Simulation:
                     "index": index,
                     "skill": skill.name,
                     "action": task.action(skill),
-                    **({"way": way_of(skill, entry)} if skill.ways else {}),
+                    **({"way": get_variant(skill, entry)} if skill.ways else {}),
                     "status": entry.verdict.status.value,
                     "reason": entry.verdict.reason or None,
                     "begin_s": entry.begin_s,
@@ -317,12 +317,12 @@ class Simulation:
         return max((math.degrees(arrival.tilt_rad) for arrival in arrivals), default=None)
 
 
-def way_of(skill: Skill, done: PerformedSkill) -> str | None:
+def get_variant(skill: Skill, done: PerformedSkill) -> str | None:
     """Return the variant that a skill took; None for a skill without variants."""
     return done.skill.removeprefix(f"{skill.name} ") if skill.ways else None
 
 
-def applicable_part(task: Task, skills: Sequence[Skill]) -> tuple[Sequence[Skill], str | None]:
+def find_applicable_part(task: Task, skills: Sequence[Skill]) -> tuple[Sequence[Skill], str | None]:
     """Return the part of a plan that preconditions allow, and why it ends there."""
     state = task.initial
     for index, skill in enumerate(skills):

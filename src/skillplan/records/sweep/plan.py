@@ -199,13 +199,15 @@ def is_same(first: object, second: object) -> bool:
     return json.dumps(first, sort_keys=True) == json.dumps(second, sort_keys=True)
 
 
-def setting_text(setting: Mapping[str, Value], options: Sequence[str] | None = None) -> str:
+def format_setting(setting: Mapping[str, Value], options: Sequence[str] | None = None) -> str:
     """Return a setting as a line such as ``gamma = 0.9, alpha = 0.1``."""
     shown = setting if options is None else {name: setting[name] for name in options}
-    return ", ".join(f"{name} = {value_text(value)}" for name, value in shown.items()) or "defaults"
+    return (
+        ", ".join(f"{name} = {format_value(value)}" for name, value in shown.items()) or "defaults"
+    )
 
 
-def value_text(value: Value) -> str:
+def format_value(value: Value) -> str:
     """Format a value; numbers have up to six digits."""
     if isinstance(value, bool) or value is None:
         return json.dumps(value)

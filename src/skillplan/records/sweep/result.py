@@ -110,7 +110,7 @@ class SweepRecord:
         return content
 
 
-def record_of(line: str) -> SweepRecord:
+def parse_record(line: str) -> SweepRecord:
     """Parse a line of `SweepRecord.line`.
 
     Raises

@@ -59,7 +59,7 @@ TABLE_III = (
 """Their ten runs, in the order of Table III."""
 
 
-def published_runs(task: Task, optimum: float | None) -> tuple[PublishedRun, ...]:
+def get_published_runs(task: Task, optimum: float | None) -> tuple[PublishedRun, ...]:
     """Return the published runs if a task is the paper's, otherwise none.
 
     The paper's task has its name, its actions in order, and an optimum that rounds to 1.867 m.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from skillplan.records import schemas
 from skillplan.records.evaluation import Optimum
 from skillplan.records.interval import Estimate, interquartile_mean, share
-from skillplan.records.training.published_runs import PublishedRun, published_runs
+from skillplan.records.training.published_runs import PublishedRun, get_published_runs
 from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.solvers.learning.learner import MODEL_BASED
@@ -148,7 +148,7 @@ class TrainingRecord:
     explores: bool = False
 
 
-def training_record(
+def summarise_training(
     episodes: Sequence[Episode],
     steps: int,
     wall_s: float | None = None,
@@ -601,7 +601,7 @@ class TrainingResult:
     @property
     def published(self) -> tuple[PublishedRun, ...]:
         """The paper's runs, if the task is the paper's; otherwise none."""
-        return published_runs(self.task, self.optimum.cost)
+        return get_published_runs(self.task, self.optimum.cost)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.training/1``."""
@@ -685,6 +685,6 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
     return None if estimate is None else estimate.document()
 
 
-def trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
+def make_trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
     """Return the document ``skillplan.trainings/1`` of several trainings."""
     return {"schema": schemas.TRAININGS, "rows": [result.document() for result in results]}

@@ -57,7 +57,7 @@ class RunMetrics:
     figures: tuple[FiguresRecord, ...] = ()
 
 
-def metrics_line(record: Episode | FiguresRecord) -> str:
+def format_metrics_line(record: Episode | FiguresRecord) -> str:
     """Return a record as a line of JSON, without its line break.
 
     Figures that are not finite are left out. The numbers of an episode must be finite.
@@ -365,17 +365,17 @@ def is_run_folder(path: str | os.PathLike[str]) -> bool:
     return is_folder(path) and is_regular(Path(path) / MANIFEST)
 
 
-def run_path(folder: Path, run: int) -> Path:
+def get_run_path(folder: Path, run: int) -> Path:
     """Return the folder of a run."""
     return folder / "runs" / f"{run:02d}"
 
 
-def group_path(folder: Path, group: int) -> Path:
+def get_group_path(folder: Path, group: int) -> Path:
     """Return the folder of a group of runs."""
     return folder / "groups" / str(group)
 
 
-def copy_name(source: str) -> str:
+def get_copy_name(source: str) -> str:
     """Return the name of the copy of a task file; its suffix selects the reader."""
     suffix = Path(source).suffix.lower()
     return f"task{suffix}" if suffix not in ("", ".yml", ".json", ".tmp") else "task.yaml"
@@ -430,7 +430,7 @@ class RunFolder:
     @property
     def task_copy(self) -> Path:
         """The copy of the task file from the beginning of the training."""
-        return self.path / copy_name(self.manifest.task.path)
+        return self.path / get_copy_name(self.manifest.task.path)
 
     def checked_copy(self) -> Path:
         """Return the copy, having checked that it is a regular file of the folder.
@@ -456,7 +456,7 @@ class RunFolder:
         OptionError
             If the file is damaged.
         """
-        path = group_path(self.path, group) / PROGRESS
+        path = get_group_path(self.path, group) / PROGRESS
         if not path.exists():
             return None
         return read_checked(path, schemas.RUN_GROUP, GroupProgress, _REMEDY, within=self.path)
@@ -478,7 +478,7 @@ class RunFolder:
         if progress is not None:
             failure = progress.failures.get(index, "")
             stored = replace(stored, steps=progress.steps, failure=failure, wall_s=progress.wall_s)
-        folder = run_path(self.path, index)
+        folder = get_run_path(self.path, index)
         metrics = read_metrics(folder / METRICS, index, within=self.path)
         return replace(
             stored,

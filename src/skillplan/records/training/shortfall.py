@@ -97,7 +97,7 @@ class Shortfall:
         }
 
 
-def shortfall_of(
+def analyse_shortfall(
     task: Task,
     solver: str,
     options: Mapping[str, Any],

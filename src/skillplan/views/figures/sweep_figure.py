@@ -23,9 +23,9 @@ from skillplan.records.sweep.plan import (
     ONE_AT_A_TIME,
     SAMPLED,
     Axis,
+    format_setting,
+    format_value,
     is_same,
-    setting_text,
-    value_text,
 )
 from skillplan.records.sweep.result import StartSummary, SweepResult
 from skillplan.views.figures.figure_style import (
@@ -213,7 +213,7 @@ def _lay_out(
         _sampled_ticks(axes, axis, wide_in)
     elif _logarithmic(axis) or not axis.numeric or len(places) <= _FEW:
         shown = _thinned(axis, wide_in)
-        texts = {places[index]: value_text(axis.values[index]) for index in shown}
+        texts = {places[index]: format_value(axis.values[index]) for index in shown}
         axes.xaxis.set_major_locator(FixedLocator(sorted(texts)))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _text_at(texts, value)))
@@ -286,10 +286,10 @@ def _thinned(axis: Axis, wide_in: float) -> list[int]:
     order = sorted(range(len(places)), key=lambda i: (places[i] not in (low, high), i))
     kept: list[int] = []
     for index in order:
-        half_in = text_width_in(value_text(axis.values[index]), SMALL_PT) / 2
+        half_in = text_width_in(format_value(axis.values[index]), SMALL_PT) / 2
         if all(
             abs(places[index] - places[other]) * scale_in
-            > half_in + text_width_in(value_text(axis.values[other]), SMALL_PT) / 2 + 0.09
+            > half_in + text_width_in(format_value(axis.values[other]), SMALL_PT) / 2 + 0.09
             for other in kept
         ):
             kept.append(index)
@@ -322,7 +322,7 @@ def _details(result: SweepResult) -> str:
     elif plan.design == SAMPLED:
         parts.append(f"a point is one of {len(plan.settings)} trials with any other options")
     else:
-        parts.append(f"others at the centre (dotted): {setting_text(plan.centre)}")
+        parts.append(f"others at the centre (dotted): {format_setting(plan.centre)}")
     if plan.design != SAMPLED:
         parts.append("bars are 95 % intervals")
     if result.missing or result.failed:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
-from skillplan.records.execution.simulation import PlannedTimes, time_difference
+from skillplan.records.execution.simulation import PlannedTimes, compute_time_difference
 from skillplan.task.task import Task, unreachable_facts
 from skillplan.views.figures.exploded_figure import exploded_picture
 from skillplan.views.figures.gantt_figure import FAILED, PlanBar, gantt_picture, plan_bars
@@ -240,7 +240,7 @@ def measured_section(
         [float(step["duration_s"]) for step in steps], str(document.get("timed_by") or "")
     )
     skills = [task.skill(str(step["skill"])) for step in steps]
-    times = time_difference(task, skills, planned, performance)
+    times = compute_time_difference(task, skills, planned, performance)
     if times is not None:
         words += f" Times: {difference_words(times, performance.pace)}."
     columns = ["body", "off its goal [mm]", "turned off it [deg]"]

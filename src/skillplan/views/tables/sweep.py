@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skillplan.records.interval import Estimate
-from skillplan.records.sweep.plan import AIMS, ONE_AT_A_TIME, SampledPlan, setting_text, value_text
+from skillplan.records.sweep.plan import (
+    AIMS,
+    ONE_AT_A_TIME,
+    SampledPlan,
+    format_setting,
+    format_value,
+)
 from skillplan.records.sweep.result import StartSummary, SweepResult
 from skillplan.views.text.table import Column, ItemList, Table
 
@@ -43,7 +49,7 @@ def setting_table(result: SweepResult) -> Table:
         rows.append(
             [
                 *([str(plan.about(index)["trial"])] if sampled else []),
-                *(value_text(setting[axis.option]) for axis in plan.axes),
+                *(format_value(setting[axis.option]) for axis in plan.axes),
                 str(every.runs),
                 *(_steps(result.summary([index], name)) for name in starts),
                 str(every.arrived),
@@ -85,7 +91,7 @@ def start_table(result: SweepResult) -> Table:
     for index, setting in enumerate(plan.settings):
         for start in plan.starts:
             summary = result.summary([index], start.name)
-            cells = [value_text(setting[axis.option]) for axis in plan.axes]
+            cells = [format_value(setting[axis.option]) for axis in plan.axes]
             cells += [start.name, _number(start.optimum), str(summary.runs), str(summary.arrived)]
             cells += _ends(summary.arrived_share)
             cells.append("" if summary.best is None else str(summary.best))
@@ -116,7 +122,7 @@ def _notes(result: SweepResult) -> list[str]:
         "intervals  95 %: Wilson for shares, Student's t over the runs for means",
     ]
     if plan.design == ONE_AT_A_TIME and plan.axes:
-        notes.append(f"centre     {setting_text(plan.centre)}")
+        notes.append(f"centre     {format_setting(plan.centre)}")
     if isinstance(plan, SampledPlan):
         notes += _sampled_notes(plan)
     fixed = [
@@ -134,7 +140,7 @@ def _notes(result: SweepResult) -> list[str]:
         notes.append(f"missing    {result.missing} of the runs have not been done")
     failed = result.failed
     for record in failed[:_MOST_NAMED]:
-        setting = setting_text(plan.settings[record.setting])
+        setting = format_setting(plan.settings[record.setting])
         notes.append(f"failed     {setting}, seed {record.seed}: {record.error}")
     if len(failed) > _MOST_NAMED:
         notes.append(f"failed     {len(failed) - _MOST_NAMED} more runs; --format json names all")
@@ -150,7 +156,7 @@ def _sampled_notes(plan: SampledPlan) -> list[str]:
     if len(plan.tried) > _MOST_SAMPLED:
         notes.append(f"shown      the best {_MOST_SAMPLED}; --format json has all")
     if plan.tried and plan.tried[0].value is not None:
-        best = " ".join(f"-O {key}={value_text(kv)}" for key, kv in plan.settings[0].items())
+        best = " ".join(f"-O {key}={format_value(kv)}" for key, kv in plan.settings[0].items())
         notes.insert(0, f"best       trial {plan.tried[0].trial.number}: {best}")
     return notes
 
