@@ -1,4 +1,4 @@
-"""What ``skillplan report`` is given, loaded, solved and performed, chapter by chapter."""
+"""The inputs of ``skillplan report``: loaded, solved and performed, chapter by chapter."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ from skillplan.views.report.solver_chapters import comparison_chapter
 
 _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
-# A relation of more components is no picture.
+# Largest number of components in a picture of the precedence relation.
 _MOST_COMPONENTS = 60
-# Of the time that is left, what a search or verification may take: the page is to show a plan.
+# Share of the remaining time for search or verification.
 _SEARCH_SHARE = 0.6
 
 
@@ -60,15 +60,15 @@ class Reporter:
     Parameters
     ----------
     reading, back_ends
-        Of the command line.
+        Options of the command line.
     deadline
-        When the page has to be written.
+        Deadline of the page.
     simulate
-        Whether plans are performed for the playback; else they are played as planned.
+        True if plans are performed for the playback, false if they are played as planned.
     plays
-        Whether the page has a player.
+        True if the page has a player.
     seed
-        Governs all randomness.
+        Seed of all random numbers.
     """
 
     reading: PartReading
@@ -86,14 +86,14 @@ class Reporter:
         Parameters
         ----------
         path, name
-            Of the input and of the chapter.
+            Path of the input and name of the chapter.
         share
-            Share of the time that is left which the chapter may take, from 0 to 1.
+            Share of the remaining time for this chapter, from 0 to 1.
 
         Raises
         ------
         OptionError, TaskError
-            If it can be no input, or an option is wrong.
+            If the input or an option is invalid.
         BackEndError
             If a back end fails.
         """
@@ -169,20 +169,20 @@ class Reporter:
         performed = self.deadline.attempt(lambda: self._perform(task, setup, document, ways))
         if performed is None:
             performed = f"it was left out, as --time-limit {self.deadline.time_limit_s:g} was over"
-        made = None
+        playback = None
         missing = performed if isinstance(performed, str) else ""
         if isinstance(performed, Performed):
             if performed.samples and self.playback is None:
                 looks = looks_of_arm(task, performed.engine)
                 done = performed.performance.skills
                 played = arm_playback(task, done, performed.samples, looks)
-                made = self.playback = played.document()
+                playback = self.playback = played.document()
             else:
                 missing = _why_not_played(performed)
         elif isinstance(performed, PlannedMotion):
             looks = looks_of_arm(task, None)
             played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
-            made = self.playback = played.document()
+            playback = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
         # A stored result can claim a simulation; the page shows only its own.
         document = {**document, "simulation": None}
@@ -198,7 +198,7 @@ class Reporter:
             self.deadline.attempt(lambda: self._graph(task, setup)) or self._late_graph(task),
             None if measured is None else measured.performance,
             "" if measured is None else measured.engine,
-            made,
+            playback,
             missing,
             performed.skills if isinstance(performed, PlannedMotion) else (),
             certificate=certificate,
@@ -212,13 +212,13 @@ class Reporter:
         document: Mapping[str, Any],
         ways: tuple[str | None, ...],
     ) -> Performed | PlannedMotion | str:
-        """Return the plan as performed, or else as planned, or why there is neither in words."""
+        """Return the performed plan, or else the planned motion, or else the reason in words."""
         plan = [str(step["skill"]) for step in document.get("steps") or ()]
         if not plan:
             return "there is no plan"
         if not task.scene.bodies or not task.scene.robots:
             return "the task has no bodies and arm to move"
-        skills = [task.skill(one) for one in plan]
+        skills = [task.skill(name) for name in plan]
         if not self.simulate:
             return self._planned(task, setup, skills, ways)
         with counting("skills", len(skills)) as count:
@@ -239,7 +239,7 @@ class Reporter:
     def _planned(
         self, task: Task, setup: Setup, skills: Sequence[Skill], ways: Sequence[str | None]
     ) -> PlannedMotion | str:
-        """Return how the plan would move; a second one cannot be played on a page."""
+        """Return the planned motion, or the reason why it cannot be played."""
         if not self.plays:
             return "its player is not here"
         if self.playback is not None:
@@ -250,7 +250,7 @@ class Reporter:
         return planned
 
     def _graph(self, task: Task, setup: Setup) -> PrecedenceGraph | None:
-        """Return the precedence relation by geometry and by hand; None where there is neither."""
+        """Return the precedence relation by geometry and by hand; None for neither."""
         if not task.operations or len(task.operations) > _MOST_COMPONENTS:
             return None
         try:
@@ -263,7 +263,7 @@ class Reporter:
         return precedence_graph(task, chart, names)
 
     def _late_graph(self, task: Task) -> PrecedenceGraph | None:
-        """Return the relation by hand, and tell if there was no time to derive one."""
+        """Return the relation by hand, with a message if there was no time to derive one."""
         if not self.deadline.is_over() or not task.operations:
             return None
         tell("skillplan: note: the precedence relation is not derived: --time-limit was over")
@@ -271,7 +271,7 @@ class Reporter:
 
 
 def _schema(path: Path) -> object:
-    """Return what a file of JSON says that it is; None where it says nothing, or is no JSON."""
+    """Return the schema of a JSON file; None without a schema or for other files."""
     try:
         document = parse_json(read_bytes(path, _MOST_BYTES))
     except (OSError, ValueError):

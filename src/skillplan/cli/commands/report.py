@@ -24,8 +24,8 @@ def command(
         typer.Argument(
             metavar="TASK|RESULT|RUN...",
             autocompletion=task_files,
-            help=f"Task files; {RESULT_HELP}; what compare printed with --format json; or folders "
-            "that train has written. One or several, each a chapter.",
+            help=f"Task files; {RESULT_HELP}; outputs of compare --format json; or folders of "
+            "train. One or several, each a chapter.",
             show_default=False,
         ),
     ],
@@ -35,7 +35,7 @@ def command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="The page, .html; it must not be there yet.",
+            help="The page, .html; must be a new file.",
             rich_help_panel=OUTPUT,
             show_default=False,
         ),
@@ -48,19 +48,19 @@ def command(
         bool,
         typer.Option(
             "--no-simulation",
-            help="Execute no plan: an arm is played as planned, along its paths, without forces.",
+            help="Do not simulate plans: play the arm along its planned paths, without forces.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
 ) -> int:
-    """Write one HTML page on plans, comparisons and trainings, with a playback in 3-D.
+    """Write an HTML page on plans, comparisons and trainings, with a playback in 3-D.
 
-    A TASK is solved first. A RESULT is verified first, for 10 s at most: one that is refuted is not
-    shown, and the page says what was not verified. The page holds what was asked and found, the
-    plan and its times, why parts come before others, and what was refused; it needs no network, and
-    without JavaScript only the playback is missing. The first plan is played: that of an arm as an
-    engine executes it or, where none is installed, along its planned paths; that of a chain by
-    its times. Once --time-limit is over, the page is written without the rest, and says so.
+    A TASK is solved first. A RESULT is verified first, for at most 10 s: refuted results are not
+    shown, and the page lists unverified claims. The page shows the plan with its times, the
+    precedence relation with reasons, refusals, and how the result was proved. It needs no network;
+    without JavaScript only the playback is missing. The first plan is played: for an arm as an
+    engine executes it, or along its planned paths if no engine is installed; for a chain by its
+    times. After --time-limit, the page is written without the missing parts and names them.
     """
     from pathlib import Path
 
@@ -75,17 +75,18 @@ def command(
     path = output_path("--out", out, SUFFIXES, "pages")
     if Path(path).exists():
         raise OptionError(f"--out {out}: is there already. Name a new file.")
-    shows = player()
-    if shows is None:
+    web_player = player()
+    if web_player is None:
         words = "the page has no playback in 3-D, whose player is not here"
         tell(f"skillplan: note: {words}: {HOW_TO_GET}.")
-    plays = shows is not None
+    plays = web_player is not None
     reporter = Reporter(reading, back_ends, deadline, not no_simulation, plays, seed)
-    chapters = []
-    for number, one in enumerate(inputs, start=1):
-        chapters.append(reporter.chapter(one, f"c{number}", 1 / (len(inputs) - number + 1)))
+    chapters = [
+        reporter.chapter(file, f"c{number}", 1 / (len(inputs) - number + 1))
+        for number, file in enumerate(inputs, start=1)
+    ]
     title = chapters[0].heading if len(chapters) == 1 else f"{len(chapters)} reports"
-    html = page_html(title, chapters, reporter.playback, shows)
+    html = page_html(title, chapters, reporter.playback, web_player)
     write_new_file(out, html, SUFFIXES, "pages")
     write_out(f"{out}\n")
     return exit_code(interrupted=reporter.interrupted)
