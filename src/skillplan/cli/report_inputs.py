@@ -59,16 +59,10 @@ class Reporter:
 
     Parameters
     ----------
-    reading, back_ends
-        Options of the command line.
-    deadline
-        Deadline of the page.
     simulate
         True if plans are performed for the playback, false if they are played as planned.
     plays
         True if the page has a player.
-    seed
-        Seed of all random numbers.
     """
 
     reading: PartReading

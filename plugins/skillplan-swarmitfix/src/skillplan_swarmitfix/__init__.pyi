@@ -108,8 +108,8 @@ from .pkm.reach import Mount as Mount
 from .pkm.reach import PkmLimits as PkmLimits
 from .pkm.reach import horizontal_reach_m as horizontal_reach_m
 from .pkm.reach import rule as rule
-from .report.bases import base_rows as base_rows
-from .report.bases import turning as turning
+from .report.bench_playback import base_rows as base_rows
+from .report.bench_playback import turning as turning
 from .schema import SwarmitfixConfig as SwarmitfixConfig
 from .trajectory.dxf_entities import CURVE_TOLERANCE_M as CURVE_TOLERANCE_M
 from .trajectory.faults import crossings as crossings

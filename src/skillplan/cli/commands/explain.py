@@ -231,9 +231,9 @@ def _predict_state(task: Task, before: Sequence[Skill]) -> State:
 
 def _draw_freedom(directions: Freedom, path: Path) -> None:
     # matplotlib takes half a second.
+    from skillplan.views.figures.exploded_figure import freedom_picture
     from skillplan.views.figures.figure_file import save_figure
     from skillplan.views.figures.figure_style import Heading
-    from skillplan.views.figures.freedom_figure import freedom_picture
 
     try:
         figure = freedom_picture(

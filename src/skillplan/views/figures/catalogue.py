@@ -114,13 +114,6 @@ def figure_lines() -> dict[str, str]:
 def figure_module(name: str, kind: str) -> FigureModule:
     """Return the module that draws a figure of a task.
 
-    Parameters
-    ----------
-    name
-        The figure.
-    kind
-        Kind of the task.
-
     Raises
     ------
     KeyError

@@ -1,7 +1,8 @@
-"""Exploded views of products along the directions of a plan, and films of their assembly."""
+"""Views of a product: taken apart, put together in a film, and one part among its obstacles."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image as PillowImage
 
 from skillplan.physics.performance import Image
+from skillplan.records.questions import Freedom, Way
 from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, Pose
 from skillplan.task.pose import Point as Point3
@@ -27,13 +29,14 @@ from skillplan.views.figures.picture import (
     Picture,
 )
 from skillplan.views.figures.solids import (
+    AZIMUTHS_DEG,
     OVERSAMPLING,
     Bytes,
+    Camera,
     Point,
     SolidPainter,
     best_camera,
     body_corners,
-    fitted_height,
     hull,
 )
 from skillplan.views.text.wording import direction_name
@@ -58,12 +61,8 @@ class AddedPart:
 
     Parameters
     ----------
-    body, goal
-        The body and its place.
     along
         Unit vector in which it comes.
-    role
-        Role of its colour.
     """
 
     body: Body
@@ -80,10 +79,6 @@ class Piece:
     ----------
     number
         Number in the order in which parts are added, from 1.
-    part
-        The part.
-    pose
-        Its current place.
     """
 
     number: int
@@ -155,15 +150,6 @@ def _share_plan(part: AddedPart, other: AddedPart) -> bool:
 def exploded_picture(task: Task, skills: Sequence[str], width_px: float = 760.0) -> Picture:
     """Return the parts of a product in the order in which a plan adds them.
 
-    Parameters
-    ----------
-    task
-        Task whose bodies have goals.
-    skills
-        Skills of the plan.
-    width_px
-        Width of the picture.
-
     Raises
     ------
     ValueError
@@ -180,8 +166,6 @@ def exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes
 
     Parameters
     ----------
-    name
-        Name of the product.
     added
         Bodies in the order in which they are added, at least one; each with its goal and the unit
         vector in which it comes.
@@ -200,10 +184,7 @@ def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Pictu
     points += [piece.part.goal.position for piece in pieces]
     room = width_px - 2 * _MARGIN_PX - _NAMES_PX
     area = (_MARGIN_PX, _MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * _MARGIN_PX)
-    camera = best_camera(solids).fitted(points, area)
-    tall_px = fitted_height(camera, points)
-    inner_px = max(tall_px, _PITCH_PX * len(pieces))
-    camera = camera.lowered((inner_px - tall_px) / 2)
+    camera, inner_px = best_camera(solids).fitted(points, area, _PITCH_PX * len(pieces))
     height_px = inner_px + 2 * _MARGIN_PX
     title = f"Exploded view of {name}, in the order of the plan"
     picture = Picture(width_px, height_px, title)
@@ -257,15 +238,6 @@ def _write_names(picture: Picture, pieces: Sequence[Piece], anchors: dict[int, P
 def assembly_film(task: Task, skills: Sequence[str], width_px: float = 720.0) -> Iterator[Image]:
     """Yield pictures of a product as a plan puts it together, `FILM_FRAMES_PER_S` a second.
 
-    Parameters
-    ----------
-    task
-        Task whose bodies have goals.
-    skills
-        Skills of the plan.
-    width_px
-        Width of each picture.
-
     Raises
     ------
     ValueError
@@ -287,13 +259,15 @@ class _Film:
         self.away_m = _AWAY * float(np.ptp(np.array(placed), axis=0).max())
         points = placed + [c for piece in self.pieces for c in piece.moved(self.away_m).corners]
         room = width_px - 2 * _FILM_MARGIN_PX - _FILM_NAMES_PX
-        area = (_FILM_MARGIN_PX, _HEAD_PX, room, _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX)
+        area = (
+            _FILM_MARGIN_PX,
+            _HEAD_PX + _FILM_MARGIN_PX,
+            room,
+            _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX,
+        )
         exploded = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
-        camera = best_camera(exploded).fitted(points, area)
-        tall_px = fitted_height(camera, points)
-        inner_px = max(tall_px, _PITCH_PX * len(parts)) + 2 * _FILM_MARGIN_PX
-        self.camera = camera.lowered((inner_px - tall_px) / 2)
-        self.height_px = round(inner_px + _HEAD_PX)
+        self.camera, inner_px = best_camera(exploded).fitted(points, area, _PITCH_PX * len(parts))
+        self.height_px = round(inner_px + 2 * _FILM_MARGIN_PX + _HEAD_PX)
 
     def images(self) -> Iterator[Image]:
         """Yield all pictures."""
@@ -366,3 +340,115 @@ def film(request: FigureRequest, outcomes: Sequence[Outcome]) -> Iterator[Image]
         return assembly_film(task, [step.skill for step in result.steps])
     except ValueError as error:
         raise request.unfit(str(error).rstrip(".")) from None
+
+
+# Role and opacity of the part, its obstacles and all other parts, from the front to the back.
+_PART, _IN_THE_WAY, _OTHER = ("blue", 0.85), ("orange", 0.5), ("grey", 0.3)
+_FREE, _BLOCKED = "green", "red"
+_FREEDOM_MARGIN_PX, _FREEDOM_NAMES_PX, _LINE_PX = 26.0, 250.0, 19.0
+_FREEDOM_HEIGHT_PX = 560.0
+# Length of an arrow as a share of the size of the assembly.
+_LENGTH = 0.28
+
+
+def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760.0) -> Picture:
+    """Return a part in its place, with its obstacles and its directions.
+
+    Parameters
+    ----------
+    freedom
+        Obstacles of the part by direction.
+    goals
+        Places of bodies in the finished product.
+
+    Raises
+    ------
+    ValueError
+        If the part has no body with a place.
+    """
+    if freedom.part not in goals:
+        raise ValueError(f"{freedom.part} has no body with a place.")
+    scene = freedom.task.scene
+    names = [freedom.part, *(name for name in freedom.present if name in goals)]
+    corners = {name: body_corners(scene.body(name), goals[name]) for name in names}
+    every = [corner for points in corners.values() for corner in points]
+    own = corners[freedom.part]
+    x, y, z = (sum(values) / len(own) for values in zip(*own, strict=True))
+    middle = (x, y, z)
+    length_m = _LENGTH * max(max(values) - min(values) for values in zip(*every, strict=True))
+    tips = [_tip(middle, way, length_m) for way in freedom.ways]
+    points = [*every, *tips]
+    room = width_px - 2 * _FREEDOM_MARGIN_PX - _FREEDOM_NAMES_PX
+    area = (
+        _FREEDOM_MARGIN_PX,
+        _FREEDOM_MARGIN_PX,
+        room,
+        _FREEDOM_HEIGHT_PX - 2 * _FREEDOM_MARGIN_PX,
+    )
+    lines_px = _LINE_PX * (len(freedom.ways) + 5)
+    camera, inner_px = _best_camera(middle, tips).fitted(points, area, lines_px)
+    title = f"What is in the way of {freedom.part} of {freedom.task.name}"
+    picture = Picture(width_px, inner_px + 2 * _FREEDOM_MARGIN_PX, title)
+    looks = {
+        name: _PART if name == freedom.part else _IN_THE_WAY if name in freedom.blockers else _OTHER
+        for name in names
+    }
+    for look in (_OTHER, _IN_THE_WAY, _PART):
+        painter = SolidPainter(camera, picture.width_px, picture.height_px)
+        for number, name in enumerate(names):
+            if looks[name] == look:
+                painter.add(scene.body(name), goals[name], COLOURS[look[0]], number)
+        picture.image(painter.image(look[1]))
+    for number, (way, tip) in enumerate(zip(freedom.ways, tips, strict=True), 1):
+        role, end = _role_of_way(way), camera.pixel(tip)
+        picture.arrow(camera.pixel(middle), end, role, 2.2, head_px=9.0)
+        picture.disc(end, 8.5, "paper", role, 1.4, note=Note(direction_name(way.direction)))
+        picture.label(end, str(number), role, 10.0, bold=True)
+    _draw_legend(picture, freedom)
+    return picture
+
+
+def _tip(middle: Point3, way: Way, length_m: float) -> Point3:
+    x, y, z = (a + length_m * b for a, b in zip(middle, way.direction, strict=True))
+    return (x, y, z)
+
+
+def _best_camera(middle: Point3, tips: list[Point3]) -> Camera:
+    """Return the camera for which the shortest arrow in the picture is longest."""
+    cameras = [Camera(math.radians(degrees)) for degrees in AZIMUTHS_DEG]
+
+    def shortest(camera: Camera) -> float:
+        return min(math.dist(camera.pixel(middle), camera.pixel(tip)) for tip in tips)
+
+    return max(cameras, key=lambda camera: round(shortest(camera), 4))
+
+
+def _role_of_way(way: Way) -> str:
+    return _BLOCKED if way.obstacles else _FREE
+
+
+def _draw_legend(picture: Picture, freedom: Freedom) -> None:
+    """Explain the colours and the numbers of the arrows on the right."""
+    x, y = picture.width_px - _FREEDOM_NAMES_PX, _FREEDOM_MARGIN_PX + _LINE_PX / 2
+    entries = [(_PART, freedom.part)]
+    if freedom.blockers:
+        entries.append((_IN_THE_WAY, "in its way"))
+    entries.append((_OTHER, "in place, not in its way"))
+    for (role, opacity), words in entries:
+        picture.disc((x, y), 6.0, role, opacity=opacity)
+        picture.label((x + 14, y), words, anchor="start")
+        y += _LINE_PX
+    y += _LINE_PX / 2
+    for number, way in enumerate(freedom.ways, 1):
+        picture.disc((x, y), 8.5, "paper", _role_of_way(way), 1.4)
+        picture.label((x, y), str(number), _role_of_way(way), 10.0, bold=True)
+        picture.label((x + 14, y), _describe(way), anchor="start")
+        y += _LINE_PX
+
+
+def _describe(way: Way) -> str:
+    name = direction_name(way.direction)
+    if not way.obstacles:
+        return f"{name} free"
+    more = f" and {len(way.obstacles) - 1} more" if len(way.obstacles) > 1 else ""
+    return f"{name} {way.obstacles[0].part}{more}"

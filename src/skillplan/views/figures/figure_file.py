@@ -27,8 +27,6 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
 
     Parameters
     ----------
-    figure
-        The figure.
     suffix
         ``.png`` or ``.svg``.
     dpi
@@ -66,8 +64,6 @@ def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
     ----------
     out
         The user's file name.
-    more
-        Further suffixes of this figure.
 
     Raises
     ------

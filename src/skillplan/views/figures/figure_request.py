@@ -143,10 +143,6 @@ class FigureRequest:
 
     Parameters
     ----------
-    figure
-        Name of the figure.
-    problem
-        The loaded file.
     solver, options, seed
         Solver, the user's options for it as texts, and seed.
     parameters

@@ -86,8 +86,6 @@ def plan_bars(
 
     Parameters
     ----------
-    task
-        The task.
     skills, durations_s
         Names of the skills in order, and their durations [s].
     times_s
@@ -122,12 +120,6 @@ def gantt_picture(
 
     Parameters
     ----------
-    bars
-        At least one bar.
-    title
-        Title of the picture.
-    width_px
-        Width of the picture.
     seeks
         True if bars and a cursor are connected with the player of a page.
 

@@ -65,8 +65,6 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
     ----------
     scene
         Scene with at least one hull.
-    heading
-        Heading of the figure.
 
     Raises
     ------

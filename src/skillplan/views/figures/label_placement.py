@@ -73,8 +73,6 @@ class LabelPlacer:
 
         Parameters
         ----------
-        anchor
-            Labelled point.
         text, size_pt
             Label and its font size [pt].
         distances_in

@@ -77,15 +77,6 @@ def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
 def layout_picture(task: Task, skills: Sequence[str], width_px: float = 960.0) -> Picture:
     """Return the cell of a task from above, with the path of a plan.
 
-    Parameters
-    ----------
-    task
-        Task with a robot and bodies.
-    skills
-        Skills of the plan; none for the cell alone.
-    width_px
-        Width of the picture.
-
     Raises
     ------
     ValueError

@@ -53,8 +53,6 @@ class LearningCurve:
 
     Parameters
     ----------
-    label
-        Legend entry.
     episodes
         Ends of the intervals over which steps are averaged, ascending, shape (n,).
     steps
@@ -101,8 +99,6 @@ class LearningPanel:
 
     Parameters
     ----------
-    title
-        Title of the panel.
     curves
         At most one curve for each set of parameters.
     fewest
@@ -131,8 +127,6 @@ def learning_figure(panels: Sequence[LearningPanel], heading: Heading) -> Figure
     ----------
     panels
         One panel for each task, at least one.
-    heading
-        Heading of the figure.
 
     Raises
     ------

@@ -139,8 +139,6 @@ class Picture:
             Roles of `COLOURS`; None for none.
         width_px
             Width of the stroke, > 0.
-        dashed
-            True for a dashed stroke.
         opacity
             Opacity of the fill, in [0, 1].
         note
@@ -224,8 +222,6 @@ class Picture:
             Font size, > 0.
         anchor
             ``middle``, ``start`` or ``end``.
-        bold
-            True for bold text.
         halo
             True for a patch of paper behind the text.
         """
@@ -337,14 +333,8 @@ class NumberRow:
 
     Parameters
     ----------
-    at
-        The place [px].
     centre
         Centre of the row [px]: the place itself, or near it.
-    half_px
-        Half the width.
-    numbers
-        Ascending.
     """
 
     at: Point

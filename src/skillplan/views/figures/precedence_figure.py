@@ -40,8 +40,6 @@ def precedence_picture(graph: PrecedenceGraph, title: str) -> Picture:
     ----------
     graph
         Graph with at least one component.
-    title
-        Title of the picture.
 
     Raises
     ------

@@ -25,10 +25,6 @@ class Edge:
 
     Parameters
     ----------
-    before, after
-        The two components.
-    why
-        Reasons, in words.
     derived, drawn
         True if back ends derive the pair, and if the hand-made chart has it.
     closing
@@ -71,8 +67,6 @@ class PrecedenceGraph:
 
     Parameters
     ----------
-    components
-        All components of the task.
     edges
         Pairs that do not follow from others.
     choices
@@ -130,12 +124,8 @@ def precedence_graph(
 
     Parameters
     ----------
-    task
-        The task.
     chart
         Relation that back ends derive; None for the hand-made chart alone.
-    back_ends
-        Names of the back ends.
     """
     lines = {(line.before, line.after) for line in task.chart}
     reasons = {} if chart is None else {(r.before, r.after): r.reason for r in chart.relations}

@@ -41,8 +41,6 @@ class StateValues:
 
     Parameters
     ----------
-    state
-        Its name.
     values
         Curves by action, with one value for each point on the x axis.
 
@@ -79,10 +77,6 @@ def q_values_figure(
     ----------
     episodes
         Episodes of the points, ascending.
-    states
-        At least one state.
-    heading
-        Heading of the figure.
     order
         Order of the actions; missing ones come last.
 

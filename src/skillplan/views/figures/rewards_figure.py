@@ -44,14 +44,8 @@ class RewardStep:
 
     Parameters
     ----------
-    sequence
-        Name of its task.
-    action
-        Name of the skill.
     place
         Place where it ends; empty if the robot does not walk.
-    reward
-        Reward of the step.
     """
 
     sequence: str
@@ -66,12 +60,8 @@ def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading:
 
     Parameters
     ----------
-    steps
-        Steps in order, at least one.
     actions
         All actions in the order of the axis.
-    heading
-        Heading of the figure.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -148,32 +148,28 @@ class Camera:
         x, y, _ = self.project([point])[0].tolist()
         return (x, y)
 
-    def fitted(self, points: Sequence[Point3], room: tuple[float, float, float, float]) -> Camera:
-        """Return the camera that shows points in the middle of an area.
+    def fitted(
+        self, points: Sequence[Point3], room: tuple[float, float, float, float], least_px: float
+    ) -> tuple[Camera, float]:
+        """Return the camera that shows points in the middle of an area, and its height.
 
         Parameters
         ----------
         points
             At least two points [m].
         room
-            Left, top, width and largest height of the area [px]. The height is a limit only: the
-            points begin at its top.
+            Left, top, width and largest height of the area [px].
+        least_px
+            Smallest height of the area.
         """
         seen = Camera(self.azimuth).project(points)[:, :2]
         low, (wide, tall) = seen.min(axis=0), np.ptp(seen, axis=0)
         left, top, width, height = room
         scale = min(width / wide, height / tall)
-        middle = left + (width - scale * wide) / 2
-        return Camera(self.azimuth, scale, middle - scale * low[0], top - scale * low[1])
-
-    def lowered(self, down_px: float) -> Camera:
-        """Return the camera whose picture lies lower [px]."""
-        return replace(self, top=self.top + down_px)
-
-
-def fitted_height(camera: Camera, points: Sequence[Point3]) -> float:
-    """Return the height of points in the picture of a camera [px]."""
-    return float(np.ptp(camera.project(points)[:, 1]))
+        used_px = max(scale * tall, least_px)
+        left += (width - scale * wide) / 2 - scale * low[0]
+        top += (used_px - scale * tall) / 2 - scale * low[1]
+        return Camera(self.azimuth, scale, left, top), float(used_px)
 
 
 class SolidPainter:
@@ -181,8 +177,6 @@ class SolidPainter:
 
     Parameters
     ----------
-    camera
-        Projection onto the picture.
     width_px, height_px
         Size of the picture; the image is `OVERSAMPLING` times larger.
     """
@@ -214,8 +208,6 @@ class SolidPainter:
 
         Parameters
         ----------
-        body, pose
-            The body and its place in the world.
         colour
             Colour of its faces in full light.
         number
@@ -339,7 +331,7 @@ def _hidden_share(
     camera: Camera, solids: Sequence[tuple[Body, Pose]], points: Sequence[Point3]
 ) -> float:
     """Return the sum over bodies of the squared share that others hide."""
-    small = camera.fitted(points, (0.0, 0.0, 160.0, 160.0))
+    small, _ = camera.fitted(points, (0.0, 0.0, 160.0, 160.0), 0.0)
     painter = SolidPainter(small, 160.0, 160.0)
     covered = [painter.add(body, pose, INK, k) for k, (body, pose) in enumerate(solids)]
     visible = np.bincount(painter.bodies.reshape(-1) + 1, minlength=len(solids) + 1)[1:]

@@ -54,8 +54,6 @@ class RunCurve:
 
     Parameters
     ----------
-    label
-        Legend entry.
     done
         Environment steps of the run, >= 0.
     ends
@@ -94,8 +92,6 @@ class RunCurve:
         ----------
         at
             Steps or episodes, shape (m,).
-        against
-            Unit of `at`.
 
         Returns
         -------
@@ -180,10 +176,6 @@ def success_figure(
 
     Parameters
     ----------
-    curves
-        One curve for every run.
-    heading
-        Heading of the figure.
     against
         Quantity on the x axis. The paper uses episodes; a run that fails early has more of them.
     published
@@ -277,12 +269,6 @@ def distances_figure(
     ----------
     curves
         One curve for every run. Each has its own colour, from the ninth on also its own dash.
-    metric
-        Metric of the costs.
-    heading
-        Heading of the figure.
-    against
-        Quantity on the x axis.
     optimum
         Proved optimum, drawn as a line; None if none is proved.
     chance
@@ -359,15 +345,6 @@ def success_of_trainings(
 ) -> Figure:
     """Draw the mean success rate of each training in a band of one standard deviation.
 
-    Parameters
-    ----------
-    trainings
-        The trainings.
-    heading
-        Heading of the figure.
-    against
-        Quantity on the x axis.
-
     Raises
     ------
     ValueError
@@ -398,14 +375,6 @@ def distances_of_trainings(
 
     Parameters
     ----------
-    trainings
-        The trainings.
-    metric
-        Metric of the costs.
-    heading
-        Heading of the figure.
-    against
-        Quantity on the x axis.
     optimum
         Proved optimum, drawn as a line; None if none is proved.
 

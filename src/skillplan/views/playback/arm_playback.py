@@ -113,8 +113,6 @@ def arm_playback(
     ----------
     task
         Task with one robot.
-    skills
-        Skills with begin and end.
     samples
         Rows of the trace, 60 a second, at least one.
     looks

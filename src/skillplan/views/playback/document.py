@@ -29,8 +29,6 @@ class Playback:
 
     Parameters
     ----------
-    title
-        Title of the playback.
     frames
         Number of frames, >= 1.
     note
@@ -69,8 +67,6 @@ class Playback:
 
         Parameters
         ----------
-        name, kind
-            Name and kind of the body.
         shapes
             Shapes from `box`, `solid`, `mesh` or `link`.
         pose
@@ -79,8 +75,6 @@ class Playback:
             Pose in every frame, shape (frames, 7); NaN in frames without the body.
         goal
             Pose of its ghost.
-        label
-            True if its name is shown.
         color
             Colour #rrggbb; None for the colour of its kind.
         off_m

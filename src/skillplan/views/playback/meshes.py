@@ -70,8 +70,6 @@ def coarser(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbe
 
     Parameters
     ----------
-    points, triangles
-        The mesh.
     cell_m
         Size of a cell, > 0 [m].
     """

@@ -49,8 +49,6 @@ def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[N
 
     Parameters
     ----------
-    arm
-        Description of the arm.
     mount
         Pose of its base in the world.
     joints_rad

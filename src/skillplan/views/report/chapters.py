@@ -44,14 +44,6 @@ class PlanInput:
 
     Parameters
     ----------
-    document
-        ``skillplan.result/1``.
-    task
-        The solved task.
-    description
-        Description in the task file.
-    plugins
-        Distributions and their versions.
     graph
         Precedence relation; None for none.
     performance, engine
@@ -62,8 +54,6 @@ class PlanInput:
         Reason for a missing playback.
     played
         Skills with begin and end in the playback of a plan that was not performed.
-    extra
-        Further sections.
     certificate
         Verification of a stored result; None for a result that was solved for the page.
     """
@@ -137,14 +127,8 @@ class ChainInput:
     ----------
     document
         ``skillplan.result/1`` of a chain.
-    listings
-        Tables of the domain.
     refused
         Names, findings and reasons of refusals.
-    images
-        Figures as markup.
-    bars
-        Bars of the time line; may be empty.
     """
 
     document: Mapping[str, Any]
@@ -169,8 +153,6 @@ def chain_input(
 
     Parameters
     ----------
-    problem
-        The loaded file.
     document
         ``skillplan.result/1`` of the chain.
     name

@@ -65,10 +65,6 @@ def table(
 
     Parameters
     ----------
-    caption
-        Caption of the table.
-    columns
-        Headings.
     rows
         Cells: markup, or values that are shown as text.
     numbers

@@ -66,12 +66,8 @@ class Chapter:
     ----------
     name
         Prefix of anchors, unique in the page.
-    heading
-        Heading of the chapter.
     lead
         Summary in a sentence or two, with figures.
-    sections
-        Sections in order.
     """
 
     name: str
@@ -90,10 +86,6 @@ def page_html(
 
     Parameters
     ----------
-    title
-        Title of the page.
-    chapters
-        Chapters, at least one.
     playback
         Document ``skillplan.playback/1``; None for none.
     player

@@ -35,8 +35,6 @@ def picture_svg(picture: Picture, name: str, description: str = "") -> Markup:
 
     Parameters
     ----------
-    picture
-        The picture.
     name
         Prefix of identifiers, unique in the page.
     description

@@ -20,8 +20,6 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     ----------
     document
         ``skillplan.comparison/1`` from an untrusted source.
-    name
-        Name of the chapter.
     """
     entries = document.get("rows")
     rows = [row for row in entries if isinstance(row, Mapping)] if isinstance(entries, list) else []
@@ -104,10 +102,6 @@ def training_chapter(
         Task and options of the training, as names and values.
     document
         ``skillplan.training/1``; None for an unfinished training.
-    images
-        Learning curves.
-    heading, name
-        Heading and name of the chapter.
     """
     sections = []
     if images:

@@ -55,8 +55,6 @@ def lead(
 
     Parameters
     ----------
-    document
-        ``skillplan.result/1``.
     measured_s
         Time of the performed plan [s]; None if it was not performed.
     played_s
@@ -178,12 +176,6 @@ def summary_section(
 
     Parameters
     ----------
-    document
-        ``skillplan.result/1``.
-    description
-        Description in the task file; may be empty.
-    plugins
-        Names and versions of installed distributions.
     certificate
         Verification of a stored result; None for a result that was solved for the page.
     """

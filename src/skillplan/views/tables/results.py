@@ -272,8 +272,6 @@ def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
 
     Parameters
     ----------
-    result
-        Result of a task or a chain.
     task
         The task, or any task of the chain.
     """
@@ -296,17 +294,7 @@ def saved_tables(result: Result | ChainResult) -> dict[str, Table]:
 def comparison_tables(
     results: Sequence[Result] | Sequence[ChainResult], title: str, decimals: int
 ) -> list[Table]:
-    """Return several solvers side by side.
-
-    Parameters
-    ----------
-    results
-        Results of tasks, or of chains.
-    title
-        Title of the table.
-    decimals
-        Decimals of the costs of a single task.
-    """
+    """Return several solvers side by side."""
     single = [result for result in results if isinstance(result, Result)]
     chains = [result for result in results if not isinstance(result, Result)]
     if not chains:
@@ -321,8 +309,6 @@ def csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
 
     Parameters
     ----------
-    result
-        Result of a task or a chain.
     task
         The task, or any task of the chain.
     """

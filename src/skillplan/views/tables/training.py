@@ -105,8 +105,6 @@ def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str
 
     Parameters
     ----------
-    cause
-        Cause of a `Shortfall`.
     progress_step
         Step of a run at which most goals were first reached; None if no goal was.
     steps
@@ -363,15 +361,7 @@ def _rate(tally: Tally) -> str:
 
 
 def family_table(learned: RelationalContent, folder: str) -> Table:
-    """Return the training boards of a policy and its trial on other boards.
-
-    Parameters
-    ----------
-    learned
-        Document of the policy.
-    folder
-        Folder of the policy.
-    """
+    """Return the training boards of a policy and its trial on other boards."""
     columns = [
         Column("boards", right=True),
         Column("states", right=True),

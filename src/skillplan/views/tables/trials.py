@@ -27,8 +27,6 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
 
     Parameters
     ----------
-    agreement
-        Verdicts of the engines.
     pictures
         Picture files of every contradiction by engine; none by default.
     """
@@ -257,8 +255,6 @@ def difference_words(times: TimeDifference, pace: str) -> str:
 
     Parameters
     ----------
-    times
-        The difference.
     pace
         Speeds of the arm in the engine, in words; may be empty.
     """

@@ -42,15 +42,7 @@ class Column:
 
 @dataclass(frozen=True)
 class ItemList:
-    """Names with texts under a title, one per line.
-
-    Parameters
-    ----------
-    title
-        Title of the list.
-    items
-        Names and texts.
-    """
+    """Names with texts under a title, one per line."""
 
     title: str
     items: Sequence[tuple[str, str]]
@@ -62,10 +54,6 @@ class Table:
 
     Parameters
     ----------
-    title
-        Title of the table.
-    columns
-        Columns from left to right.
     rows
         Rows with a cell for each column.
     notes

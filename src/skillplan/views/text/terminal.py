@@ -34,8 +34,6 @@ def longest_piece(text: str, *, break_names: bool) -> int:
 
     Parameters
     ----------
-    text
-        Text of a cell.
     break_names
         True if lines may also end within names, as after the hyphen of ``monte-carlo``.
     """
@@ -47,8 +45,6 @@ def wrapped(text: str, width: int, hang: int = 0) -> list[str]:
 
     Parameters
     ----------
-    text
-        The text.
     width
         Largest width of a line, >= 1.
     hang
@@ -138,17 +134,7 @@ _PROSE_WIDTHS = (16, 12)
 
 @dataclass(frozen=True)
 class Block:
-    """Columns side by side.
-
-    Parameters
-    ----------
-    columns
-        Indices from left to right.
-    widths
-        Widths of the columns.
-    gap
-        Distance between columns.
-    """
+    """Columns side by side."""
 
     columns: tuple[int, ...]
     widths: tuple[int, ...]
@@ -166,8 +152,6 @@ class Layout:
 
     Parameters
     ----------
-    blocks
-        Blocks from top to bottom.
     below
         Indices of columns whose cells are listed below the table, row by row.
     """

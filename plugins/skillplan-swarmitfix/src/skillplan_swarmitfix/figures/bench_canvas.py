@@ -38,21 +38,7 @@ _LEFT_IN, _RIGHT_IN, _AXIS_IN, _BORDER_IN = 0.75, 0.3, 0.55, 0.18
 
 @dataclass(frozen=True)
 class BenchCanvas:
-    """A figure with axes to scale, in metres.
-
-    Parameters
-    ----------
-    bench
-        The lattice.
-    figure, axes
-        The figure and its axes.
-    inch_per_m
-        Scale.
-    low_m
-        Lower left corner of the axes [m].
-    size_in
-        Size of the axes [in].
-    """
+    """A figure with axes to scale, in metres."""
 
     bench: Bench
     figure: Figure
@@ -188,12 +174,6 @@ def bench_canvas(
 
     Parameters
     ----------
-    bench
-        The lattice.
-    heading
-        Heading of the figure.
-    legend
-        Texts of the legend below.
     around_m
         Points off the bench that must be visible, too [m], shape (n, 2).
     right_in

@@ -44,14 +44,10 @@ def fleet_figure(
 
     Parameters
     ----------
-    bench
-        The lattice.
     starts
         Start positions by robot, at least one.
     schedule
         Moves of every parallel step: robot and new position.
-    heading
-        Heading of the figure.
 
     Raises
     ------

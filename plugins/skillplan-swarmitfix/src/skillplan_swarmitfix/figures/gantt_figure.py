@@ -91,8 +91,6 @@ def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
     ----------
     bars
         Steps in order of time, at least one.
-    heading
-        Heading of the figure.
 
     Raises
     ------

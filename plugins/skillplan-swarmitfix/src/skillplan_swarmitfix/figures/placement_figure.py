@@ -278,8 +278,6 @@ def placement_figure(
 
     Parameters
     ----------
-    bench
-        The lattice.
     trajectory_m
         Points of the trajectory in order [m], at least two.
     heads
@@ -288,8 +286,6 @@ def placement_figure(
         Goals in the order of the base.
     paths
         Positions of the base on the path to each goal, both ends included.
-    heading
-        Heading of the figure.
     closed
         True if the trajectory returns to its start.
 

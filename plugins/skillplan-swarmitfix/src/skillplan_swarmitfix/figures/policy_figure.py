@@ -54,14 +54,8 @@ def policy_figure(
 
     Parameters
     ----------
-    bench
-        The lattice.
     recommended
         Actions by position, both from 0; positions without an action stay empty.
-    goal
-        Goal position.
-    heading
-        Heading of the figure.
     start
         Position whose path to the goal is outlined; None for none.
 
@@ -97,12 +91,8 @@ def steps_to(goal: int, ends: Mapping[int, int], n_positions: int) -> NDArray[np
 
     Parameters
     ----------
-    goal
-        Goal position.
     ends
         End of the recommended action by position.
-    n_positions
-        Number of positions.
     """
     steps = np.full(n_positions, -1, dtype=np.int64)
     before: dict[int, list[int]] = {}
