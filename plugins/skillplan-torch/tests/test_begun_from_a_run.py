@@ -92,7 +92,7 @@ def test_going_on_with_another_beginning_is_refused(earlier, boards, tmp_path, c
     train(solver, boards[2], tmp_path / "a", steps=100)
     capsys.readouterr()
     assert train(solver, boards[2], tmp_path / "a", "--from", str(folder), "--resume") == 2
-    assert "what the runs begin with" in capsys.readouterr().err
+    assert "the networks that the runs start from" in capsys.readouterr().err
 
 
 def test_what_does_not_fit_is_refused_before_a_folder_is_made(earlier, boards, tmp_path, capsys):
