@@ -45,6 +45,12 @@ class Outcome:
         """The one JSON document on stdout; anything beside it is a fault."""
         return json.loads(self.out)
 
+    @property
+    def refusal(self) -> str:
+        """The message of a call that was refused: exit code 2, and nothing on stdout."""
+        assert (2, "") == (self.code, self.out)
+        return self.err
+
 
 Cli = Callable[..., Outcome]
 Install = Callable[..., Path]

@@ -72,6 +72,4 @@ def test_check_derives_the_order_by_geometry_whatever_the_file_chooses(cli, boar
 
 def test_check_refuses_a_detector_that_is_not_there(cli, board):
     """As every command does."""
-    called = cli("check", board, "--collision", "aab")
-    assert 2 == called.code
-    assert "Did you mean 'aabb'?" in called.err
+    assert "Did you mean 'aabb'?" in cli("check", board, "--collision", "aab").refusal

@@ -66,9 +66,7 @@ class TestInit:
         """It may be somebody's work."""
         path = tmp_path / "mine.yaml"
         path.write_text("kind: assembly\n")
-        outcome = cli("init", "--out", str(path))
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "is there already. Name a new file." in outcome.err
+        assert "is there already. Name a new file." in cli("init", "--out", str(path)).refusal
         assert "kind: assembly\n" == path.read_text()
 
     @pytest.mark.parametrize(
@@ -81,9 +79,7 @@ class TestInit:
     )
     def test_what_cannot_be_is_refused(self, cli, words, message):
         """In one message."""
-        outcome = cli("init", *words)
-        assert (2, "") == (outcome.code, outcome.out)
-        assert message in outcome.err
+        assert message in cli("init", *words).refusal
 
 
 @pytest.fixture(scope="module")

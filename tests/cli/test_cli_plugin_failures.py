@@ -96,11 +96,10 @@ class TestASolver:
     def test_it_is_named_with_its_own_line(self, cli, board, faulty, method):
         """Whatever of ours called it; the traceback is offered and not shown."""
         place = faulty("solver", method)
-        outcome = cli("search-optimal", board, "--solver", "faulty")
-        assert 2 == outcome.code
+        refusal = cli("search-optimal", board, "--solver", "faulty").refusal
         assert (
             "skillplan: error: The solver 'faulty' failed: LookupError: no table "
-            f"({place}; SKILLPLAN_DEBUG=1 shows the traceback)\n" == outcome.err
+            f"({place}; SKILLPLAN_DEBUG=1 shows the traceback)\n" == refusal
         )
 
     @pytest.mark.slow(reason="walks all sequences; a failed row is in every run")
@@ -144,9 +143,8 @@ class TestASolver:
         """After the message, and nothing offers it any more."""
         place = faulty("solver", "solve")
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
-        outcome = cli("search-optimal", board, "--solver", "faulty")
-        assert 2 == outcome.code
-        first, *rest = outcome.err.splitlines()
+        refusal = cli("search-optimal", board, "--solver", "faulty").refusal
+        first, *rest = refusal.splitlines()
         assert first.endswith(f"failed: LookupError: no table ({place})")
         assert "Traceback (most recent call last):" == rest[0]
         assert "LookupError: no table" == rest[-1]
@@ -162,9 +160,7 @@ class TestASolver:
     def test_a_wrong_option_stops_a_comparison_before_it_starts(self, cli, board):
         """It is the user's to repair, and no row."""
         words = ("--solvers", "exact,exhaustive", "-O", "exact.max_labels=-1")
-        outcome = cli("compare", board, *words)
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "max_labels" in outcome.err
+        assert "max_labels" in cli("compare", board, *words).refusal
 
 
 class TestABackEnd:
@@ -224,9 +220,10 @@ class TestNobodyEndsTheProgramButWe:
     def test_a_solver_has_failed(self, cli, board, faulty, method, raised):
         """It is named like one that raises an error; nothing ends without a word."""
         faulty("solver", method, raised=raised)
-        outcome = cli("search-optimal", board, "--solver", "faulty")
-        assert 2 == outcome.code
-        assert f"The solver 'faulty' failed: {NO_EXCEPTIONS[raised]} (" in outcome.err
+        assert (
+            f"The solver 'faulty' failed: {NO_EXCEPTIONS[raised]} ("
+            in cli("search-optimal", board, "--solver", "faulty").refusal
+        )
 
     def test_the_other_solvers_of_a_comparison_run_on(self, cli, board, faulty, raised):
         """It is a row."""
@@ -247,9 +244,7 @@ class TestNobodyEndsTheProgramButWe:
     def test_a_plugin_that_cannot_be_imported_is_broken(self, cli, board, install, raised):
         """Importing runs its code, too."""
         install("solver", "faulty", "faulty_plugin:Faulty", f"raise {raised}")
-        outcome = cli("search-optimal", board, "--solver", "faulty")
-        assert 2 == outcome.code
-        assert "cannot be imported" in outcome.err
+        assert "cannot be imported" in cli("search-optimal", board, "--solver", "faulty").refusal
 
     def test_a_kind_of_task_has_failed(self, cli, tmp_path, install, raised):
         """The file is named with it."""
@@ -270,9 +265,10 @@ class TestNobodyEndsTheProgramButWe:
         install("domain", "faulty", "faulty_plugin:Faulty", source)
         file = tmp_path / "task.yaml"
         file.write_text("kind: faulty\n")
-        outcome = cli("check", str(file))
-        assert 2 == outcome.code
-        assert f"{file}: the kind 'faulty' failed: {NO_EXCEPTIONS[raised]} (" in outcome.err
+        assert (
+            f"{file}: the kind 'faulty' failed: {NO_EXCEPTIONS[raised]} ("
+            in cli("check", str(file)).refusal
+        )
 
 
 @pytest.mark.parametrize(

@@ -179,9 +179,10 @@ class TestExplain:
 
     def test_a_state_that_cannot_be_reached_is_a_wrong_question(self, cli, board):
         """`--after` that fails: where, at which stage, and why."""
-        outcome = cli("explain", board, "0", "--after", "0,1,10,11,6")
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "--after fails at step 4 (place(brace)): precedence: the chart" in outcome.err
+        assert (
+            "--after fails at step 4 (place(brace)): precedence: the chart"
+            in cli("explain", board, "0", "--after", "0,1,10,11,6").refusal
+        )
 
 
 class TestChart:
@@ -259,8 +260,7 @@ class TestCheck:
         text = text.replace("reach_m: 0.855", "reach_m: far").replace("kg: 0.250", "kg: -1")
         path = tmp_path / "faulty.yaml"
         path.write_text(text, "utf-8")
-        outcome = cli("check", str(path))
-        assert (2, "") == (outcome.code, outcome.out)
-        first, second = outcome.err.splitlines()
+        refusal = cli("check", str(path)).refusal
+        first, second = refusal.splitlines()
         assert first.startswith(f"skillplan: error: {path}:13:12: robot.reach_m: ")
         assert second.startswith(f"skillplan: error: {path}:60:14: parts.transformer.mass_kg: ")

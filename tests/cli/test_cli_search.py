@@ -108,18 +108,20 @@ class TestOut:
     def test_an_earlier_result_is_never_overwritten(self, cli, board, tmp_path):
         """A folder that holds anything is refused before the search begins."""
         (tmp_path / "mine.txt").write_text("keep me")
-        outcome = cli("search-optimal", board, "--out", str(tmp_path))
-        assert (2, "") == (outcome.code, outcome.out)
-        assert "is not empty. Name a new folder." in outcome.err
+        assert (
+            "is not empty. Name a new folder."
+            in cli("search-optimal", board, "--out", str(tmp_path)).refusal
+        )
         assert ["mine.txt"] == [path.name for path in tmp_path.iterdir()]
 
     def test_a_file_is_no_folder(self, cli, board, tmp_path):
         """A file in the way is a fault in words."""
         path = tmp_path / "file"
         path.write_text("")
-        outcome = cli("search-optimal", board, "--out", str(path))
-        assert 2 == outcome.code
-        assert f"--out {path}: cannot be used: " in outcome.err
+        assert (
+            f"--out {path}: cannot be used: "
+            in cli("search-optimal", board, "--out", str(path)).refusal
+        )
 
     def test_a_wrong_task_leaves_no_folder(self, cli, tmp_path):
         """The folder is made only once the task is known to be right."""

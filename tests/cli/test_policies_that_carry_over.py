@@ -41,9 +41,10 @@ def test_it_answers_without_torch(cli, run, monkeypatch):
 
 
 def test_a_task_that_it_cannot_act_on_is_refused(cli, run):
-    shown = cli("evaluate", run, "--task", str(CONFIGS / "br17.10.sop"))
-    assert (2, "") == (shown.code, shown.out)
-    assert "cannot act on br17.10" in shown.err
+    assert (
+        "cannot act on br17.10"
+        in cli("evaluate", run, "--task", str(CONFIGS / "br17.10.sop")).refusal
+    )
 
 
 @pytest.mark.parametrize(
@@ -55,9 +56,7 @@ def test_a_task_that_it_cannot_act_on_is_refused(cli, run):
     ],
 )
 def test_what_does_not_go_with_it_is_named(cli, run, words, message):
-    shown = cli("evaluate", run, *words)
-    assert 2 == shown.code
-    assert message in shown.err
+    assert message in cli("evaluate", run, *words).refusal
 
 
 @pytest.mark.parametrize(
@@ -76,6 +75,5 @@ def test_what_does_not_go_with_it_is_named(cli, run, words, message):
     ],
 )
 def test_a_training_that_cannot_be_is_refused(cli, words, message):
-    shown = cli("train", *words)
-    assert (2, "") == (shown.code, shown.out)
-    assert message in " ".join(shown.err.replace("│", " ").split())
+    refusal = cli("train", *words).refusal
+    assert message in " ".join(refusal.replace("│", " ").split())
