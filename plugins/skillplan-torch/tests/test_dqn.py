@@ -1,6 +1,5 @@
 """DQN: what it learns and keeps, that masks hold, that runs stay apart and go on bit for bit."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from deep_learner_suite import DeepLearnerSuite, assert_same, places
+from deep_learner_suite import begun as begun_for
+from deep_learner_suite import resumed as resumed_for
 from example_count import examples
 from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
-from skillplan.env import Observation, SkillVectorEnv
+from skillplan.env import Observation
 from skillplan.pipeline import make_model, solve
 from skillplan.records import Choice, Status
 from skillplan.solvers import NetworkPolicy, Snapshot
@@ -61,37 +63,12 @@ def solver(**options):
     return DqnSolver(DqnSolver.Options(**{**SMALL, **options}))
 
 
-def places(learner, runs, task):
-    options = learner.options
-    return SkillVectorEnv(
-        make_model(task),
-        runs,
-        observation=options.observation,
-        mask=options.mask,
-        objective=options.objective,
-    )
-
-
 def begun(learner, seeds, task, steps=STEPS):
-    return learner.begin(places(learner, len(seeds), task), seeds, steps)
+    return begun_for(learner, seeds, task, steps)
 
 
 def resumed(learner, seeds, task, snapshot, steps=STEPS):
-    # As a file keeps it: notes as JSON, arrays as bytes.
-    kept = Snapshot(
-        {name: array.copy() for name, array in snapshot.arrays.items()},
-        json.loads(json.dumps(snapshot.notes)),
-    )
-    return learner.resume(places(learner, len(seeds), task), seeds, steps, kept)
-
-
-def assert_same(one, other):
-    """Hold two trainings against each other, bit for bit."""
-    first, second = one.snapshot(), other.snapshot()
-    assert first.notes == second.notes
-    assert first.arrays.keys() == second.arrays.keys()
-    for name, array in first.arrays.items():
-        assert array.tobytes() == second.arrays[name].tobytes(), name
+    return resumed_for(learner, seeds, task, snapshot, steps)
 
 
 def assert_same_policy(one, other):
@@ -151,6 +128,13 @@ class TestDqnSolver(SolverSuite):
     @pytest.mark.slow(reason="two trainings; one that goes on bit for bit in every run")
     def test_the_same_seed_gives_the_same_plan(self):
         super().test_the_same_seed_gives_the_same_plan()
+
+
+class TestAsADeepLearner(DeepLearnerSuite):
+    learner = DqnSolver
+    small = SMALL
+    steps = STEPS
+    changes = ({"width": 64}, {"layers": 2}, {"capacity": 5})
 
 
 class TestLearning:
@@ -243,22 +227,6 @@ class TestMasks:
                 ]
                 assert not allowed or task.skills[action].name in {one.name for one in allowed}
                 state = task.skills[action].prediction.apply(state)
-
-    def test_without_a_mask_what_does_not_apply_is_tried_and_ends_the_episode(self):
-        episodes = begun(solver(mask="none"), [0], lid_task()).advance(STEPS)
-        failed = [episode for episode in episodes if episode.end == "infeasible"]
-        assert failed
-        task = lid_task()
-        applied = []
-        for episode in failed:
-            *taken, last = (task.skills[action] for action in episode.actions)
-            state = task.initial
-            for skill in taken:
-                assert skill.applicable(state)
-                state = skill.prediction.apply(state)
-            applied.append(last.applicable(state))
-        # What applies and fails all the same is refused by a back end.
-        assert not all(applied)
 
     @pytest.mark.parametrize(
         ("kind", "worth"),
@@ -417,11 +385,6 @@ class TestPoliciesFollowed:
             assert any(e.step == learned.best_step and e.run == run for e in episodes)
         assert found
 
-    def test_under_chance_one_episode_tells_nothing_and_none_is_kept(self):
-        training = begun(solver(), [0], retry_task(0.5))
-        assert any(episode.success for episode in training.advance(STEPS))
-        assert training.learned(0).best is None
-
 
 @pytest.mark.slow(reason="trainings; one that goes on bit for bit in every run")
 class TestRunsSideBySide:
@@ -459,11 +422,6 @@ class TestRunsSideBySide:
     def test_of_more_actions_than_a_block_too(self, motor_drive, kind):
         assert len(motor_drive.skills) > 32
         self.held_alone(solver(**KINDS[kind]), motor_drive, self.SEEDS, [3], 100)
-
-    def test_runs_of_other_seeds_differ(self):
-        episodes = begun(solver(), [0, 1], lid_task()).advance(STEPS)
-        first, second = ([e.actions for e in episodes if e.run == run] for run in (0, 1))
-        assert first != second
 
 
 class TestFailures:
@@ -574,24 +532,6 @@ class TestGoingOn:
         for one in (training, other):
             one.advance(50)
         assert other.figures() == training.figures()
-
-    def test_a_snapshot_stays_what_it_was_while_the_training_goes_on(self):
-        training = begun(solver(), [0], lid_task())
-        training.advance(100)
-        snapshot = training.snapshot()
-        before = {name: array.copy() for name, array in snapshot.arrays.items()}
-        notes = json.dumps(snapshot.notes)
-        training.advance(100)
-        for name, array in before.items():
-            np.testing.assert_array_equal(snapshot.arrays[name], array)
-        assert json.dumps(snapshot.notes) == notes
-
-    @pytest.mark.parametrize("change", [{"width": 64}, {"layers": 2}, {"capacity": 5}])
-    def test_a_snapshot_of_other_options_is_refused(self, change):
-        training = begun(solver(), [0], lid_task())
-        training.advance(100)
-        with pytest.raises(ValueError, match="snapshot"):
-            resumed(solver(**change), [0], lid_task(), training.snapshot())
 
     def test_a_snapshot_of_another_solver_is_refused(self):
         other = PpoSolver(PpoSolver.Options(rollout=96, batch=32, width=32))

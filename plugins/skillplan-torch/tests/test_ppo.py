@@ -1,6 +1,5 @@
 """PPO: what it learns, what it keeps, and that it goes on bit for bit."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from deep_learner_suite import DeepLearnerSuite, assert_same
+from deep_learner_suite import begun as begun_for
+from deep_learner_suite import places as places_for
+from deep_learner_suite import resumed as resumed_for
 from example_count import examples
 from situations import model_of, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env import COMPLETE, SkillVectorEnv
 from skillplan.pipeline import Setup, make_model, solve
-from skillplan.solvers import Snapshot
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch import PpoSolver, RolloutBuffer
 from thinned import release_case, slow_case
@@ -39,30 +41,15 @@ def solver(**options):
 
 
 def places(learner, runs, task=None):
-    model, options = make_model(task or lid_task()), learner.options
-    return SkillVectorEnv(model, runs, observation=options.observation, mask=options.mask)
+    return places_for(learner, runs, task or lid_task())
 
 
 def begun(learner, seeds, task=None):
-    return learner.begin(places(learner, len(seeds), task), seeds, STEPS)
+    return begun_for(learner, seeds, task or lid_task(), STEPS)
 
 
 def resumed(learner, seeds, snapshot):
-    # As a file keeps it: notes as JSON, arrays as bytes.
-    kept = Snapshot(
-        {name: array.copy() for name, array in snapshot.arrays.items()},
-        json.loads(json.dumps(snapshot.notes)),
-    )
-    return learner.resume(places(learner, len(seeds)), seeds, STEPS, kept)
-
-
-def assert_same(one, other):
-    """Hold two trainings against each other, bit for bit."""
-    first, second = one.snapshot(), other.snapshot()
-    assert first.notes == second.notes
-    assert first.arrays.keys() == second.arrays.keys()
-    for name, array in first.arrays.items():
-        assert array.tobytes() == second.arrays[name].tobytes(), name
+    return resumed_for(learner, seeds, lid_task(), snapshot, STEPS)
 
 
 class TestPpoSolver(SolverSuite):
@@ -72,6 +59,13 @@ class TestPpoSolver(SolverSuite):
     @pytest.mark.slow(reason="two trainings; runs alone and among others in every run")
     def test_the_same_seed_gives_the_same_plan(self):
         super().test_the_same_seed_gives_the_same_plan()
+
+
+class TestAsADeepLearner(DeepLearnerSuite):
+    learner = PpoSolver
+    small = SMALL
+    steps = STEPS
+    changes = ({"width": 64}, {"rollout": 64}, {"layers": 1})
 
 
 class TestLearning:
@@ -128,22 +122,6 @@ class TestLearning:
                 assert skill in model.applicable(state)
                 state = skill.prediction.apply(state)
 
-    def test_without_a_mask_what_does_not_apply_is_tried_and_ends_the_episode(self):
-        episodes = begun(solver(mask="none"), [0]).advance(STEPS)
-        failed = [episode for episode in episodes if episode.end == "infeasible"]
-        assert failed
-        task = lid_task()
-        applied = []
-        for episode in failed:
-            *taken, last = (task.skills[action] for action in episode.actions)
-            state = task.initial
-            for skill in taken:
-                assert skill.applicable(state)
-                state = skill.prediction.apply(state)
-            applied.append(last.applicable(state))
-        # What applies and fails all the same is refused by a back end.
-        assert not all(applied)
-
 
 class TestPoliciesFollowed:
     def test_after_an_update_one_episode_follows_the_policy(self):
@@ -171,11 +149,6 @@ class TestPoliciesFollowed:
                 cost, end = cost + infos["cost"][0], infos["end"][0]
             assert end == COMPLETE
             assert cost == pytest.approx(learned.best_cost)
-
-    def test_under_chance_one_episode_tells_nothing_and_none_is_kept(self):
-        training = begun(solver(), [0], retry_task(0.5))
-        assert not any(episode.greedy for episode in training.advance(STEPS))
-        assert training.learned(0).best is None
 
     def test_none_is_followed_where_that_is_switched_off(self):
         training = begun(solver(follow=False), [0])
@@ -216,12 +189,6 @@ class TestRunsSideBySide:
         for weight, other in zip(alone.learned(0).last.weights, ours, strict=True):
             assert weight.tobytes() == other.tobytes()
 
-    def test_runs_of_other_seeds_differ(self):
-        training = begun(solver(), [0, 1])
-        episodes = training.advance(STEPS)
-        first, second = ([e.actions for e in episodes if e.run == run] for run in (0, 1))
-        assert first != second
-
     @pytest.mark.slow(reason="a training; one of DQN that breaks in every run")
     def test_a_run_that_breaks_is_named_and_the_others_go_on(self):
         learner = solver()
@@ -255,22 +222,6 @@ class TestGoingOn:
         assert theirs == episodes
         assert_same(other, whole)
         assert other.figures() == whole.figures()
-
-    def test_a_snapshot_stays_what_it_was_while_the_training_goes_on(self):
-        training = begun(solver(), [0])
-        training.advance(100)
-        snapshot = training.snapshot()
-        before = {name: array.copy() for name, array in snapshot.arrays.items()}
-        training.advance(100)
-        for name, array in before.items():
-            np.testing.assert_array_equal(snapshot.arrays[name], array)
-
-    @pytest.mark.parametrize("change", [{"width": 64}, {"rollout": 64}, {"layers": 1}])
-    def test_a_snapshot_of_other_options_is_refused(self, change):
-        training = begun(solver(), [0])
-        training.advance(100)
-        with pytest.raises(ValueError, match="snapshot"):
-            resumed(solver(**change), [0], training.snapshot())
 
 
 class TestAdvantages:
