@@ -266,7 +266,7 @@ class TestBothEnds:
         for threads in (1, 2, 3):
             search = TwoEndedSearch(given, duals, least_cost(given) + 1, threads)
             met = search.run(10**6, lambda: False)
-            found.append((met.order.tolist(), met.bound, met.whole, search.made))
+            found.append((met.order.tolist(), met.bound, met.whole, search.generated))
         assert found[0] == found[1] == found[2]
         assert found[0][1] == least_cost(given)
 

@@ -57,7 +57,7 @@ def test_every_order_keeps_every_cut(n, seed, density, families):
     instance = instance_of(n, seed, density=density, families=families)
     for cut in set_up_cuts(instance):
         for _, order in all_orders(instance):
-            assert cut.arcs[arcs_of(order)].sum() >= cut.least
+            assert cut.arcs[arcs_of(order)].sum() >= cut.number
 
 
 def test_an_instance_without_families_has_no_cut():

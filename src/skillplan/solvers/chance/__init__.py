@@ -1,4 +1,4 @@
-"""Solvers of tasks with chance and too many states for tables; they never list all states."""
+"""Solvers of tasks with chance and too many states for tables."""
 
 import lazy_loader as _lazy
 

@@ -1,9 +1,9 @@
-"""A* over and over to the same goal, each search more focused by those before.
+"""Repeated A* to the same goal, each search more focused than those before.
 
-Adaptive A* (Koenig and Likhachev, "Adaptive A*", 2005): after a search that found the least cost D
-from its start, what a state expanded at cost g has still to go is at least D - g. These bounds
-stay true for searches from other starts, as the goal does not change; along the cheapest path
-they are what it costs, so that a later search ends where it meets one.
+Adaptive A* (Koenig and Likhachev, "Adaptive A*", 2005): after a search with the least cost D from
+its start, the cost to go of a state expanded at cost g is at least D - g. These bounds remain valid
+for searches from other starts, as the goal does not change. Along the cheapest path they are exact,
+so a later search ends at such a state.
 """
 
 from __future__ import annotations
@@ -23,39 +23,39 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is done in a state on a cheapest path, and what it costs from there to the goal."""
+    """The first skill on a cheapest path from a state, and the cost to the goal."""
 
     skill: Skill
     to_go: int
 
 
 class AdaptiveSearch:
-    """Cheapest paths of a deterministic task from one state after another.
+    """Cheapest paths of a deterministic task from successive states.
 
     Parameters
     ----------
     model
-        Says which skills are feasible: of the task as it is, with the failures.
+        Model with the failures, which decides on feasibility.
     certain
-        The same task, where every skill succeeds, with the costs that count.
+        The task without failures, with the costs to minimise.
     stop
-        When to give up.
+        Returns True to give up.
     max_labels
-        So many labels may be made by one search, >= 1.
+        Greatest number of labels of one search, >= 1.
     weight
-        Bounds on the cost to go are taken so many times, >= 1. Above 1 the first path may cost as
-        many times the least (weighted A*: Pohl, 1970), and nothing is learnt of other states.
+        Factor on bounds on the cost to go, >= 1. Above 1 a path may cost up to this multiple of the
+        least (weighted A*: Pohl, 1970), and other states learn nothing.
     ahead
         Another lower bound on the cost to the goal, by state; None for none.
 
     Attributes
     ----------
     searches, expanded
-        How many searches there were, and states expanded by all of them.
+        Number of searches, and of states expanded by all of them.
     questions
-        Bits of the facts that verdicts rested on; of verdicts that do not say so, all.
+        Bits of the facts that verdicts depended on; all bits for verdicts without such facts.
     floor
-        Of a search that was given up, the least that a path from its start may cost, >= 0.
+        Least possible cost of a path after an aborted search, >= 0.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class AdaptiveSearch:
         return None if step is None else step.skill
 
     def cost(self, state: State) -> float | None:
-        """Return the cost of a cheapest path to the goal; None where none was found."""
+        """Return the cost of a cheapest path to the goal; None without a path."""
         if self._model.is_goal(state):
             return 0.0
         step = self._step(state)
@@ -108,7 +108,7 @@ class AdaptiveSearch:
         return self._steps.get(state.bits)
 
     def _bound(self, state: State) -> int:
-        """Return a lower bound on what it costs to the goal [units], -1 where that is closed."""
+        """Return a lower bound on the cost to the goal [units]; -1 for a dead end."""
         known = self._steps.get(state.bits)
         if known is not None:
             return known.to_go
@@ -119,14 +119,14 @@ class AdaptiveSearch:
         return max(own, learnt, 0 if self._ahead is None else self._looking_ahead(state))
 
     def _looking_ahead(self, state: State) -> int:
-        found = self._looked_ahead.get(state.bits)
-        if found is None:
+        bounds = self._looked_ahead.get(state.bits)
+        if bounds is None:
             assert self._ahead is not None
-            found = self._looked_ahead[state.bits] = to_units(self._ahead(state))
-        return found
+            bounds = self._looked_ahead[state.bits] = to_units(self._ahead(state))
+        return bounds
 
     def _search(self, start: State) -> None:
-        """Find a cheapest path and keep its steps; nothing is kept where there is none."""
+        """Find a cheapest path and keep its steps, if there is one."""
         self.searches += 1
         bound = self._bound(start)
         if bound < 0:
@@ -135,7 +135,7 @@ class AdaptiveSearch:
         came: dict[int, tuple[State, Skill, int]] = {}
         closed: dict[int, int] = {}
         queue: list[tuple[int, int, State, int]] = [(bound, 0, start, 0)]
-        made = 0
+        labels = 0
         while queue:
             total, _, state, cost = heapq.heappop(queue)
             if cost > spent[state.bits] or state.bits in closed:
@@ -144,7 +144,7 @@ class AdaptiveSearch:
                 learnt = closed if self._weight == 1.0 else {}
                 self._keep(start, state, total, came, learnt)
                 return
-            if made > self._max_labels or (self.expanded % 64 == 0 and self._stop()):
+            if labels > self._max_labels or (self.expanded % 64 == 0 and self._stop()):
                 self.floor = from_units(total) if self._weight == 1.0 else 0.0
                 return
             closed[state.bits] = cost
@@ -162,13 +162,13 @@ class AdaptiveSearch:
                 spent[following.bits] = reached
                 came[following.bits] = (state, skill, step)
                 closed.pop(following.bits, None)
-                made += 1
+                labels += 1
                 ahead = reached + (bound if self._weight == 1.0 else int(self._weight * bound))
-                heapq.heappush(queue, (ahead, -made, following, reached))
+                heapq.heappush(queue, (ahead, -labels, following, reached))
 
     def feasible(self, state: State, skill: Skill) -> bool:
-        """Return True if a skill can be executed, and again from where it may have failed."""
-        failed = (one.apply(state) for one in self._tries[skill.name])
+        """Return True if a skill can be executed, and tried again after a failure."""
+        failed = (outcome.apply(state) for outcome in self._tries[skill.name])
         for where in (state, *failed):
             verdict = self._model.verdict(where, skill)
             if verdict.present is None or verdict.absent is None:
@@ -187,7 +187,7 @@ class AdaptiveSearch:
         came: dict[int, tuple[State, Skill, int]],
         closed: dict[int, int],
     ) -> None:
-        """Keep the path that was found, and what the search says about other states."""
+        """Keep a path, and the bounds of the search on other states."""
         for bits, cost in closed.items():
             if total - cost > self._bounds.get(bits, 0):
                 self._bounds[bits] = total - cost

@@ -1,7 +1,7 @@
-"""The sets of jobs that may be done, where a task is one of putting jobs in order.
+"""Sets of finished jobs of an ordering task, and the least costs to go without failures.
 
-There are far fewer of them than states: what is held, where the arm stands and with which tool are
-left out of them.
+There are far fewer sets than states, which also contain the held part, the arm's place and its
+tool.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from skillplan.task.verdict import Verdict
 
 Sets = NDArray[np.uint64]
 
-# Sets are whole numbers of 64 bits.
+# Sets are integers of 64 bits.
 _MOST_JOBS = 63
 _COST_BYTES = 8
 
 
 class CertainModel(SkillModel):
-    """A model of the same task whose skills always succeed; asks what the model itself does.
+    """A model of the same task with certain skills; verdicts come from the given model.
 
     Parameters
     ----------
     model
-        Of the task as it is.
+        Model of the task with failures.
     certain
-        The task of the same skills without failures.
+        The task without failures.
 
     Attributes
     ----------
     questions
-        Bits of the facts that verdicts rested on.
+        Bits of the facts that verdicts depended on.
     """
 
     def __init__(self, model: SkillModel, certain: Task) -> None:
@@ -54,55 +54,54 @@ class CertainModel(SkillModel):
         self._with_failures = {skill.name: skill for skill in model.task.skills}
 
     def verdict(self, state: State, skill: Skill, likely: object = None) -> Verdict:
-        """Return the verdict on a skill, as it is with its failures, in `state`."""
+        """Return the verdict on a skill with failures in `state`."""
         return self.verdicts([(skill, state)])[0]
 
     def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
-        """Return the verdicts on several skills in states, in order."""
+        """Return verdicts on skills in states, in order."""
         own = [(self._with_failures[skill.name], state) for skill, state in queries]
-        found = self._model.verdicts(own)
-        for verdict in found:
+        verdicts = self._model.verdicts(own)
+        for verdict in verdicts:
             if verdict.present is None or verdict.absent is None:
                 self.questions = self.task.facts.all_bits
             else:
                 self.questions |= verdict.present.bits | verdict.absent.bits
-        return found
+        return verdicts
 
 
 class JobSets:
-    """The jobs of a task and the sets of them that may be done, and what a state says of them.
+    """The jobs of a task, the feasible sets of finished jobs, and conversion of states.
 
     Parameters
     ----------
     model
-        Of the certain task.
+        Model of the certain task.
     most_sets
-        More sets of jobs are refused.
+        Greatest number of sets.
     stop
-        When to give up.
+        Returns True to give up.
 
     Attributes
     ----------
     problem
         Jobs, costs between them, and precedence.
     jobs, chosen
-        The n jobs, and their places among all jobs of the task.
+        The n jobs, and their indices among all jobs of the task.
     needs
-        By job the set of those that must be done before it.
+        Set of predecessors of each job.
     layers
-        The sets that may be done, by size.
+        Feasible sets by size.
     sets
-        How many there are.
+        Number of sets.
     connections
-        The ways between jobs.
+        Connections between jobs.
     situation, initial
-        Bits of the facts that are no job's own, and of the initial state.
+        Bits of the facts outside jobs, and of the initial state.
 
     Raises
     ------
     NotASequencing
-        If the task is not one of putting at most 63 jobs in order, or there are more sets, or it
-        was given up.
+        If the task does not order at most 63 jobs, has too many sets, or was given up.
     """
 
     def __init__(self, model: CertainModel, most_sets: int, stop: Stop) -> None:
@@ -129,46 +128,46 @@ class JobSets:
         self.sets = sum(len(layer) for layer in self.layers)
 
     def no(self, reason: str) -> NotASequencing:
-        """Return the error that says why nothing is worked out."""
+        """Return an error with the reason why there are no values."""
         return self._structure.no(reason)
 
     def of(self, state: State) -> tuple[int, int, int] | None:
-        """Return the set done in a state, the job begun or -1, and how many of its skills are done.
+        """Return the finished set, the started job or -1, and its number of finished skills.
 
-        None where more than one job is begun.
+        None if several jobs are started.
         """
-        done, begun, position = 0, -1, 0
+        done, started, position = 0, -1, 0
         for index, job in enumerate(self.jobs):
             own = state.bits & job.own
             if own == job.stages[-1]:
                 done |= 1 << index
             elif own != job.stages[0]:
-                if begun >= 0 or own not in job.stages:
+                if started >= 0 or own not in job.stages:
                     return None
-                begun, position = index, job.stages.index(own)
-        return done, begun, position
+                started, position = index, job.stages.index(own)
+        return done, started, position
 
 
 def _afforded(most_sets: int, count: int, stop: Stop) -> int:
-    """Return of how many sets there is memory for a table, at most `most_sets`."""
+    """Return the number of sets whose table fits memory, at most `most_sets`."""
     left = stop.memory_left_bytes()
     if left is None or not count:
         return most_sets
-    # Half of it: a table is filled from another one.
+    # Half of it, because a table is filled from another one.
     return min(most_sets, left // (2 * _COST_BYTES * (count + 1)))
 
 
 def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
-    """Return the sets that hold with every job all that it needs, by size, in ascending order.
+    """Return the sets that contain all predecessors of their jobs, by size, in ascending order.
 
     Parameters
     ----------
     needs
-        By job the set of those that must be done before it.
+        Set of predecessors of each job.
     most
-        With more sets than this nothing is returned.
+        Greatest number of sets; above it the result is None.
     stop
-        When to give up; then nothing is returned.
+        Returns True to give up; then the result is None.
     """
     layers: list[Sets] = [np.zeros(1, dtype=np.uint64)]
     total = 1
@@ -183,10 +182,10 @@ def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
 
 
 def open_in(sets: Sets, job: int, needs: int) -> NDArray[np.bool_]:
-    """Return in which sets a job is not done, and all that it needs is."""
+    """Return the sets in which a job is open and its predecessors are done."""
     needed = np.uint64(needs)
-    found: NDArray[np.bool_] = ((sets & bit_of(job)) == 0) & ((sets & needed) == needed)
-    return found
+    is_open: NDArray[np.bool_] = ((sets & bit_of(job)) == 0) & ((sets & needed) == needed)
+    return is_open
 
 
 def bit_of(job: int) -> np.uint64:
@@ -196,34 +195,33 @@ def bit_of(job: int) -> np.uint64:
 
 Costs = NDArray[np.float64]
 
-# Sums in another order may differ by so much, as a fraction.
+# Relative difference of sums in another order.
 _ROUNDING = 1e-12
 
 
 class OrdersAhead:
-    """The least cost to the goal, wherever the task can be between jobs or within one.
+    """The least cost to the goal from states between jobs or within one.
 
     Parameters
     ----------
     model
-        Of the certain task.
+        Model of the certain task.
     most_sets
-        Of more sets of jobs nothing is worked out.
+        Greatest number of sets.
     stop
-        When to give up.
+        Returns True to give up.
 
     Attributes
     ----------
     sets
-        How many sets of jobs may be done.
+        Number of feasible sets.
     questions
-        Bits of the facts that verdicts rested on.
+        Bits of the facts that verdicts depended on.
 
     Raises
     ------
     NotASequencing
-        If the task is not one of putting at most 63 jobs in order, or there are more sets, or it
-        was given up.
+        If the task does not order at most 63 jobs, has too many sets, or was given up.
     """
 
     def __init__(self, model: CertainModel, most_sets: int, stop: Stop) -> None:
@@ -236,26 +234,26 @@ class OrdersAhead:
         self.questions = model.questions
 
     def __call__(self, state: State) -> float:
-        """Return a lower bound on the cost to the goal, exact between jobs; 0 if none is known."""
+        """Return a lower bound on the cost to the goal, exact between jobs; 0 if unknown."""
         states = self._states
         at = states.of(state)
         if at is None:
             return 0.0
-        done, begun, position = at
+        done, started, position = at
         situation = state.bits & states.situation
-        found = math.inf
-        if begun >= 0:
-            rest = states.jobs[begun].chain[position:]
-            found = states.connections.tail(rest, situation) + self._after(done, begun)
+        known = math.inf
+        if started >= 0:
+            rest = states.jobs[started].chain[position:]
+            known = states.connections.tail(rest, situation) + self._after(done, started)
         else:
             costs = self._costs_from(situation)
             for index, needs in enumerate(states.needs):
-                if not done >> index & 1 and not needs & ~done and costs[index] < found:
-                    found = min(found, costs[index] + self._after(done, index))
-        return found * (1.0 - _ROUNDING) if math.isfinite(found) else 0.0
+                if not done >> index & 1 and not needs & ~done and costs[index] < known:
+                    known = min(known, costs[index] + self._after(done, index))
+        return known * (1.0 - _ROUNDING) if math.isfinite(known) else 0.0
 
     def _costs_from(self, situation: int) -> list[float]:
-        """Return what coming from a situation to each job, and doing it, costs."""
+        """Return the costs from a situation to each job, including the job."""
         costs = self._from.get(situation)
         if costs is None:
             row = self._states.connections.costs_from(situation)
@@ -263,7 +261,7 @@ class OrdersAhead:
         return costs
 
     def _after(self, done: int, job: int) -> float:
-        """Return what is to pay when a job has been done after others."""
+        """Return the cost to go after a job is added to a set."""
         done |= 1 << job
         layer = self._states.layers[done.bit_count()]
         place = int(np.searchsorted(layer, np.uint64(done)))
@@ -275,7 +273,7 @@ class OrdersAhead:
 def orders_ahead(
     model: SkillModel, certain: Task, most_sets: int, stop: Stop
 ) -> OrdersAhead | None:
-    """Return what is ahead in a task without failures; None where that is not to be had."""
+    """Return the costs to go of a task without failures, or None."""
     if not most_sets:
         return None
     try:
@@ -287,39 +285,39 @@ def orders_ahead(
 def costs_to_go(
     layers: Sequence[Sets], needs: Sequence[int], costs: Costs, stop: Stop
 ) -> list[Costs]:
-    """Return the least cost of all jobs that are left, by set and by the last job of it.
+    """Return the least cost of the remaining jobs, by set and last job.
 
     Parameters
     ----------
     layers
-        The sets by size.
+        Sets by size.
     needs
-        By job the set of those that must be done before it.
+        Set of predecessors of each job.
     costs
-        Of coming from job i to job j and doing it, shape (n, n).
+        Cost from job i to job j, including j, shape (n, n).
     stop
-        When to give up; then nothing is returned.
+        Returns True to give up; then the result is None.
 
     Returns
     -------
     list of ndarray
-        For each layer of s sets, shape (s, n); rows of jobs that are not in a set mean nothing.
+        For each layer of s sets, shape (s, n); rows of jobs outside the set are undefined.
     """
     count = len(needs)
-    found: list[Costs] = [np.zeros((1, count))]
+    tables: list[Costs] = [np.zeros((1, count))]
     for size in range(count - 1, 0, -1):
         here, above = layers[size], layers[size + 1]
         full = np.full((count, len(here)), np.inf)
         for job, set_ in enumerate(needs):
             open_here = np.flatnonzero(open_in(here, job, set_))
             place = np.searchsorted(above, here[open_here] | bit_of(job))
-            onward = found[-1][place, job]
+            onward = tables[-1][place, job]
             for last in range(count):
                 if costs[last, job] < np.inf:
                     row = full[last]
                     row[open_here] = np.minimum(row[open_here], onward + costs[last, job])
-        found.append(np.ascontiguousarray(full.T))
+        tables.append(np.ascontiguousarray(full.T))
         if stop():
             return []
-    found.append(np.full((1, count), np.inf))
-    return found[::-1] if count else [np.zeros((1, 0))]
+    tables.append(np.full((1, count), np.inf))
+    return tables[::-1] if count else [np.zeros((1, 0))]

@@ -1,11 +1,10 @@
-"""The least expected cost where jobs are put in order and beginning one may fail.
+"""The least expected cost of ordering jobs whose first skill may fail.
 
-Bellman's equations over the sets of jobs that may be done, and the places where the arm may stand
-then: after a job, or where beginning one has failed. A failure changes nothing else, so that it
-leaves the set as it is, and values of a set follow from those of larger ones and from each other.
-With Held and Karp's states (1962) that is a finite-horizon program with a small fixed point in each
-of its stages; the fixed point is approached from above, from the values of trying a job again until
-it succeeds.
+Bellman's equations over the feasible sets of finished jobs, and the places of the arm: after a job,
+or after a failed start of one. A failure changes nothing else, so values of a set follow from those
+of larger sets and from each other. With Held and Karp's states (1962) that is a finite-horizon
+program with a small fixed point in each stage. The fixed point is approached from above, starting
+with the policy that tries a job again until it succeeds.
 """
 
 from __future__ import annotations
@@ -30,30 +29,32 @@ from skillplan.task.task import Task
 
 Costs = NDArray[np.float64]
 
-# Values that a sweep changes by less, as a fraction of themselves, have come to rest.
+# Relative change of a sweep below which values have converged.
 _AT_REST = 1e-15
 # From above a few sweeps suffice, unless it is best to try several jobs in turns.
 _MOST_SWEEPS = 1_000
-# What costs differently by no more than this is the same.
+# Relative difference below which costs count as equal.
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Ways:
-    """What it costs to begin jobs, from wherever the arm may stand between them.
+    """Costs of starting jobs from all places between them.
 
     Parameters
     ----------
     costs
-        From s situations, of coming to each of n jobs and trying its first skill once, shape
-        (s, n); inf where that cannot be. The first n are those after the jobs, the last the initial
-        one; between them are those after failures.
+        Cost from s situations to each of n jobs with one try of its first skill, shape (s, n); inf
+        if
+        impossible. The first n situations follow the jobs, the last is the initial one, and those
+        in
+        between follow failures.
     rest
-        Of each job after its first skill has succeeded, shape (n,).
+        Cost of each job after its first skill has succeeded, shape (n,).
     success
         Probability that the first skill of a job succeeds, shape (n,).
     lost
-        Of each job pairs of the probability of a failure and the situation that it leaves.
+        Pairs of failure probability and following situation for each job.
     """
 
     costs: Costs
@@ -63,14 +64,14 @@ class Ways:
 
 
 def tried_once(task: Task) -> Task:
-    """Return a task in which every skill succeeds, and the first of a job costs one try of it.
+    """Return a task with certain skills, in which the first skill of a job costs one try.
 
-    A later skill that fails has to be tried again, and costs what all its tries do.
+    A later skill that fails is tried again, and costs all its tries.
 
     Raises
     ------
     NotASequencing
-        If the task is none of jobs, or what is done between jobs may fail.
+        If the task does not order jobs, or a skill between jobs may fail.
     """
     sure = retried(task)
     structure = ComponentJobs(sure)
@@ -88,29 +89,29 @@ def tried_once(task: Task) -> Task:
 
 
 class JobValues(Mapping[State, Skill]):
-    """The policy of the least expected cost, worked out in a state where it is asked.
+    """The policy with the least expected cost, computed on demand.
 
     Parameters
     ----------
     model
-        Of the task with its failures, of which `why_not_retried` says nothing.
+        Model with failures that `why_not_retried` accepts.
     most_sets
-        Of more sets of jobs nothing is worked out.
+        Greatest number of sets.
     stop
-        When to give up.
+        Returns True to give up.
 
     Attributes
     ----------
     cost
-        The least expected cost from the initial state.
+        Least expected cost from the initial state.
     sets
-        How many sets of jobs may be done.
+        Number of feasible sets.
 
     Raises
     ------
     NotASequencing
-        If the task is none of jobs, there are more sets, verdicts rest on what a failure changes,
-        or it was given up.
+        If the task does not order jobs, there are too many sets, verdicts depend on facts that a
+        failure changes, or it was given up.
     """
 
     def __init__(self, model: SkillModel, most_sets: int, stop: Stop) -> None:
@@ -149,14 +150,14 @@ class JobValues(Mapping[State, Skill]):
         return len(self._said)
 
     def _chosen(self, state: State) -> Skill | None:
-        """Return the skill of the least expected cost; None where no order leads on."""
+        """Return the skill with the least expected cost; None in a dead end."""
         states = self._states
-        found = states.of(state)
-        if found is None:
+        choice = states.of(state)
+        if choice is None:
             return None
-        done, begun, position = found
-        if begun >= 0:
-            return self._skills[states.jobs[begun].chain[position].name]
+        done, started, position = choice
+        if started >= 0:
+            return self._skills[states.jobs[started].chain[position].name]
         situation = state.bits & states.situation
         totals = self._situations.costs_from(situation) + self._begun(done)
         job = int(totals.argmin())
@@ -166,9 +167,9 @@ class JobValues(Mapping[State, Skill]):
         return self._skills[(*path, states.jobs[job].chain[0].name)[0]]
 
     def _begun(self, done: int) -> Costs:
-        """Return what is to pay once the first skill of each job was tried, by done jobs."""
-        found = self._onward.get(done)
-        if found is None:
+        """Return the costs to go after a try of each job, for a set of finished jobs."""
+        known = self._onward.get(done)
+        if known is None:
             states = self._states
             layer = states.layers[done.bit_count()]
             place = int(np.searchsorted(layer, np.uint64(done)))
@@ -185,12 +186,12 @@ class JobValues(Mapping[State, Skill]):
             after_a_try = _after_a_try(onward, self._ways)
             if after_a_try is None:
                 raise states.no("its values did not come to rest")
-            found = self._onward[done] = after_a_try[:, 0]
-        return found
+            known = self._onward[done] = after_a_try[:, 0]
+        return known
 
 
 class _Situations:
-    """Where the arm may stand between jobs, and what beginning a job costs from there."""
+    """Places of the arm between jobs, and the costs of starting a job there."""
 
     def __init__(self, states: JobSets, skills: Mapping[str, Skill]) -> None:
         self._states, self._skills = states, skills
@@ -200,7 +201,7 @@ class _Situations:
         self._stops: dict[int, list[tuple[float, int, tuple[str, ...]]]] = {}
 
     def ways(self) -> Ways:
-        """Return what beginning jobs costs from every situation."""
+        """Return the costs of starting jobs from all situations."""
         states = self._states
         initial = states.initial & states.situation
         after = [job.after for job in states.jobs]
@@ -227,26 +228,26 @@ class _Situations:
         )
 
     def costs_from(self, situation: int) -> Costs:
-        """Return the costs of coming to each job and trying its first skill, shape (n,)."""
-        found = self._costs.get(situation)
-        if found is None:
-            found = np.full(len(self._states.jobs), np.inf)
+        """Return the costs of reaching each job and trying its first skill, shape (n,)."""
+        costs = self._costs.get(situation)
+        if costs is None:
+            costs = np.full(len(self._states.jobs), np.inf)
             for cost, stop, _ in self._stops_from(situation):
                 row = self._connections.row(stop)[self._states.chosen]
-                found = np.minimum(found, cost + row - self._rest)
+                costs = np.minimum(costs, cost + row - self._rest)
             self._check(situation)
-            self._costs[situation] = found
-        return found
+            self._costs[situation] = costs
+        return costs
 
     def path(self, situation: int, job: int) -> tuple[str, ...]:
-        """Return the skills on the cheapest way to a job, such as a tool change."""
+        """Return the skills on the cheapest path to a job, such as a tool change."""
         place = self._states.chosen[job]
         best: tuple[str, ...] = ()
-        least = math.inf
+        lowest = math.inf
         for cost, stop, path in self._stops_from(situation):
             total = cost + self._connections.row(stop)[place]
-            if total < least - _ROUNDING:
-                best, least = path, total
+            if total < lowest - _ROUNDING:
+                best, lowest = path, total
         return best
 
     def _stops_from(self, situation: int) -> list[tuple[float, int, tuple[str, ...]]]:
@@ -255,7 +256,7 @@ class _Situations:
         return self._stops[situation]
 
     def _rest_of(self, job: Job) -> float:
-        """Return what a job costs after its first skill."""
+        """Return the cost of a job after its first skill."""
         index = self._states.jobs.index(job)
         begin = self._connections.begun_in(self._states.chosen[index])
         return self._rest_from(job, begin)
@@ -265,12 +266,12 @@ class _Situations:
         return self._connections.tail(job.chain[1:], onward)
 
     def _failed(self, job: Job, failure: Outcome, begin: int) -> int:
-        """Return the situation after a failure to begin a job."""
+        """Return the situation after a failed start of a job."""
         situation = self._states.situation
         return begin & ~failure.delete.bits | failure.add.bits & situation
 
     def _check(self, situation: int) -> None:
-        """Demand that it does not matter from where a job is begun, once it is."""
+        """Check that a started job does not depend on where it was started."""
         states = self._states
         for _, stop, _ in self._stops_from(situation):
             row = self._connections.row(stop)
@@ -280,14 +281,14 @@ class _Situations:
                 first = self._connections.begun_in(states.chosen[index])
                 same = abs(self._rest_from(job, stop) - self._rest[index]) <= _ROUNDING
                 for failure in failures(self._skills[job.chain[0].name]):
-                    one, other = (self._failed(job, failure, each) for each in (first, stop))
-                    same = same and one == other
+                    origin, other = (self._failed(job, failure, each) for each in (first, stop))
+                    same = same and origin == other
                 if not same:
                     raise states.no(f"what follows {job.chain[0].name} depends on where it begins")
 
 
 def job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | None:
-    """Return the policy of the least expected cost; None where that is not to be had."""
+    """Return the policy with the least expected cost, or None."""
     try:
         return JobValues(model, most_sets, stop)
     except NotASequencing:
@@ -297,28 +298,28 @@ def job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | Non
 def values_of_sets(
     layers: Sequence[Sets], needs: Sequence[int], ways: Ways, stop: Stop
 ) -> list[Costs]:
-    """Return the least expected cost of all that is left, by set and by the last job of it.
+    """Return the least expected cost of the remaining jobs, by set and last job.
 
     Parameters
     ----------
     layers
-        The sets by size.
+        Sets by size.
     needs
-        By job the set of those that must be done before it.
+        Set of predecessors of each job.
     ways
-        What beginning jobs costs.
+        Costs of starting jobs.
     stop
-        When to give up; then nothing is returned, and neither if values do not come to rest.
+        Returns True to give up; the result is None then, or if values do not converge.
 
     Returns
     -------
     list of ndarray
-        For each layer of s sets, shape (s, n); rows of jobs that are not in a set mean nothing.
+        For each layer of s sets, shape (s, n); rows of jobs outside the set are undefined.
     """
     count = len(needs)
-    found: list[Costs] = [np.zeros((1, count))]
+    tables: list[Costs] = [np.zeros((1, count))]
     for size in range(count - 1, 0, -1):
-        onward = _onward(layers[size], layers[size + 1], found[-1], needs, ways)
+        onward = _onward(layers[size], layers[size + 1], tables[-1], needs, ways)
         after_a_try = _after_a_try(onward, ways)
         if after_a_try is None:
             return []
@@ -327,73 +328,75 @@ def values_of_sets(
             for job in range(count):
                 if ways.costs[last, job] < np.inf:
                     np.minimum(full[last], after_a_try[job] + ways.costs[last, job], out=full[last])
-        found.append(np.ascontiguousarray(full.T))
+        tables.append(np.ascontiguousarray(full.T))
         if stop():
             return []
-    found.append(np.full((1, count), np.inf))
-    return found[::-1] if count else [np.zeros((1, 0))]
+    tables.append(np.full((1, count), np.inf))
+    return tables[::-1] if count else [np.zeros((1, 0))]
 
 
 def _onward(here: Sets, above: Sets, values: Costs, needs: Sequence[int], ways: Ways) -> Costs:
-    """Return what is to pay once the first skill of a job has succeeded, shape (n, sets)."""
-    found = np.full((len(needs), len(here)), np.inf)
+    """Return the costs to go after the first skill of each job has succeeded, shape (n, sets)."""
+    onward = np.full((len(needs), len(here)), np.inf)
     for job, set_ in enumerate(needs):
         open_here = np.flatnonzero(open_in(here, job, set_))
         place = np.searchsorted(above, here[open_here] | bit_of(job))
-        found[job, open_here] = ways.rest[job] + values[place, job]
-    return found
+        onward[job, open_here] = ways.rest[job] + values[place, job]
+    return onward
 
 
 def _after_a_try(onward: Costs, ways: Ways) -> Costs | None:
-    """Return the cost that is left once the first skill of a job was tried, shape (n, sets).
+    """Return the costs to go after a try of each job's first skill, shape (n, sets).
 
-    If the try fails, it is the value of the situation that the failure leaves. The values are
-    approached from above, from the policy that tries a job again until it succeeds: its values
-    have a closed form, so that failures that are almost certain cost no more sweeps than others.
+    After a failure it is the value of the resulting situation. Values are approached from above,
+    starting with the policy that tries a job again until it succeeds. Its values have a closed
+    form, so
+    almost certain failures need no more sweeps than others.
 
     Returns
     -------
     ndarray or None
-        None if the values have not come to rest.
+        None if the values have not converged.
     """
-    begun = onward * ways.success[:, None]
+    costs = onward * ways.success[:, None]
     failing = [job for job, pairs in enumerate(ways.lost) if pairs]
     if not failing:
-        return begun
-    succeeded = begun.copy()
+        return costs
+    succeeded = costs.copy()
     for job in failing:
         again = sum(share * ways.costs[number, job] for share, number in ways.lost[job])
-        begun[job] = onward[job] + again / ways.success[job]
+        costs[job] = onward[job] + again / ways.success[job]
     for _ in range(_MOST_SWEEPS):
         change = 0.0
         for job in failing:
-            value = _tried_again(job, begun, succeeded[job], ways)
+            value = _tried_again(job, costs, succeeded[job], ways)
             finite = np.isfinite(value)
             if finite.any():
-                moved = np.abs(value[finite] - begun[job][finite]) / np.maximum(1.0, value[finite])
+                moved = np.abs(value[finite] - costs[job][finite]) / np.maximum(1.0, value[finite])
                 change = max(change, float(moved.max()))
-            begun[job] = value
+            costs[job] = value
         if change <= _AT_REST:
-            return begun
+            return costs
     return None
 
 
-def _tried_again(job: int, begun: Costs, succeeded: Costs, ways: Ways) -> Costs:
-    """Return the cost that is left once a job was tried, shape (sets,).
+def _tried_again(job: int, costs: Costs, succeeded: Costs, ways: Ways) -> Costs:
+    """Return the costs to go after a try of one job, shape (sets,).
 
-    A failure after which the same job is the best one returns to where it was; its share is
-    divided out.
+    If the same job is the best one after a failure, its share returns to the same value and is
+    divided
+    out.
 
     Parameters
     ----------
     job
-        One that may fail.
-    begun
-        Of every job the best known cost, shape (n, sets).
+        A job that may fail.
+    costs
+        Best known cost of every job, shape (n, sets).
     succeeded
-        Cost that is left after a success, times its probability, shape (sets,).
+        Cost to go after a success, times its probability, shape (sets,).
     ways
-        Costs of beginning jobs.
+        Costs of starting jobs.
     """
     total = succeeded.copy()
     leaving = np.full(len(total), ways.success[job])
@@ -401,10 +404,10 @@ def _tried_again(job: int, begun: Costs, succeeded: Costs, ways: Ways) -> Costs:
         other = np.full(len(total), np.inf)
         for following in np.flatnonzero(np.isfinite(ways.costs[number])):
             if following != job:
-                np.minimum(other, begun[following] + ways.costs[number, following], out=other)
-        returns = begun[job] + ways.costs[number, job] <= other
+                np.minimum(other, costs[following] + ways.costs[number, following], out=other)
+        returns = costs[job] + ways.costs[number, job] <= other
         total += share * np.where(returns, ways.costs[number, job], other)
         leaving += np.where(returns, 0.0, share)
-    # From above values only fall: by rounding alone they would go up and down for ever.
-    value: Costs = np.minimum(begun[job], total / leaving)
+    # From above values only fall: rounding alone would make them oscillate for ever.
+    value: Costs = np.minimum(costs[job], total / leaving)
     return value

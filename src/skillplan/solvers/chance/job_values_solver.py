@@ -1,4 +1,4 @@
-"""The solver `job-values`: the least expected cost where jobs are put in order, with proof."""
+"""The solver `job-values`: the least expected cost of ordering jobs, with proof."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skillplan.task import back_end
 if TYPE_CHECKING:
     from skillplan.solvers.chance.job_values import JobValues
 
-# Up to this probability of failure a thousand tries multiply what rounding hides: 1e-13 at most.
+# Failure probability up to which a thousand tries multiply the rounding error: 1e-13 at most.
 _CERTAIN_DIGITS = 0.999
 _SAME_COST = 5e-10
 
@@ -50,7 +50,7 @@ class JobValuesSolver(Solver):
     options: Options
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where the task is not one of jobs that can be tried again."""
+        """Return the reason why the task does not order jobs that can be tried again, or None."""
         from skillplan.solvers.chance.job_sets import CertainModel, JobSets
         from skillplan.solvers.chance.job_values import tried_once
 
@@ -71,7 +71,7 @@ class JobValuesSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Work out all values, and follow the policy to wherever it may get."""
+        """Compute all values, and follow the policy through its reachable states."""
         from skillplan.solvers.chance.job_values import job_values
 
         begin_s = time.perf_counter()
@@ -92,7 +92,7 @@ class JobValuesSolver(Solver):
         trace["policy_states"] = len(values)
         trace["bound_method"] = "Bellman's equations over all sets of jobs"
         self.stop.bound(values.cost)
-        # Values know of no step limit, which only a plan has to keep.
+        # Values ignore the step limit, which applies to a plan only.
         short = not model.task.deterministic or len(values) <= model.step_limit
         same = _costs_as_much(model, values, complete=bool(trace["policy_complete"]))
         return Solution(values, values.cost, proved=short and same, trace=trace)
@@ -101,7 +101,7 @@ class JobValuesSolver(Solver):
 def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> bool:
     """Return True if the policy has the least cost, although rounding may hide it.
 
-    Two choices that differ by less than rounding differ by much once they are repeated.
+    Choices that differ by less than rounding differ by much once they are repeated.
     """
     shares = [failure.probability for skill in model.task.skills for failure in failures(skill)]
     if max(shares, default=0.0) <= _CERTAIN_DIGITS:
@@ -113,7 +113,7 @@ def _costs_as_much(model: SkillModel, values: JobValues, *, complete: bool) -> b
 
 
 def _obstacle(model: SkillModel) -> str | None:
-    """Return what stands against every order of a task without chance, if anything does."""
+    """Return the obstacle to every order of a task without chance, or None."""
     from skillplan.chart.precedence_chart import derive_chart
 
     task = model.task

@@ -1,4 +1,4 @@
-"""Asking a policy wherever it may get to."""
+"""Evaluation of a policy in all its reachable states."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from skillplan.task.state import State
 def asked_everywhere(
     model: SkillModel, policy: Mapping[State, Skill], most: int, stop: Stop
 ) -> bool:
-    """Ask a policy in every state that it may get to; return whether that was everywhere.
+    """Query a policy in its reachable states; return True if all were visited.
 
     Parameters
     ----------
     model
-        Says what may come of skills.
+        Model with the outcomes of skills.
     policy
-        Remembers what it was asked.
+        Policy that stores its answers.
     most
-        Once it remembers so many states no further one is asked.
+        Greatest number of stored states.
     stop
-        When to give up.
+        Returns True to give up.
     """
     todo, seen = [model.initial], {model.initial}
     while todo:

@@ -1,11 +1,11 @@
 """Replanning: plan as if skills succeeded, follow the plan, plan anew after a failure.
 
-FF-Replan (Yoon, Fern and Givan, "FF-Replan: a baseline for probabilistic planning", 2007). Here
-the plan counts every skill that may fail at what it costs on average until it succeeds, if it is
-tried again at once. So what a plan costs is what following it without replanning would cost, and
-planning anew after a failure can only save (a step of policy improvement: Bertsekas, Tsitsiklis
-and Wu, "Rollout algorithms for combinatorial optimization", 1997). A second plan, whose failures
-cost no more than the least detour, bounds from below what every policy costs.
+FF-Replan (Yoon, Fern and Givan, "FF-Replan: a baseline for probabilistic planning", 2007). Here a
+skill that may fail has its average cost until it succeeds, if it is tried again at once. So a plan
+has the expected cost of following it without replanning, and planning anew can only save (a step of
+policy improvement: Bertsekas, Tsitsiklis and Wu, "Rollout algorithms for combinatorial
+optimization", 1997). A second plan, whose failures cost no more than the least detour, is a lower
+bound for every policy.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from skillplan.task.task import Task
 if TYPE_CHECKING:
     from skillplan.solvers.chance.job_sets import OrdersAhead
 
-# What costs less by no more than this, a sum of rounding errors, is no better.
+# Savings up to this sum of rounding errors do not count.
 _ROUNDING = 1e-12
 
 
 class Replanning(Mapping[State, Skill]):
-    """A policy that plans anew in every state that no plan of before leads through.
+    """A policy that plans anew in every state outside earlier plans.
 
     Parameters
     ----------
     search
-        Finds plans, and remembers them.
+        Finds and stores plans.
     model
-        Says what may come of skills.
+        Model with the outcomes of skills.
     lookahead
-        True if skills that may fail are also weighed by what a new plan costs after the failure.
+        True to weigh skills that may fail by the cost of a new plan after the failure.
     """
 
     def __init__(self, search: AdaptiveSearch, model: SkillModel, *, lookahead: bool) -> None:
@@ -63,25 +63,28 @@ class Replanning(Mapping[State, Skill]):
         return skill
 
     def _weighed(self, state: State, planned: Skill) -> Skill:
-        """Return the skill of the least cost, if plans are made anew after it.
+        """Return the skill with the least cost if plans are made anew after it.
 
-        What succeeds for certain costs with a plan after it no less than the plan from here does,
-        so that of these only the plan's own skill need be looked at.
+        Certain skills followed by a plan cost no less than the present plan, so only the plan's own
+        skill
+        is considered among them.
         """
         best = planned
-        least = self._value(state, planned, math.inf)
+        lowest = self._value(state, planned, math.inf)
         for skill in self._model.applicable(state):
             if skill is not planned and not skill.deterministic:
-                value = self._value(state, skill, least)
-                if value < least - _ROUNDING:
-                    best, least = skill, value
+                value = self._value(state, skill, lowest)
+                if value < lowest - _ROUNDING:
+                    best, lowest = skill, value
         return best
 
     def _value(self, state: State, skill: Skill, most: float) -> float:
-        """Return what a skill and new plans after it cost, inf where that is at least `most`."""
+        """Return the cost of a skill and new plans after it; inf if it is at least `most`."""
         search, model = self._search, self._model
         cost = model.cost(state, skill)
-        following = [(one.probability, one.apply(state)) for one in skill.outcomes_in(state)]
+        following = [
+            (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
+        ]
         if cost + sum(share * search.bound(after) for share, after in following) >= most:
             return math.inf
         if not search.feasible(state, skill):
@@ -107,7 +110,7 @@ class ReplanSolver(Solver):
     polls = True
 
     class Options(back_end.Options):
-        """Limits of the searches, and how the policy is tried."""
+        """Limits of the searches, and number of roll-outs."""
 
         roll_outs: int = Field(
             default=2_000,
@@ -159,14 +162,14 @@ class ReplanSolver(Solver):
     options: Options
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where a failed skill cannot be tried again or costs are not known."""
+        """Return the reason why skills cannot be tried again or costs are unknown, or None."""
         if model.asks_costs:
             return "costs that back ends tell are not known before a search; take value-iteration"
         why = why_not_retried(model.task)
         return None if why is None else f"{why}: it cannot be tried again; take value-iteration"
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Plan from the initial state, then from wherever the policy may get to."""
+        """Plan from the initial state, then from all reachable states of the policy."""
         begin_s = time.perf_counter()
         bound, trace = self._bound(model)
         bound_s = time.perf_counter() - begin_s
@@ -198,7 +201,7 @@ class ReplanSolver(Solver):
             "plan_s": plan_s,
             "replan_s": time.perf_counter() - begin_s - bound_s - plan_s,
         }
-        # Without chance the plan is all there is, and the two searches are one.
+        # Without chance the plan is the policy, and the two searches are the same.
         proved = (
             model.task.deterministic
             and whole
@@ -209,7 +212,7 @@ class ReplanSolver(Solver):
         return Solution(policy, planned if proved else bound, proved=proved, trace=trace)
 
     def _bound(self, model: SkillModel) -> tuple[float | None, dict[str, Any]]:
-        """Return a lower bound on every policy's expected cost, or None and why there is none."""
+        """Return a lower bound on the expected cost of every policy, or None and the reason."""
         labels = self.options.bound_labels
         task = relaxed(model.task) if labels else None
         if task is None:
@@ -221,8 +224,8 @@ class ReplanSolver(Solver):
         if cost is None and not search.floor:
             return None, {"no_bound": "there is no plan"}
         cost = search.floor if cost is None else cost
-        asked = search.questions | (0 if ahead is None else ahead.questions)
-        if asked & touched(model.task):
+        bits = search.questions | (0 if ahead is None else ahead.questions)
+        if bits & touched(model.task):
             return None, {"no_bound": "verdicts rest on what a failure changes"}
         self.stop.bound(cost)
         return cost, {
@@ -231,8 +234,8 @@ class ReplanSolver(Solver):
         }
 
     def _ahead(self, model: SkillModel, certain: Task) -> OrdersAhead | None:
-        """Return what is ahead in every state, where that can be worked out."""
-        # Here and not above: it imports numpy.
+        """Return the costs to go of every state, if they can be computed."""
+        # Imported here because it imports numpy.
         from skillplan.solvers.chance.job_sets import orders_ahead
 
         return orders_ahead(model, certain, self.options.sets, self.stop)

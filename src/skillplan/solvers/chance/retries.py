@@ -1,8 +1,8 @@
-"""What is left of chance where every skill that fails is tried again at once.
+"""Tasks in which every failed skill is tried again at once.
 
-A failure that changes nothing but what the skill sets anyway, such as where the arm stands, leaves
-the skill as it was: it can be tried again, and its success leads to the same state. So a skill
-that succeeds with probability q is tried 1/q times on average, whatever came before.
+A failure that only changes facts that the skill sets anyway, such as the arm's place, leaves the
+skill applicable, and its success leads to the same state. So a skill that succeeds with probability
+q is tried 1/q times on average.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Task
 
-# By so much sums of costs may differ.
+# Relative difference of sums of costs.
 _ROUNDING = 1e-12
 
 
@@ -24,17 +24,18 @@ _ROUNDING = 1e-12
 class RetryCost(DerivedCost):
     """The expected cost of a skill that is tried until it succeeds.
 
-    With probabilities p_j of ending in state f_j and q of succeeding the first try costs c(s),
-    and all that follow together the sum of p_j c(f_j), divided by q.
+    With probabilities p_j of ending in state f_j and q of succeeding, the first try costs c(s), and
+    all
+    later ones together the sum of p_j c(f_j), divided by q.
 
     Parameters
     ----------
     cost
-        Of one try, by the state it is made from.
+        Cost of one try by state.
     failures
-        The outcomes that are no success.
+        Outcomes that are failures.
     requires
-        Bits of the facts that hold wherever the skill is tried.
+        Bits of the facts that hold at each try.
     facts
         The vocabulary.
     """
@@ -70,14 +71,14 @@ class RetryCost(DerivedCost):
 
 @dataclass(frozen=True, slots=True)
 class RaisedCost(DerivedCost):
-    """A cost with something added to it in every state.
+    """A cost increased by a constant.
 
     Parameters
     ----------
     cost
-        Of the skill.
+        Cost of the skill.
     extra
-        Is added, >= 0.
+        Constant, >= 0.
     """
 
     cost: Cost
@@ -93,21 +94,22 @@ class RaisedCost(DerivedCost):
 
 
 def why_not_retried(task: Task) -> str | None:
-    """Return why a failed skill of a task cannot simply be tried again; None where all can.
+    """Return the reason why a failed skill of a task cannot be tried again, or None.
 
-    It can where what a failure changes is nothing that any skill or the goal asks for, and is set
-    by every skill anew. What a failure leaves is then forgotten with the next success.
+    It can be tried again if no skill and no goal depends on the facts that a failure changes, and
+    every
+    skill sets them anew. The next success then removes all traces of the failure.
     """
     changed = touched(task)
     if changed & (task.goal.requires.bits | task.goal.forbids.bits):
         return "a failure changes what the goal asks for"
     for skill in task.skills:
-        asked = skill.precondition.requires.bits | skill.precondition.forbids.bits
+        needed = skill.precondition.requires.bits | skill.precondition.forbids.bits
         if skill.cases and not skill.deterministic:
             return f"the outcomes of {skill.name} depend on the state"
-        asked |= sum(case.fact.bits | case.forbids.bits for case in skill.cases)
-        if changed & asked:
-            fact = task.facts.names_of(changed & asked)[0]
+        needed |= sum(case.fact.bits | case.forbids.bits for case in skill.cases)
+        if changed & needed:
+            fact = task.facts.names_of(changed & needed)[0]
             return f"a failure changes {fact}, which {skill.name} asks for"
         for outcome in skill.effects:
             left = changed & ~(outcome.add.bits | outcome.delete.bits)
@@ -132,7 +134,7 @@ def failures(skill: Skill) -> tuple[Outcome, ...]:
 
 
 def retried(task: Task) -> Task:
-    """Return a task in which every skill succeeds, at what all its tries cost on average."""
+    """Return a task with certain skills at the average cost of all their tries."""
     costs: dict[str, Cost] = {}
     for skill in task.skills:
         lost = failures(skill)
@@ -144,36 +146,38 @@ def retried(task: Task) -> Task:
 
 
 def relaxed(task: Task) -> Task | None:
-    """Return a task in which every skill succeeds, and costs no more than any policy has to pay.
+    """Return a task with certain skills that costs no more than any policy.
 
-    A skill that fails with probability p, and succeeds with q, costs more by p/q times its least
-    detour: what a failed try costs at least more than having gone on at once. With these costs let
-    L be the least cost to go. It differs between the state s of a try and the state f in which it
-    fails by no more than the cost of the next skill does. So L(s) <= cost + q L(success) +
-    p L(f): L bounds from below what every policy costs that is certain to arrive.
+    A skill that fails with probability p and succeeds with q gets p/q times its least detour added:
+    the
+    least extra cost of a failed try over having gone on at once. Let L be the least cost to go with
+    these costs. It differs between the state s of a try and the state f after its failure by at
+    most
+    the cost of the next skill. So L(s) <= cost + q L(success) + p L(f): L is a lower bound on the
+    cost
+    of every policy that is certain to arrive.
 
     Parameters
     ----------
     task
-        One of which `why_not_retried` says nothing.
+        A task that `why_not_retried` accepts.
 
     Returns
     -------
     Task or None
-        None where a failure may save something, or what it costs cannot be told: then this
-        proves no bound.
+        None if a failure may save cost, or its cost is unknown: then there is no bound.
     """
     costs: dict[str, Cost] = {}
     detours = _Detours(task)
     for skill in task.skills:
         lost = failures(skill)
-        least = [detours.least(skill, failure) for failure in lost]
-        if any(one < -_ROUNDING for one in least):
+        least_detours = [detours.least(skill, failure) for failure in lost]
+        if any(detour < -_ROUNDING for detour in least_detours):
             return None
         extra = math.fsum(
-            failure.probability * max(0.0, one)
-            for failure, one in zip(lost, least, strict=True)
-            if math.isfinite(one)
+            failure.probability * max(0.0, detour)
+            for failure, detour in zip(lost, least_detours, strict=True)
+            if math.isfinite(detour)
         )
         if extra:
             success = 1.0 - math.fsum(failure.probability for failure in lost)
@@ -182,12 +186,12 @@ def relaxed(task: Task) -> Task | None:
 
 
 class _Detours:
-    """How much a failed try costs at least more than going on at once.
+    """Least extra costs of a failed try over going on at once.
 
     Parameters
     ----------
     task
-        One of which `why_not_retried` says nothing.
+        A task that `why_not_retried` accepts.
     """
 
     def __init__(self, task: Task) -> None:
@@ -199,14 +203,14 @@ class _Detours:
     def least(self, skill: Skill, failure: Outcome) -> float:
         """Return the least of cost(s, skill) + cost(f, next) - cost(s, next), over s and next.
 
-        Minus infinity where the facts that both ask for do not say what one costs.
+        Minus infinity if the known facts do not determine a cost.
 
         Parameters
         ----------
         skill, failure
-            What is tried, and how it fails, from s in f.
+            Skill in state s, and outcome that leads to f.
         """
-        least = math.inf
+        lowest = math.inf
         facts, requires = self._task.facts, skill.precondition.requires.bits
         followers = [other for other in self._task.skills if self._together(skill, other)]
         for held, ended in self._before.items():
@@ -222,24 +226,24 @@ class _Detours:
                     detour = skill.cost.at(here) + other.cost.at(there) - other.cost.at(here)
                 except ValueError:
                     return -math.inf
-                least = min(least, detour)
-        return least
+                lowest = min(lowest, detour)
+        return lowest
 
     def _together(self, skill: Skill, other: Skill) -> bool:
         """Return True if two skills may be applicable in one state."""
-        one, two = skill.precondition, other.precondition
-        if one.requires.bits & two.forbids.bits or two.requires.bits & one.forbids.bits:
+        first, two = skill.precondition, other.precondition
+        if first.requires.bits & two.forbids.bits or two.requires.bits & first.forbids.bits:
             return False
-        both = one.requires.bits | two.requires.bits
+        both = first.requires.bits | two.requires.bits
         return all((both & group).bit_count() <= 1 for group in self._groups)
 
     def _left(self) -> dict[int, int]:
-        """Return what of `touched` may hold after a skill, with what has been ended then.
+        """Return the facts of `touched` that may hold after a skill, with the facts it has ended.
 
-        Of several skills that leave the same facts, what all of them have ended.
+        For skills with equal facts, the common ended facts.
         """
         changed, start = self._changed, self._task.initial.bits
-        found = {start & changed: self._task.facts.all_bits & ~start & ~changed}
+        left = {start & changed: self._task.facts.all_bits & ~start & ~changed}
         for skill in self._task.skills:
             requires = skill.precondition.requires.bits
             for outcome in skill.effects:
@@ -250,12 +254,12 @@ class _Detours:
                     if holds & group:
                         ended |= group
                 held, ended = add & changed, ended & ~holds & ~changed
-                found[held] = found[held] & ended if held in found else ended
-        return found
+                left[held] = left[held] & ended if held in left else ended
+        return left
 
 
 def _certain(task: Task, costs: Mapping[str, Cost]) -> Task:
-    """Return a task whose skills always succeed, some at other costs."""
+    """Return a task with certain skills, some at other costs."""
     skills = []
     for skill in task.skills:
         nominal = tuple(replace(outcome, probability=1.0) for outcome in skill.outcomes[:1])

@@ -1,4 +1,4 @@
-"""Markov decision processes: dynamic programming on the arrays of a model; it never samples."""
+"""Markov decision processes: dynamic programming on the arrays of a model."""
 
 import lazy_loader as _lazy
 

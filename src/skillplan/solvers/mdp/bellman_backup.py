@@ -1,8 +1,8 @@
 """Bellman backups on the arrays of a model, compiled: sweeps, policy evaluation, improvement.
 
 Everything is minimised; a reward is a negative weight. Without discount this is the stochastic
-shortest path problem (Bertsekas and Tsitsiklis, "An analysis of stochastic shortest path
-problems", 1991): only *proper* policies count, which reach a goal with certainty.
+shortest path problem (Bertsekas and Tsitsiklis, "An analysis of stochastic shortest path problems",
+1991), restricted to *proper* policies, which reach a goal with certainty.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Choices(NamedTuple):
 
     @classmethod
     def of(cls, mdp: TabularMDP) -> Choices:
-        """Return those of a model."""
+        """Return the choices of a model."""
         return cls(mdp.rows, mdp.outcomes, mdp.successors, mdp.probabilities)
 
 
@@ -45,7 +45,7 @@ def _row_value(
     weight: float,
     gamma: float,
 ) -> float:
-    """Bellman backup: return the value of taking a row until its state is left."""
+    """Return the value of taking a row until its state is left (Bellman backup)."""
     total, stay = weight, 0.0
     for outcome in range(outcomes[row], outcomes[row + 1]):
         following = successors[outcome]
@@ -66,22 +66,22 @@ def sweep(
     values: Floats,
     order: Integers,
 ) -> float:
-    """Set every state, one after the other, to the least value of its allowed rows.
+    """Set states one after the other to the least value of their allowed rows.
 
     Parameters
     ----------
     choices
-        Of n states and m rows.
+        Choices of n states and m rows.
     allowed
-        Rows that may be taken, shape (m,); states without one keep their value.
+        Allowed rows, shape (m,); states without one keep their value.
     weights
         Expected weight of every row, shape (m,).
     gamma
         Discount factor, in [0, 1].
     values
-        Of every state, shape (n,); changed.
+        Values of the states, shape (n,); changed.
     order
-        The states to set, in order.
+        States in the order of the sweep.
 
     Returns
     -------
@@ -106,19 +106,20 @@ def sweep(
 def evaluate_deterministic(
     choices: Choices, chosen: Integers, weights: Floats, gamma: float, values: Floats
 ) -> None:
-    """Set `values` to those of a policy whose rows all have one outcome, exactly.
+    """Set `values` to the exact values of a policy whose rows have one outcome each.
 
-    Every state is followed to one whose value is known, or round a cycle, whose value has a
-    closed form; without discount it is infinite.
+    Each state is followed to a known value, or around a cycle, whose value has a closed form;
+    without
+    discount it is infinite.
 
     Parameters
     ----------
     choices, weights, gamma
-        As in `sweep`.
+        See `sweep`.
     chosen
-        Row of every state, -1 where there is none, shape (n,).
+        Row of every state, -1 for none, shape (n,).
     values
-        Shape (n,); kept where there is no row, else changed.
+        Shape (n,); kept for states without a row, else changed.
     """
     n = len(values)
     status = np.zeros(n, dtype=np.int8)  # 1 on the present path, 2 done
@@ -163,23 +164,23 @@ def improve(
     chosen: Integers,
     margin: float,
 ) -> int:
-    """Switch to the best row wherever it beats the chosen one by more than `margin`.
+    """Switch to the best row if it beats the chosen one by more than `margin`.
 
-    Switching on less could lead from a proper policy into a cycle of zero cost.
+    Smaller gains could turn a proper policy into a cycle of zero cost.
 
     Parameters
     ----------
     choices, allowed, weights, gamma, values
-        As in `sweep`.
+        See `sweep`.
     chosen
-        Row of every state, -1 where there is none, shape (n,); changed.
+        Row of every state, -1 for none, shape (n,); changed.
     margin
-        At least 0.
+        Least gain, >= 0.
 
     Returns
     -------
     int
-        In how many states the row was switched.
+        Number of switched states.
     """
     rows, out, to, p = choices
     switched = 0
@@ -207,16 +208,16 @@ def tight_rows(
     values: Floats,
     margin: float,
 ) -> Booleans:
-    """Return which allowed rows are as good as the values of their states, within a margin.
+    """Return the allowed rows that are optimal within a margin.
 
     Parameters
     ----------
     choices, allowed, weights, gamma
-        As in `sweep`.
+        See `sweep`.
     values
         Optimal value of every state, shape (n,).
     margin
-        How much worse a row may be, >= 0.
+        Greatest excess of a row, >= 0.
     """
     rows, out, to, p = choices
     tight = np.zeros(len(allowed), dtype=np.bool_)
@@ -232,20 +233,21 @@ def tight_rows(
 def proper_policy(
     choices: Choices, allowed: Booleans, goal: Booleans
 ) -> tuple[Integers, Integers, Booleans]:
-    """Return a policy that reaches a goal with certainty, wherever one of the allowed rows does.
+    """Return a policy that reaches a goal with certainty wherever allowed rows can.
 
-    A state is removed if its goal cannot be reached by allowed rows that never lead to a removed
-    state, until none is left to remove (the states of *almost sure* reachability).
+    States without a path to the goal by allowed rows that avoid removed states are removed
+    repeatedly
+    (the states of *almost sure* reachability remain).
 
     Returns
     -------
     tuple
-        Row of every state, -1 at goals and where no policy is proper, shape (n,); the states with
-        a row, those nearest to the goal first; and the allowed rows that lead to no removed
-        state, shape (m,).
+        Row of every state, -1 at goals and without a proper policy, shape (n,); the states with a
+        row,
+        nearest to the goal first; and the allowed rows that avoid removed states, shape (m,).
     """
     n, m = len(goal), len(allowed)
-    # Outcomes that lead into each state, grouped by it, and the row and state of each row.
+    # Outcomes into each state, grouped by state, and the row and state of each.
     begins = np.zeros(n + 2, dtype=np.int64)
     into = np.empty(len(choices.successors), dtype=np.int64)
     owners = np.empty(m, dtype=np.int64)
@@ -266,20 +268,20 @@ def proper_policy(
     order = np.empty(n, dtype=np.int64)
     while True:
         chosen[:] = -1
-        found = 0
+        policy = 0
         for state in range(n):
             if goal[state]:
-                order[found] = state
-                found += 1
-        goals, head = found, 0
-        while head < found:
+                order[policy] = state
+                policy += 1
+        goals, head = policy, 0
+        while head < policy:
             for index in range(begins[order[head]], begins[order[head] + 1]):
                 row = into[index]
                 state = owners[row]
                 if safe[row] and chosen[state] < 0 and not goal[state]:
                     chosen[state] = row
-                    order[found] = state
-                    found += 1
+                    order[policy] = state
+                    policy += 1
             head += 1
         given_up = False
         for state in range(n):
@@ -289,4 +291,4 @@ def proper_policy(
                 for index in range(begins[state], begins[state + 1]):
                     safe[into[index]] = False
         if not given_up:
-            return chosen, order[goals:found].copy(), safe & kept[owners]
+            return chosen, order[goals:policy].copy(), safe & kept[owners]

@@ -31,23 +31,24 @@ MOST_CELLS = 50_000_000
 def plan_within(
     mdp: TabularMDP, steps: int, stop: Callable[[], bool]
 ) -> tuple[list[int] | None, bool]:
-    """Return the cheapest plan from state 0; of equals, the fastest.
+    """Return the cheapest plan from state 0, the fastest among equals.
 
     Parameters
     ----------
     mdp
         A model whose rows have one outcome each.
     steps
-        The most that the plan may have, >= 0.
+        Greatest number of steps, >= 0.
     stop
-        Called before every step; returns whether to stop.
+        Polled before every step; returns True to stop.
 
     Returns
     -------
     list of int or None
-        Rows in order; None where there is no such plan, or the search did not end.
+        Rows in order; None if no plan exists or the search was incomplete.
     bool
-        True if the search ended: false if stopped, or if states times steps exceed `MOST_CELLS`.
+        True if the search was complete; False if stopped, or if states times steps exceed
+        `MOST_CELLS`.
     """
     n = len(mdp.states)
     if n * steps > MOST_CELLS:
@@ -62,18 +63,18 @@ def plan_within(
             return None, False
         if not len(states):
             break
-        # Of each state's rows the first in the order of cost, then time, then number.
+        # The first row of each state in the order of cost, then time, then number.
         costs = mdp.costs + cost[mdp.successors]
         times_s = mdp.durations_s + time_s[mdp.successors]
         starts = mdp.rows[states]
-        least = np.repeat(np.minimum.reduceat(costs, starts), choices[states])
+        lowest = np.repeat(np.minimum.reduceat(costs, starts), choices[states])
         # Sums in another order may differ in their last bits.
-        times_s[costs > least + 1e-12 * np.maximum(1.0, np.abs(least))] = np.inf
+        times_s[costs > lowest + 1e-12 * np.maximum(1.0, np.abs(lowest))] = np.inf
         fastest = np.repeat(np.minimum.reduceat(times_s, starts), choices[states])
         rows = np.flatnonzero((times_s <= fastest) & np.isfinite(costs))
         chosen = np.full(n, -1, dtype=np.int32)
         owners = np.repeat(states, choices[states])
-        chosen[owners[rows][::-1]] = rows[::-1]  # of several the first is written last
+        chosen[owners[rows][::-1]] = rows[::-1]  # the first of several is written last
         there = chosen >= 0
         cost = np.where(mdp.goal, 0.0, np.inf)
         time_s = cost.copy()
@@ -92,19 +93,19 @@ def plan_within(
     return plan, True
 
 
-# Values that differ by less, as a fraction of the largest, are taken as equal.
+# Relative difference below which values count as equal.
 _TIE = 1e-12
-# Under chance a difference may be paid with every try, so that closer ones are told apart.
+# With chance a difference may be paid at every try, so the tolerance is smaller.
 _TIES = (_TIE, 1e-14, 1e-15, 3e-16)
 _SAME_COST = 1e-10
 _CONVERGED = 1e-14
 _MOST_SWEEPS = 1_000_000
-# A policy on so many states is evaluated by a dense linear system, in a second at most.
+# Number of states up to which a policy is evaluated by a dense linear system, within a second.
 _MOST_EQUATIONS = 2_000
 
 
 class BellmanOptions(TabularOptions):
-    """What is optimised."""
+    """Objective and its discount."""
 
     objective: Literal["cost", "reward"] = Field(
         default="cost",
@@ -126,18 +127,17 @@ class Minimisation:
     Parameters
     ----------
     choices
-        Of n states and m rows.
+        Choices of n states and m rows.
     allowed
-        Rows that may be taken, shape (m,).
+        Allowed rows, shape (m,).
     weights
         Expected weight of each row, shape (m,).
     gamma
         Discount factor; 1 for none.
     start
-        A policy to start from, -1 where there is none, shape (n,); proper if nothing is
-        discounted.
+        Initial policy, -1 for no row, shape (n,); proper without discount.
     order
-        The states to find values for; those nearest to the goal first, where that is known.
+        States to compute, nearest to the goal first if known.
     values
         Fixed values of the other states, shape (n,).
     deterministic
@@ -161,13 +161,13 @@ class Optimum:
     Parameters
     ----------
     values
-        Of every state, shape (n,).
+        Values of the states, shape (n,).
     chosen
         Row of every state, -1 for none, shape (n,).
     iterations
         Sweeps, or rounds of improvement, for the first criterion.
     finished
-        True if it is the optimum; false if the solver was stopped before.
+        True if it is the optimum; False if the solver was stopped.
     """
 
     values: NDArray[np.float64]
@@ -184,10 +184,10 @@ class BellmanSolver(TabularSolver):
 
     @abstractmethod
     def minimise(self, task: Minimisation) -> Optimum:
-        """Return the least values and a policy that has them, proper if nothing is discounted."""
+        """Return the least values and their policy, proper without discount."""
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Return the optimal policy for all states, and for costs the proof."""
+        """Return the optimal policy for all states, and a proof for costs."""
         mdp = self.mdp(model)
         self._optimum(model, _rehearsal(mdp))
         begin_s = time.perf_counter()
@@ -204,9 +204,9 @@ class BellmanSolver(TabularSolver):
         return self._most_reward(model, mdp)
 
     def least_cost(self, mdp: TabularMDP) -> Optimum:
-        """Return the least expected costs and a proper policy that has them.
+        """Return the least expected costs and their proper policy.
 
-        Of such policies one with the least expected time, and of these the lowest actions.
+        Ties go to the least expected time, then to the lowest actions.
         """
         choices = Choices.of(mdp)
         deterministic = len(mdp.successors) == len(mdp.actions)
@@ -216,48 +216,51 @@ class BellmanSolver(TabularSolver):
         task = Minimisation(
             choices, allowed, mdp.costs, 1.0, chosen, order, free.copy(), deterministic
         )
-        found = self.minimise(task)
-        if not found.finished:
-            return found
+        optimum = self.minimise(task)
+        if not optimum.finished:
+            return optimum
         for tie in _TIES:
-            policy = self._fastest(mdp, replace(task, values=free.copy()), found.values, tie)
+            policy = self._fastest(mdp, replace(task, values=free.copy()), optimum.values, tie)
             if policy is None:
                 continue
-            if deterministic or self._costs_as_much(task, policy, found.values):
-                return replace(found, chosen=policy)
-        # Rounding hides which rows are the best.
-        return replace(found, finished=False)
+            if deterministic or self._costs_as_much(task, policy, optimum.values):
+                return replace(optimum, chosen=policy)
+        # Rounding hides the best rows.
+        return replace(optimum, finished=False)
 
     def _fastest(
         self, mdp: TabularMDP, task: Minimisation, costs: NDArray[np.float64], tie: float
     ) -> NDArray[np.int64] | None:
-        """Return a proper policy of the least expected time among those of the least costs.
+        """Return a proper policy with the least expected time among those with the least costs.
 
         Parameters
         ----------
         mdp, task
-            The model, and what was minimised.
+            Model, and minimised criterion.
         costs
             Least cost of every state, shape (n,).
         tie
-            Rows whose costs differ by less are equal, as a fraction of the largest cost.
+            Relative difference to the largest cost below which rows count as equal.
 
         Returns
         -------
         ndarray or None
-            Row of every state, the lowest action among equals, shape (n,). None if no row of some
-            state is within the tie.
+            Row of every state, the lowest action among equals, shape (n,). None if some state has
+            no row
+            within the tolerance.
         """
         choices = task.choices
         allowed = tight_rows(choices, task.allowed, mdp.costs, 1.0, costs, _margin(costs, tie))
         chosen = proper_policy(choices, allowed, mdp.goal)[0]
         if (chosen[task.order] < 0).any():
             return None
-        found = self.minimise(replace(task, allowed=allowed, weights=mdp.durations_s, start=chosen))
-        if not found.finished:
-            return found.chosen
-        margin = _margin(found.values, _TIE)
-        allowed = tight_rows(choices, allowed, mdp.durations_s, 1.0, found.values, margin)
+        optimum = self.minimise(
+            replace(task, allowed=allowed, weights=mdp.durations_s, start=chosen)
+        )
+        if not optimum.finished:
+            return optimum.chosen
+        margin = _margin(optimum.values, _TIE)
+        allowed = tight_rows(choices, allowed, mdp.durations_s, 1.0, optimum.values, margin)
         chosen = proper_policy(choices, allowed, mdp.goal)[0]
         if (chosen[task.order] < 0).any():
             return None
@@ -270,7 +273,7 @@ class BellmanSolver(TabularSolver):
     def _costs_as_much(
         self, task: Minimisation, chosen: NDArray[np.int64], costs: NDArray[np.float64]
     ) -> bool:
-        """Return True if a policy has the least costs: what seems equal adds up over many tries."""
+        """Return True if a policy has the least costs: small differences add up over many tries."""
         values = task.values.copy()
         converged = self.evaluate(task, chosen, values)[1]
         allowed = _SAME_COST * max(1.0, abs(float(costs[0])))
@@ -287,14 +290,14 @@ class BellmanSolver(TabularSolver):
         order = np.flatnonzero(start >= 0)
         values = np.where(mdp.goal | (start >= 0), 0.0, -rewards.stuck)
         deterministic = len(mdp.successors) == len(mdp.actions)
-        found = self.minimise(
+        optimum = self.minimise(
             Minimisation(choices, every, weights, gamma, start, order, values, deterministic)
         )
-        if not found.finished:
-            return found
-        margin = _margin(found.values, _TIE)
-        tight = tight_rows(choices, every, weights, gamma, found.values, margin)
-        return Optimum(found.values, first_allowed(mdp.rows, tight), found.iterations, True)
+        if not optimum.finished:
+            return optimum
+        margin = _margin(optimum.values, _TIE)
+        tight = tight_rows(choices, every, weights, gamma, optimum.values, margin)
+        return Optimum(optimum.values, first_allowed(mdp.rows, tight), optimum.iterations, True)
 
     def _claim(
         self, model: SkillModel, mdp: TabularMDP, optimum: Optimum, trace: dict[str, Any]
@@ -335,16 +338,16 @@ class BellmanSolver(TabularSolver):
         Parameters
         ----------
         task
-            What is minimised.
+            Criterion.
         values
             Initial values; changed.
         allowed
-            Rows instead of the task's.
+            Rows that replace the task's.
 
         Returns
         -------
         tuple
-            Number of sweeps, and whether values have converged; false if stopped before.
+            Number of sweeps, and True for convergence; False if stopped.
         """
         allowed = task.allowed if allowed is None else allowed
         convergence = Convergence(_CONVERGED)
@@ -360,21 +363,21 @@ class BellmanSolver(TabularSolver):
     def evaluate(
         self, task: Minimisation, chosen: NDArray[np.int64], values: NDArray[np.float64]
     ) -> tuple[int, bool]:
-        """Set the values of a policy: by its linear equations, or by sweeps where they are many.
+        """Set the values of a policy by linear equations, or by sweeps if there are too many.
 
         Parameters
         ----------
         task
-            What is minimised.
+            Criterion.
         chosen
-            Row of every state, proper if nothing is discounted, shape (n,).
+            Row of every state, proper without discount, shape (n,).
         values
-            Of the other states where they are fixed, shape (n,); changed.
+            Fixed values of the other states, shape (n,); changed.
 
         Returns
         -------
         tuple
-            Number of sweeps, and whether the values are those of the policy.
+            Number of sweeps, and True if the values are exact.
         """
         if len(task.order) <= _MOST_EQUATIONS:
             values[task.order] = _solved(task, chosen[task.order], values)
@@ -388,7 +391,7 @@ class BellmanSolver(TabularSolver):
 def _solved(
     task: Minimisation, rows: NDArray[np.int64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the values of the states of a task under a policy that takes some rows."""
+    """Return the values of the states of a task under a policy."""
     choices, order = task.choices, task.order
     n = len(order)
     place = np.full(len(values), -1)
@@ -399,8 +402,8 @@ def _solved(
     outcomes = first + np.arange(len(owners))
     following = choices.successors[outcomes]
     shares = task.gamma * choices.probabilities[outcomes]
-    # Outcomes that stay are divided out: with failures that are almost certain, the equations
-    # would lose all digits.
+    # Outcomes that stay are divided out: with failures that are almost certain, the equations would
+    # lose all digits.
     stays = following == order[owners]
     leaving = (1.0 - task.gamma) + np.bincount(owners[~stays], shares[~stays], minlength=n)
     shares = shares / leaving[owners]
@@ -414,7 +417,7 @@ def _solved(
 
 
 def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the first allowed row of every state, -1 where there is none.
+    """Return the first allowed row of every state, -1 for none.
 
     Parameters
     ----------
@@ -434,7 +437,7 @@ def _margin(values: NDArray[np.float64], tie: float) -> float:
 
 
 def _plan_rows(mdp: TabularMDP, chosen: NDArray[np.int64]) -> list[int]:
-    """Return the rows that a policy takes from state 0 to a goal; each has one outcome."""
+    """Return the rows of a policy from state 0 to a goal; each has one outcome."""
     rows, state = [], 0
     while not mdp.goal[state]:
         rows.append(int(chosen[state]))
@@ -450,8 +453,9 @@ def _plan(model: SkillModel, mdp: TabularMDP, rows: list[int]) -> Plan:
 def _rehearsal(mdp: TabularMDP) -> TabularMDP:
     """Return a model of two states, on which kernels are compiled before time is measured.
 
-    It is stochastic, and has different costs, where the given model is and has, so that only
-    what is needed is compiled.
+    It is stochastic and has distinct costs if the given model is and has, so only needed kernels
+    are
+    compiled.
     """
     chance = len(mdp.successors) != len(mdp.actions)
     differ = len(mdp.costs) > 0 and bool((mdp.costs != mdp.costs[0]).any())

@@ -1,8 +1,8 @@
 """Label setting: shortest paths from all states of a deterministic model to a goal, compiled.
 
-States are settled in order of cost: breadth first where all steps cost the same, else by Dijkstra's
-algorithm ("A note on two problems in connexion with graphs", 1959). It works on arrays alone, so
-that it serves lattices far larger than an enumerated model.
+States are settled in order of cost: breadth first if all steps cost the same, else by Dijkstra's
+algorithm ("A note on two problems in connexion with graphs", 1959). It works on arrays alone and
+supports lattices far larger than an enumerated model.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from skillplan.solvers.kernels import compiled
 
 Integers = NDArray[np.int32]
 
-# Sums are integers of a unit >= 1e-12, so that the order of summation breaks no tie.
+# Sums are integers of a unit >= 1e-12, so the order of summation breaks no tie.
 _FINEST = 1e-12
 _LARGEST_SUM = 2.0**62
 
@@ -29,11 +29,11 @@ class CostsToGo:
     Parameters
     ----------
     costs
-        Least cost, infinite where no path leads to a goal, shape (n,).
+        Least cost, infinite without a path, shape (n,).
     ties
         Least sum of tie weights among the shortest paths, shape (n,).
     chosen
-        Row to take, of equals the lowest; -1 at goals and where no path leads to one, shape (n,).
+        Row to take, the lowest among equals; -1 at goals and without a path, shape (n,).
     """
 
     costs: NDArray[np.float64]
@@ -48,23 +48,22 @@ def costs_to_go(
     costs: NDArray[np.float64] | None = None,
     ties: NDArray[np.float64] | None = None,
 ) -> CostsToGo:
-    """Return the shortest paths to the nearest goal; of equals, those of the least tie weight.
+    """Return the shortest paths to the nearest goal; ties go to the least tie weight.
 
-    Time and memory grow linearly with the number of rows where all cost the same.
+    Time and memory grow linearly with the number of rows if all cost the same.
 
     Parameters
     ----------
     rows
         Rows of state i are ``rows[i]`` to ``rows[i + 1]``, shape (n + 1,).
     successors
-        Where each row leads, -1 for nowhere, shape (m,), m < 2 ** 31.
+        Successor of each row, -1 for none, shape (m,), m < 2 ** 31.
     goal
-        True if a state is a goal, shape (n,); what its rows do does not matter.
+        True for goals, shape (n,); their rows are ignored.
     costs
         Cost of each row, >= 0, shape (m,); None for 1 each.
     ties
-        Weight of each row, >= 0, shape (m,), by which paths of equal cost are compared; None for
-        no such weights.
+        Tie weight of each row, >= 0, shape (m,); None for no weights.
 
     Raises
     ------
@@ -101,7 +100,7 @@ def costs_to_go(
 
 
 def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.int64], float]:
-    """Return weights as integers of which n can be added, and the unit."""
+    """Return weights as integers with room for n summands, and the unit."""
     if weights is None or not len(weights):
         return np.empty(0, dtype=np.int64), 0.0
     unit = max(_FINEST, float(weights.max()) * (n + 1) / _LARGEST_SUM)
@@ -110,7 +109,7 @@ def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.i
 
 @compiled
 def _arcs_back(rows: Integers, successors: Integers, n: int) -> tuple[Integers, Integers, Integers]:
-    """Return the rows that lead into each state, grouped by it, and the state of each row."""
+    """Return the rows into each state, grouped by state, and the state of each row."""
     m = len(successors)
     begins = np.zeros(n + 2, dtype=np.int32)
     for row in range(m):
@@ -138,10 +137,10 @@ def _breadth_first(
     costs: NDArray[np.int64],
     ties: NDArray[np.int64],
 ) -> tuple[NDArray[Any], NDArray[np.int64], Integers]:
-    """Settle states by number of steps; `costs` is not looked at.
+    """Settle states by number of steps; `costs` is ignored.
 
-    All states of one distance are settled before the first of the next, so that a state's tie
-    weight is final before it is passed on.
+    All states of one distance are settled before the first of the next, so a state's tie weight is
+    final before it is passed on.
     """
     n = len(goal)
     begins, into, owners = _arcs_back(rows, successors, n)
@@ -185,11 +184,11 @@ def _breadth_first(
 
 
 @compiled
-def _before(one: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
-    """Return True if heap entry `one` comes before `other`."""
-    if costs[one] != costs[other]:
-        return bool(costs[one] < costs[other])
-    return bool(ties[one] < ties[other])
+def _before(first: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
+    """Return True if heap entry `first` comes before `other`."""
+    if costs[first] != costs[other]:
+        return bool(costs[first] < costs[other])
+    return bool(ties[first] < ties[other])
 
 
 @compiled
@@ -202,8 +201,9 @@ def _dijkstra(
 ) -> tuple[NDArray[Any], NDArray[np.int64], Integers]:
     """Settle states by cost, then tie weight, from a binary heap of states.
 
-    Only a settled state relaxes the cost of one that is not, so that the chosen rows never form a
-    cycle, even at zero cost.
+    Only a settled state relaxes the cost of an unsettled one, so the chosen rows never form a
+    cycle,
+    even at zero cost.
     """
     n = len(goal)
     begins, into, owners = _arcs_back(rows, successors, n)

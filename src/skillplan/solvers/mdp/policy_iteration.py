@@ -27,15 +27,16 @@ class PolicyIterationSolver(BellmanSolver):
     name = "policy-iteration"
 
     class Options(BellmanOptions):
-        """What is optimised."""
+        """Objective and its discount."""
 
     def minimise(self, task: Minimisation) -> Optimum:
         """Improve the initial policy.
 
-        In a deterministic task any policy will do, such as the first action of every state: where
-        it runs in a cycle its cost is infinite, and it is improved. In a stochastic task that could
-        last for ever, as two states may have to be improved at once; there a proper policy is
-        taken, and stays proper.
+        In a deterministic task any policy will do, such as the first action of every state: a cycle
+        has
+        infinite cost and is improved. In a stochastic task that could last for ever, as two states
+        may have
+        to be improved at once; there the initial policy is proper and stays proper.
         """
         chosen = task.start.copy()
         values = task.values.copy()

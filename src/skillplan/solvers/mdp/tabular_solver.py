@@ -35,7 +35,7 @@ class TabularSolver(Solver):
     Attributes
     ----------
     enumeration_s
-        Time that enumerating the model took [s]; 0 before.
+        Time of the enumeration [s]; 0 before.
     """
 
     Options = TabularOptions
@@ -45,7 +45,7 @@ class TabularSolver(Solver):
     _enumerated: tuple[SkillModel, TabularMDP] | None = None
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where more states can be reached than may be held."""
+        """Return the reason why there are too many reachable states, or None."""
         try:
             self.mdp(model)
         except ModelTooLarge as error:
@@ -60,9 +60,9 @@ class TabularSolver(Solver):
         Raises
         ------
         ModelTooLarge
-            If more states can be reached than may be held.
+            If there are too many reachable states.
         SearchStopped
-            If the solver is stopped meanwhile.
+            If the solver is stopped.
         """
         if self._enumerated is None or self._enumerated[0] is not model:
             begin_s = time.perf_counter()
@@ -72,7 +72,7 @@ class TabularSolver(Solver):
         return self._enumerated[1]
 
     def figures(self, mdp: TabularMDP, iterations: int, learning_s: float) -> dict[str, Any]:
-        """Return the part of a trace that all these solvers have."""
+        """Return the figures that all these solvers add to a trace."""
         return {
             "states": len(mdp.states),
             "iterations": iterations,
@@ -83,16 +83,16 @@ class TabularSolver(Solver):
 
 
 def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> Policy:
-    """Return the policy that takes a row in every state.
+    """Return the policy of chosen rows.
 
     Parameters
     ----------
     model
-        The model that was enumerated.
+        The enumerated model.
     mdp
         Its arrays.
     chosen
-        A row for every state, -1 for none, shape (n,).
+        Row of every state, -1 for none, shape (n,).
     """
     skills = model.task.skills
     rows = chosen.tolist()
@@ -113,9 +113,9 @@ class LearnerRewards:
     Parameters
     ----------
     rewards
-        For every outcome, shape (k,).
+        Reward of every outcome, shape (k,).
     stuck
-        Value of a state without any action.
+        Value of a state without actions.
     """
 
     rewards: NDArray[np.float64]
@@ -125,15 +125,18 @@ class LearnerRewards:
 def learner_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> LearnerRewards:
     """Return the rewards of the task's scheme, or rewards derived from its costs.
 
-    In a state without any action a robot can only try what fails, for which a scheme has a
-    reward. Without a scheme, or for the objective ``cost``, the reward is minus the cost, and at
-    the goal a bonus as large as the most expensive plan that the step limit allows: else an
-    endless cycle of zero cost would be optimal. Being stuck costs the same.
+    In a state without actions a robot can only fail, for which a scheme has a reward. Without a
+    scheme,
+    or for the objective ``cost``, the reward is minus the cost. The goal has a bonus as large as
+    the
+    most expensive plan within the step limit; otherwise an endless cycle of zero cost would be
+    optimal.
+    Being stuck costs the same.
 
     Parameters
     ----------
     model
-        The model that was enumerated.
+        The enumerated model.
     mdp
         Its arrays.
     objective

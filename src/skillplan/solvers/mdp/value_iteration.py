@@ -1,7 +1,7 @@
 """Value iteration: sweeps of Bellman backups until no value changes.
 
 Bellman, "Dynamic Programming" (1957). In a deterministic task one sweep is enough for costs if the
-states are settled in order of cost, as `label_setting` does.
+states are settled in order of cost (see `label_setting`).
 """
 
 from __future__ import annotations
@@ -25,21 +25,23 @@ class ValueIterationSolver(BellmanSolver):
     name = "value-iteration"
 
     class Options(BellmanOptions):
-        """What is optimised."""
+        """Objective and its discount."""
 
     def least_cost(self, mdp: TabularMDP) -> Optimum:
-        """Settle every state once, in order of cost, where the task is deterministic."""
+        """Settle every state once, in order of cost, if the task is deterministic."""
         if len(mdp.successors) != len(mdp.actions):
             return super().least_cost(mdp)
-        found = costs_to_go(mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s)
-        return Optimum(found.costs, found.chosen.astype(np.int64), 1, True)
+        shortest = costs_to_go(mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s)
+        return Optimum(shortest.costs, shortest.chosen.astype(np.int64), 1, True)
 
     def minimise(self, task: Minimisation) -> Optimum:
-        """Sweep; where nothing is discounted, from the values of the initial policy.
+        """Sweep; without discount from the values of the initial policy.
 
         From above, the values converge to those of the best proper policy, even if a cycle costs
-        nothing; from below they could converge to those of the cycle (Bertsekas and Yu,
-        "Stochastic shortest path problems under weak conditions", 2016).
+        nothing;
+        from below they could converge to those of the cycle (Bertsekas and Yu, "Stochastic shortest
+        path
+        problems under weak conditions", 2016).
         """
         values = task.values.copy()
         values[task.order] = 0.0

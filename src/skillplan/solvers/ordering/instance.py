@@ -1,7 +1,7 @@
-"""The sequential ordering problem as arrays: what the compiled solvers work on.
+"""The sequential ordering problem as arrays for compiled solvers.
 
-Escudero (1988): the cheapest path from the first node through all others to the last that
-respects a precedence relation.
+Escudero (1988): the cheapest path from the first node through all others to the last that respects
+a precedence relation.
 """
 
 from __future__ import annotations
@@ -18,46 +18,50 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-# Cost of an arc that no order can take, and the most that an arc may cost.
+# Cost of a forbidden arc, and greatest cost of an arc.
 NO_ARC = 1e15
 MOST = 2.0**40
-# Of the last node, where it belongs to no family.
+# Family of the last node if it has none.
 NO_FAMILY = -1
-# Sums of integers up to here stay apart despite the rounding errors of bounds.
+# Integers up to this sum remain distinct despite the rounding errors of bounds.
 _EXACT = 1e9
 
 
 @dataclass(frozen=True)
 class OrderingInstance:
-    """Nodes 0 to n - 1 to be put into an order that begins with 0 and ends with n - 1.
+    """Nodes 0 to n - 1 to be ordered, from 0 to n - 1.
 
     Parameters
     ----------
     costs
-        Cost of going from node i to node j, shape (n, n), in [0, `MOST`]; inf where that is
-        impossible. The diagonal is ignored.
+        Cost from node i to node j, shape (n, n), in [0, `MOST`]; inf for a forbidden arc. The
+        diagonal
+        is ignored.
     before
-        True if node i must come before node j, shape (n, n); closed by transitivity here.
+        True if node i must come before node j, shape (n, n); its transitive closure is computed.
     families
-        Of every node, shape (n,), such as the tool that its job needs; the last may have
-        `NO_FAMILY`. None where all are alike. No order depends on them; bounds are better where
-        going from one to another is expensive.
+        Family of every node, shape (n,), such as the tool of its job; the last may have
+        `NO_FAMILY`.
+        None if there is one family. Families do not affect orders; they improve bounds if changes
+        between them are expensive.
 
     Attributes
     ----------
     costs
-        With `NO_ARC` for every arc that no order can take.
+        Costs with `NO_ARC` for every arc that no order can take.
     before
         The transitive closure, with node 0 before all and node n - 1 after all.
     step, offset
-        Every order costs `offset` plus a multiple of `step`; the step is 0 where costs are not
-        integers, or very large.
+        Every order costs `offset` plus a multiple of `step`; the step is 0 if costs are not
+        integers,
+        or very large.
 
     Raises
     ------
     ValueError
         If the shapes do not fit, there are fewer than two nodes, a cost is out of range, the
-        relation has a cycle, or a node but the last has no family.
+        relation
+        has a cycle, or a node but the last has no family.
     """
 
     costs: Floats
@@ -100,16 +104,16 @@ class OrderingInstance:
         return float(self.costs[order[:-1], order[1:]].sum())
 
     def feasible(self, order: Integers) -> bool:
-        """Return True if an order holds every node once and respects precedence."""
+        """Return True if an order contains every node once and respects precedence."""
         if sorted(order.tolist()) != list(range(self.n)):
             return False
         ranked = self.before[np.ix_(order, order)]
         return not np.tril(ranked).any() and self.cost(order) < NO_ARC
 
     def rounded_up(self, bound: float) -> float:
-        """Return the least possible cost of an order that is not below a bound.
+        """Return the least possible cost of an order at or above a bound.
 
-        Bounds are computed with rounding errors, for which some tolerance is left.
+        A tolerance covers the rounding errors of bounds.
         """
         if not self.step:
             return bound
@@ -117,7 +121,7 @@ class OrderingInstance:
         return float(self.offset + max(0.0, steps) * self.step)
 
     def cutoff(self, cost: float) -> float:
-        """Return the bound from which on no order is cheaper than one of this cost."""
+        """Return the bound at which no order is cheaper than this cost."""
         if cost == np.inf:
             return cost
         if not self.step:
@@ -134,7 +138,7 @@ def closed_relation(before: Booleans) -> Booleans:
 
 
 def _arcs(before: Booleans) -> Booleans:
-    """Return which arcs an order may take: none against precedence, none that skips a node."""
+    """Return the arcs that an order may take: none against precedence, none that skips a node."""
     count = before.astype(np.float32)
     between = (count @ count) > 0.5
     arcs: Booleans = ~before.T & ~(before & between)
@@ -144,7 +148,7 @@ def _arcs(before: Booleans) -> Booleans:
 
 
 def _lattice(costs: Floats) -> tuple[float, float]:
-    """Return the step and the offset of what orders can cost."""
+    """Return the step and the offset of the costs of orders."""
     left = costs[:-1, 1:]
     used = left < NO_ARC
     whole = (left[used] == np.rint(left[used])).all()
@@ -160,9 +164,9 @@ def _lattice(costs: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class JobOrders:
-    """Orders of jobs as orders of nodes: node 0 is the initial state, node j + 1 is job j.
+    """Conversion between orders of jobs and of nodes: node 0 is the start, node j + 1 is job j.
 
-    Where no job comes after all others, a node without cost is appended at the end.
+    If no job comes after all others, a final node without cost is appended.
 
     Parameters
     ----------
@@ -172,7 +176,7 @@ class JobOrders:
     Attributes
     ----------
     instance
-        The ordering of the nodes.
+        Ordering of the nodes.
 
     Raises
     ------
@@ -209,12 +213,12 @@ class JobOrders:
         object.__setattr__(self, "instance", instance)
 
     def jobs(self, order: Integers) -> tuple[int, ...]:
-        """Return an order of nodes as an order of jobs."""
+        """Convert an order of nodes to an order of jobs."""
         known = len(self._nodes)
         return tuple(int(self._nodes[node - 1]) for node in order if 0 < node <= known)
 
     def nodes(self, order: Sequence[int]) -> Integers:
-        """Return an order of all jobs as an order of nodes."""
+        """Convert an order of all jobs to an order of nodes."""
         place = np.empty(len(self._nodes), dtype=np.int64)
         place[self._nodes] = np.arange(1, len(self._nodes) + 1)
         inner = place[np.asarray(order, dtype=np.int64)]
@@ -223,10 +227,10 @@ class JobOrders:
 
 
 def _families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers | None:
-    """Return the family of each of n nodes; None where nothing is done between any jobs.
+    """Return the family of each of n nodes; None if no pair of jobs needs a set-up.
 
-    Jobs, and the initial state, are of one family where nothing has to be done between them, as
-    where they need the same tool.
+    Jobs, and the initial state, are of one family if they need no set-up between them, for example
+    because they need the same tool.
     """
     if not problem.paths:
         return None
@@ -235,18 +239,18 @@ def _families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers |
     near[inner, inner] = np.isfinite(problem.costs[np.ix_(nodes, nodes)])
     near[0, inner] = np.isfinite(problem.first[nodes])
     place = {int(job): node for node, job in enumerate(nodes, start=1)} | {-1: 0}
-    for one, other in problem.paths:
-        near[place[one], place[other]] = False
+    for linked, other in problem.paths:
+        near[place[linked], place[other]] = False
     near |= near.T
     np.fill_diagonal(near, True)
-    # The least node that a node is linked to names its family; an end that is no job has none.
+    # The lowest linked node names the family; a final node without job has none.
     families: Integers = closed_relation(near).argmax(axis=1)
     families[len(nodes) + 1 :] = NO_FAMILY
     return families
 
 
 def _last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:
-    """Return the job that comes after all others, if there is one."""
+    """Return the job that comes after all others, if one exists."""
     closed = closed_relation(before)
-    found = np.nonzero(closed.sum(axis=0) == len(closed) - 1)[0]
-    return int(found[0]) if len(found) else None
+    last_jobs = np.nonzero(closed.sum(axis=0) == len(closed) - 1)[0]
+    return int(last_jobs[0]) if len(last_jobs) else None

@@ -1,4 +1,4 @@
-"""Processes beside a search of orders: each does one task at a time and says what came of it."""
+"""Worker processes of an ordering search, and a search tree that they share."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from skillplan.workers.processes import resident_bytes_of
 
 _WHAT = "the search"
 _EVERY_S = 0.02
-# Memory of a process before it searches, and the least that it needs [bytes].
+# Memory of a process before it searches, and least memory that it needs [B].
 _PROCESS_BYTES = 400 * 1024**2
-# With less memory left, processes are ended [bytes].
+# Free memory below which processes are ended [B].
 _KEPT_BYTES = 64 * 1024**2
-# Where less time is left than so many times what starting takes, none is started.
+# A process is started only if the time left exceeds its start-up time by this factor.
 _WORTH = 2
 # Difference of the seeds of two processes.
 _SEEDS = 1_000_003
@@ -38,7 +38,7 @@ _SEEDS = 1_000_003
 
 @dataclass(eq=False)
 class Helper:
-    """A process, the task it has or is to have, and what came of its last one."""
+    """A process with its current task and the result of its last one."""
 
     process: Worker
     ready: bool = False
@@ -48,37 +48,37 @@ class Helper:
 
     @property
     def resident_bytes(self) -> int:
-        """The memory that it holds [B], 0 where that is unknown."""
+        """Memory of the process [B], 0 if unknown."""
         return resident_bytes_of(self.process.number) or 0
 
 
 class Helpers:
-    """Processes that do tasks for a search.
+    """Processes that work for a search.
 
-    When one ends for whatever reason, its task comes to nothing and the others continue. The same
-    holds for one that is ended because memory is short.
+    If a process ends for any reason, or is ended for lack of memory, its task has no result and the
+    others continue.
 
     Parameters
     ----------
     count
-        How many, >= 1.
+        Number of processes, >= 1.
     seed
-        Governs the randomness of all.
+        Seed of all processes.
     executor
-        Where they run; processes of this machine by default.
+        Executor of the processes; None for this machine.
     memory_bytes
-        Returns how much memory may still be taken, or None for no limit.
+        Returns the free memory [B], or None for no limit.
     left_s
-        Returns how long the search may still take [s], or None for no limit.
+        Returns the remaining time [s], or None for no limit.
 
     Attributes
     ----------
     count
-        How many are wanted.
+        Number of requested processes.
     started
-        How many processes have been started, that of the search included.
+        Number of processes started, including that of the search.
     lost
-        Why each process that ended early did so, in words.
+        Reasons why processes ended early.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Helpers:
 
     @property
     def trace(self) -> dict[str, Any]:
-        """Figures for the trace: how many processes there were, and why some were lost."""
+        """Figures for the trace: number of processes, and reasons of losses."""
         trace: dict[str, Any] = {"processes": self.started}
         if self.lost:
             trace["lost_processes"] = self.lost
@@ -110,19 +110,19 @@ class Helpers:
 
     @property
     def idle(self) -> list[Helper]:
-        """Those that have no task, in the order in which they were started."""
+        """Idle processes in the order of their start."""
         return [helper for helper in self._all if helper.task is None]
 
     @property
     def left_bytes(self) -> int | None:
-        """How much memory all processes together may still take [B], or None for no limit."""
+        """Free memory for all processes [B], or None for no limit."""
         left = self._memory_bytes()
         if left is None:
             return None
         return max(0, left - sum(helper.resident_bytes for helper in self._all))
 
     def begin(self, instance: OrderingInstance) -> None:
-        """Start the processes, once; they make themselves ready on their own."""
+        """Start the processes once; they initialise on their own."""
         if self._begun:
             return
         self._begun = True
@@ -148,12 +148,12 @@ class Helpers:
             self.started += 1
 
     def give(self, helper: Helper, task: Improve | Explore) -> None:
-        """Give a task to a process that has none; it begins once the process is ready."""
+        """Give a task to an idle process; it begins once the process is ready."""
         helper.task, helper.sent, helper.finding = task, False, None
         self._send(helper)
 
     def result(self, helper: Helper, stop: Callable[[], bool]) -> Finding | None:
-        """Wait for what comes of a task; None where the process was lost, or on a stop."""
+        """Wait for the result of a task; None if the process was lost or the search was stopped."""
         while helper in self._all and helper.task is not None:
             if stop():
                 return None
@@ -161,7 +161,7 @@ class Helpers:
         return helper.finding
 
     def attend(self) -> None:
-        """Hear what processes say, and end some where memory is short; does so once in a while."""
+        """Read messages of processes, and end some if memory is short; rate-limited."""
         now_s = time.monotonic()
         if self._all and now_s >= self._due_s:
             self._due_s = now_s + _EVERY_S
@@ -175,7 +175,7 @@ class Helpers:
         self._all = []
 
     def _send(self, helper: Helper) -> None:
-        # One that is not ready would not listen, and a long task would wait to be written.
+        # A process that is starting does not read messages, and a large task would block.
         if helper.ready and helper.task is not None and not helper.sent:
             helper.sent = True
             helper.process.take(helper.task)
@@ -207,17 +207,17 @@ class Helpers:
         helper.process.end(gently=False)
 
     def _spare_memory(self) -> None:
-        """End the largest process where memory is short."""
+        """End the largest process if memory is short."""
         left = self.left_bytes
         if left is not None and left < _KEPT_BYTES and self._all:
             largest = max(self._all, key=lambda helper: helper.resident_bytes)
             self._lose(largest, "one was given up: memory limit")
 
 
-# Work of each process between two deals; and of this one alone while there is little to deal.
+# Work of each process between two deals, and of this process alone while there is little to deal.
 _TURN = 5_000_000
 _ALONE = 1_000_000
-# With fewer subproblems for each process there is little to deal.
+# Least number of subproblems for each process that are worth a deal.
 _FEW = 2
 
 
@@ -245,18 +245,18 @@ class SharedTree:
         self.programs = 0
 
     def run(self, work: int, order: Integers | None, stop: Callable[[], bool], keep: Keep) -> None:
-        """Explore until the tree is done, was stopped, or each process has done so much work.
+        """Explore until the tree is done, stopped, or each process has done its work.
 
         Parameters
         ----------
         work
-            In the unit of `CutRelaxation.work`.
+            Work in the unit of `CutRelaxation.work`.
         order
-            The best order known, or None.
+            Best known order, or None.
         stop
-            True if to stop now.
+            Returns True to stop.
         keep
-            Called with every order that another process has found.
+            Called with every order of another process.
         """
         branching = self._branching
         while work > 0 and not branching.done and not stop():
@@ -277,7 +277,7 @@ class SharedTree:
         keep: Keep,
         stop: Callable[[], bool],
     ) -> None:
-        """Explore a share of the subproblems, while others explore theirs."""
+        """Explore a share of the subproblems while others explore theirs."""
         branching = self._branching
         shares = branching.deal(len(others))
         for helper, share in zip(others, shares, strict=True):
@@ -307,4 +307,4 @@ Keep = Callable[[Integers], None]
 
 
 def _least(shares: list[list[Subproblem]]) -> float:
-    return min((one.bound for share in shares for one in share), default=np.inf)
+    return min((helper.bound for share in shares for helper in share), default=np.inf)

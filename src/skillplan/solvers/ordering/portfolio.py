@@ -1,10 +1,9 @@
-"""Algorithm portfolio for the sequential ordering problem; its methods share what they find.
+"""Algorithm portfolio for the sequential ordering problem.
 
-Local search for orders; a linear relaxation with cuts for a bound and for reduced-cost fixing of
-arcs; then in turns, each time with more effort, bidirectional dynamic programming over feasible
-subsets (Held-Karp), beam search over the same subsets, and branch and cut. Incumbent, bound and
-fixed arcs are shared. All effort is counted, not timed, so that the same seed makes the same
-moves.
+Local search finds orders. A linear relaxation with cuts gives a bound and fixes arcs by reduced
+cost. Then bidirectional dynamic programming over feasible subsets (Held-Karp), beam search over
+the same subsets, and branch and cut take turns, each time with more effort. They share incumbent,
+bound and fixed arcs. Effort is counted, not timed, so equal seeds make equal moves.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, 
 
 @dataclass
 class Effort:
-    """What the methods did, for the trace.
+    """Effort of the methods, for the trace.
 
     Parameters
     ----------
     nodes
-        Labels, subproblems and orders looked at.
+        Number of labels, subproblems and orders.
     bound_method
-        In words, what proved the bound.
+        Method that proved the bound, in words.
     states
         Labels of the dynamic program and the beam.
     parts
@@ -56,32 +55,31 @@ class Effort:
 Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
 METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
 
-# Moves of local search in the first round, and how many times as many a later one has at most.
-# Where orders are kicked and so large a share of the cost is not proved, a proof is far away, and
-# better orders are what can be had.
+# Moves of local search in the first round, and greatest factor of later rounds. If orders can be
+# kicked and this share of the cost is unproved, a proof is far away and better orders matter most.
 _MOVES = 1_000_000
 _LONGER, _FAR_LONGER, _FAR = 2, 8, 0.05
-# Work of branch and cut in the first round, of it what this process does before others join in,
-# and work of the relaxation over pairs in the first round.
+# Work of branch and cut in the first round, its part before other processes join, and work of the
+# pair relaxation in the first round.
 _WORK = 40_000_000
 _FIRST_WORK = 40_000_000
 _PAIRS_WORK = 75_000_000
-# Where branch and cut has closed such a share of the gap, the pair relaxation is skipped.
+# Share of the gap closed by branch and cut at which the pair relaxation is skipped.
 _ENOUGH = 1 / 3
 # Labels of the dynamic program in the first round.
 _STATES = 1_200_000
-# In so many turns the pair relaxation has to close such a share of the gap, and more than
-# branch and cut does.
+# Number of turns in which the pair relaxation has to close this share of the gap, and more than
+# branch and cut.
 _TURNS = 2
 _WORTH = 0.2
-# With more pairs of nodes in either order, the pair relaxation takes too long to be of use.
+# Number of open pairs of nodes above which the pair relaxation is too slow.
 _MOST_PAIRS = 4_000
-# Where the dynamic program expects at most so many times its labels, it is worth waiting for.
+# The dynamic program is worth waiting for if it expects at most this multiple of its labels.
 _NEAR = 64
-# Of one label beside the words of its set; and of its entry in the history of a beam [bytes].
+# Memory of one label without its set, and of its entry in the history of a beam [B].
 _STATE_BYTES = 32
 _HISTORY_BYTES = 6
-# Share of the remaining memory that may be allocated.
+# Share of the free memory that may be allocated.
 _MEMORY_SHARE = 0.8
 
 
@@ -93,30 +91,30 @@ class OrderingSearch:
     instance
         The ordering.
     methods
-        The methods in use; the linear relaxation always is.
+        Methods in use; the linear relaxation is always in use.
     seed
-        Governs all randomness.
+        Random seed.
     stop
-        True if to stop now.
+        Returns True to stop.
     on_order, on_bound
         Called with every better order and bound.
     memory_bytes
-        Returns how much memory may still be taken, or None for no limit.
+        Returns the free memory [B], or None for no limit.
     start
-        An order that is known already.
+        A known order.
     rounds
-        The most rounds; None for as many as it takes.
+        Greatest number of rounds; None for no limit.
     helpers
-        Processes that take a part of the work; None for none.
+        Worker processes; None for none.
 
     Attributes
     ----------
     order, cost
-        The best order found, None and inf while there is none.
+        Best order, None and inf at first.
     bound
-        No order costs less; inf where there is no order at all.
+        Lower bound on all orders; inf if no order exists.
     ended
-        Why the search ended without a proof; empty while it did not.
+        Reason of an end without proof; may be empty.
     """
 
     def __init__(
@@ -141,16 +139,16 @@ class OrderingSearch:
         self.helpers = helpers
         self._threads = 1 if helpers is None else 1 + helpers.count
         self._tree: SharedTree | None = None
-        # What branch and cut proved in its first turn before others joined in; alone, in its last.
+        # Bound of branch and cut in its first turn before others joined, or in its last turn alone.
         self._first_bound = -np.inf
-        # Those that are improving the best order at the moment.
+        # Processes that improve the best order.
         self._improving: list[Helper] = []
         self.effort = Effort()
         self.order: Integers | None = None
         self.cost = np.inf
         self.bound = 0.0
         self._annealing = Annealing(instance, seed)
-        # How often in a row annealing has found nothing better.
+        # Number of consecutive annealing turns without a better order.
         self._stalled = 0
         self.rounds = rounds
         self.ended = ""
@@ -158,9 +156,9 @@ class OrderingSearch:
         self._branched: BranchAndCut | None = None
         self._pairs: PairRelaxation | None = None
         self._pairs_turns = 0
-        # The root bound: of the relaxation before branching.
+        # Root bound: of the relaxation before branching.
         self._root_bound = 0.0
-        # The bidirectional search, and the duals that it uses: it resumes while they stay the same.
+        # Bidirectional search and its duals: it resumes while they stay the same.
         self._ends: TwoEndedSearch | None = None
         self._searched: Duals | None = None
         self._states = 0
@@ -169,11 +167,11 @@ class OrderingSearch:
 
     @property
     def proved(self) -> bool:
-        """True if no order is cheaper than the best, or there is none."""
+        """True if no order is cheaper than the best, or no order exists."""
         return self.bound >= self.instance.cutoff(self.cost)
 
     def run(self) -> None:
-        """Search until the best order is proved, or it was stopped; then end the helpers."""
+        """Search until a proof or a stop; then end the processes."""
         try:
             self._search()
         finally:
@@ -220,21 +218,21 @@ class OrderingSearch:
 
     @property
     def _moves(self) -> int:
-        """How many moves the first annealing makes: some tenths of a second, less for few nodes."""
+        """Moves of the first annealing: some tenths of a second, less for few nodes."""
         return min(_MOVES // 6, 2_000 * self.instance.n)
 
     def _turn_moves(self, scale: int) -> int:
-        """How many moves all processes make in a turn of annealing."""
+        """Return the number of moves of all processes in a turn of annealing."""
         far = self._annealing.kicked and self.bound < (1 - _FAR) * self.cost
         if far or self.methods == ("local-search",):
             longer = min(scale, _FAR_LONGER) if far else scale
         else:
             longer = min(scale, _LONGER)
-        # Half as long where it gained nothing last time; other methods gain from longer turns.
+        # Half as long after a turn without gain; other methods gain from longer turns.
         return longer * _MOVES >> (0 if far else min(self._stalled, longer - 1))
 
     def _over(self) -> bool:
-        """Return True if to stop."""
+        """Return True if the search should stop."""
         if self.helpers is not None:
             self.helpers.attend()
         return self.proved or self.stop()
@@ -242,8 +240,8 @@ class OrderingSearch:
     def _anneal_together(self, helpers: Helpers, scale: int) -> None:
         """Anneal in all processes, each with its share of the moves.
 
-        What the others find is gathered later, so that they may make themselves ready meanwhile;
-        they are first started here, as many an instance is proved before.
+        Results of the others are collected later. They are started here, because many instances are
+        proved before.
         """
         helpers.begin(self.instance)
         if not self._improving:
@@ -252,7 +250,7 @@ class OrderingSearch:
             self._anneal(self._turn_moves(scale) // (1 + helpers.count))
 
     def _send_out(self, scale: int) -> None:
-        """Have the other processes improve the best order."""
+        """Let idle processes improve the best order."""
         helpers = self.helpers
         if helpers is None:
             return
@@ -263,7 +261,7 @@ class OrderingSearch:
             helpers.give(helper, Improve(order, self.cost, moves))
 
     def _gather(self) -> None:
-        """Take over what the other processes have found, in an order that is always the same."""
+        """Collect the results of other processes in a fixed order."""
         known = self.cost
         improving, self._improving = self._improving, []
         for helper in improving:
@@ -295,7 +293,7 @@ class OrderingSearch:
         self.on_bound(self.bound, self.effort.nodes)
 
     def _anneal(self, iterations: int) -> None:
-        """Improve the best order by annealing; in portions, so that it can be stopped."""
+        """Improve the best order by annealing, in portions between stop checks."""
         iterations = self._most_moves(iterations)
         order = self._begin if self.order is None else self.order
         known = self.cost
@@ -309,9 +307,9 @@ class OrderingSearch:
             if self._over():
                 return
 
-    def _most_moves(self, wanted: int) -> int:
-        """Return how many of the wanted moves to make: where there are few orders, few."""
-        return min(wanted, (100 << self.effort.rounds) * self.instance.n**3)
+    def _most_moves(self, moves: int) -> int:
+        """Return the number of moves to make: fewer if there are few orders."""
+        return min(moves, (100 << self.effort.rounds) * self.instance.n**3)
 
     def _relax(self, relaxation: CutRelaxation) -> None:
         def on_bound(duals: Duals) -> None:
@@ -325,13 +323,13 @@ class OrderingSearch:
 
     @property
     def _known(self) -> Duals:
-        """The best bound so far and what proved it."""
+        """Best bound and its method."""
         assert self.duals is not None
         return self.duals
 
     @property
     def _over_subsets(self) -> bool:
-        """True if a method is in use that the pair relaxation helps."""
+        """True if a method in use gains from the pair relaxation."""
         return "subset-dp" in self.methods or "tree-search" in self.methods
 
     def _relax_pairs(self, relaxation: CutRelaxation, work: int) -> None:
@@ -363,7 +361,7 @@ class OrderingSearch:
 
     @property
     def _pairs_bound(self) -> float:
-        """The bound of the pair relaxation; -inf before there is one."""
+        """Bound of the pair relaxation; -inf at first."""
         duals = None if self._pairs is None else self._pairs.duals
         return -np.inf if duals is None else duals.bound
 
@@ -378,19 +376,19 @@ class OrderingSearch:
             return False
         return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * self._states)
 
-    def _allowed(self, wanted: int, sets: int, entries: int) -> int:
-        """Return how many of the wanted labels memory allows, each of so many sets and entries."""
+    def _allowed(self, labels: int, sets: int, entries: int) -> int:
+        """Return the number of labels that memory allows."""
         left = self.memory_bytes() if self.helpers is None else self.helpers.left_bytes
         if left is None:
-            return wanted
+            return labels
         words = (self.instance.n + 63) // 64
         each = sets * (8 * words + _STATE_BYTES) + entries * _HISTORY_BYTES
-        return min(wanted, int(_MEMORY_SHARE * max(0, left) / each))
+        return min(labels, int(_MEMORY_SHARE * max(0, left) / each))
 
     def _two_ended(self, states: int) -> bool:
-        """Search from both ends; return whether more labels would be allowed."""
-        # Either end may hold twice as many, most of them in one layer that is copied to grow.
-        # Two ends at once have two such layers.
+        """Search from both ends; return True if more labels are allowed."""
+        # Either end may hold twice as many, most of them in one layer that is copied to grow. Two
+        # threads have two such layers.
         self._states = allowed = self._allowed(states, 10 if self._threads == 1 else 16, 0)
         cutoff = self.instance.cutoff(self.cost)
         search = self._ends
@@ -398,29 +396,29 @@ class OrderingSearch:
             known = self._known.without(cutoff)
             self._ends = search = TwoEndedSearch(self.instance, known, cutoff, self._threads)
             self._searched = self.duals
-        made = search.made
+        before = search.generated
         met = search.run(allowed, self._over)
-        self.effort.nodes += search.made - made
-        self.effort.states += search.made - made
+        self.effort.nodes += search.generated - before
+        self.effort.states += search.generated - before
         if met.order is not None:
             self._keep(met.order)
         self._raise(met.bound, "dynamic programming over feasible subsets")
         return allowed >= states
 
     def _beam(self, width: int) -> bool:
-        """Run a beam search; return whether a wider beam would be allowed."""
-        # Two layers at a time, the table and the copy of one that grows; then only its history.
+        """Run a beam search; return True if a wider beam is allowed."""
+        # Two layers at a time, the table and the copy of a growing layer; then only its history.
         allowed = self._allowed(width, 10, self.instance.n)
         cutoff = self.instance.cutoff(self.cost)
-        found = beam(
+        beam_result = beam(
             self.instance, self._known.without(cutoff), cutoff, max(1, allowed), self._over
         )
-        if found is not None:
-            self.effort.nodes += found.made
-            self.effort.states += found.made
-            if found.order is not None:
-                self._keep(found.order)
-            self._raise(found.bound, "beam search over feasible subsets")
+        if beam_result is not None:
+            self.effort.nodes += beam_result.generated
+            self.effort.states += beam_result.generated
+            if beam_result.order is not None:
+                self._keep(beam_result.order)
+            self._raise(beam_result.bound, "beam search over feasible subsets")
         return allowed >= width
 
     def _branching(self, relaxation: CutRelaxation) -> BranchAndCut:
@@ -443,8 +441,8 @@ class OrderingSearch:
         else:
             if tree is None:
                 self._tree = tree = SharedTree(branching, helpers)
-                # The others make themselves ready and anneal meanwhile. What is done here is not
-                # to be done by all again: other methods wait for their turn.
+                # Other processes start and anneal meanwhile. Other methods wait for their turn,
+                # because all processes would repeat this work.
                 first = min(work, _FIRST_WORK)
                 branching.run(first)
                 work -= first
@@ -469,20 +467,20 @@ _WORK_WARM_UP = 1_000_000
 
 
 def warm_up() -> None:
-    """Search a small instance by each method in turn, which compiles what any search calls."""
+    """Search a small instance by each method, which compiles all kernels."""
     instance = _instance()
     for method in METHODS:
         OrderingSearch(instance, (method,), rounds=1).run()
-    # Costs of one direction only are searched by other moves.
+    # Other moves search instances with costs in one direction.
     one_way = OrderingInstance(np.triu(instance.costs) + 1.0, instance.before)
     OrderingSearch(one_way, ("local-search",), rounds=1).run()
-    # A search turns to this only where the others do not soon prove its optimum.
+    # Runs only if the other methods do not soon prove the optimum.
     relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
     PairRelaxation(relaxation).run(_WORK_WARM_UP, np.inf, lambda: False, lambda duals: None)
 
 
 def _instance() -> OrderingInstance:
-    """Return places on a grid, some before others; the relaxation alone does not prove them."""
+    """Return places on a grid with precedence, which the relaxation alone does not prove."""
     nodes = np.arange(_NODES)
     x, y = 7 * nodes % 31, 11 * nodes**2 % 31
     costs = np.abs(x[:, None] - x) + np.abs(y[:, None] - y) + 0.0

@@ -1,8 +1,7 @@
-"""A process beside a search of orders: improves orders and explores subtrees that it is given.
+"""A worker process of an ordering search: improves orders and explores subtrees.
 
-Each task says how much effort it is worth, so that what comes of it does not depend on how fast
-the process is. Nothing heavy is imported with this module, so that the process answers soon after
-its start.
+Each task has an amount of effort, so its result does not depend on speed. This module imports
+nothing heavy, so that a process answers soon after its start.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ if TYPE_CHECKING:
         Subproblem,
     )
 
-# Linux: option of prctl that sets the signal for when the parent process ends.
+# Linux: option of prctl that sets the signal at the end of the parent process.
 _SET_PARENT_DEATH_SIGNAL = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What a process starts from: the ordering, and the seed of its randomness."""
+    """Initial data of a process: the ordering and its seed."""
 
     instance: OrderingInstance
     seed: int
@@ -38,7 +37,7 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Improve:
-    """Improve an order by so many moves of annealing; `cost` is inf where it is not feasible."""
+    """Improve an order by a number of annealing moves; `cost` is inf for an infeasible order."""
 
     order: Integers
     cost: float
@@ -47,18 +46,18 @@ class Improve:
 
 @dataclass(frozen=True, slots=True)
 class Explore:
-    """Explore some subtrees of branch and cut.
+    """Explore subtrees of branch and cut.
 
     Parameters
     ----------
     subproblems
-        The roots of the subtrees.
+        Roots of the subtrees.
     cost
-        Of the best order known.
+        Cost of the best known order.
     work
-        How much work to do at most, in the unit of `CutRelaxation.work`.
+        Greatest work, in the unit of `CutRelaxation.work`.
     seedling
-        What the tree grows from; None where the process has had it before.
+        Data of the root node; None if the process has it already.
     """
 
     subproblems: list[Subproblem]
@@ -69,16 +68,16 @@ class Explore:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What came of a task.
+    """Result of a task.
 
     Parameters
     ----------
     order
-        The best order found, or None.
+        Best order, or None.
     open
-        Subproblems that are left to explore.
+        Subproblems left to explore.
     nodes, programs
-        Moves made or subproblems bounded; linear programs solved.
+        Moves or subproblems; linear programs solved.
     """
 
     order: Integers | None
@@ -89,15 +88,15 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Nothing came of a task: why, in words."""
+    """Reason why a task has no result."""
 
     words: str
 
 
 def prepare(ground: Ground) -> Callable[[Improve | Explore], Finding | Failure]:
-    """Return the function that does tasks, all on one instance."""
+    """Return the function that runs tasks on one instance."""
     _end_with_parent()
-    # Imported before the first task is requested, so that it begins at once.
+    # Imported before the first task, which then starts at once.
     from skillplan.solvers.ordering.local_search.ruin_and_recreate import Annealing
     from skillplan.solvers.ordering.relaxation import branch_and_cut
 
@@ -106,21 +105,21 @@ def prepare(ground: Ground) -> Callable[[Improve | Explore], Finding | Failure]:
 
 
 def _end_with_parent() -> None:
-    """Have the system end this process with its parent, even amid a long compiled call."""
+    """Let the system end this process with its parent, even during a long compiled call."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
 
 
 class Hand:
-    """Does tasks; its random numbers, cuts and pseudocosts go on from task to task.
+    """Runs tasks; random numbers, cuts and pseudocosts continue from task to task.
 
     Parameters
     ----------
     ground
         The ordering.
     annealing
-        What improves orders.
+        Annealing of orders.
     """
 
     def __init__(self, ground: Ground, annealing: Annealing) -> None:
@@ -130,7 +129,7 @@ class Hand:
         self._found: Integers | None = None
 
     def __call__(self, task: Improve | Explore) -> Finding | Failure:
-        """Do a task."""
+        """Run a task."""
         self._found = None
         try:
             return self._improve(task) if isinstance(task, Improve) else self._explore(task)
@@ -138,12 +137,12 @@ class Hand:
             return Failure(f"{type(error).__name__}: {error}")
 
     def _improve(self, task: Improve) -> Finding:
-        best, least, nodes = None, task.cost, 0
+        best, lowest, nodes = None, task.cost, 0
         for order, moves in self._annealing.portions(task.order, task.cost, task.moves):
             nodes += moves
             cost = self._instance.cost(order)
-            if cost < least and self._instance.feasible(order):
-                best, least = order.copy(), cost
+            if cost < lowest and self._instance.feasible(order):
+                best, lowest = order.copy(), cost
         return Finding(best, [], nodes, 0)
 
     def _explore(self, task: Explore) -> Finding:

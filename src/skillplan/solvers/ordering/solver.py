@@ -1,7 +1,7 @@
-"""Solvers for models that are a sequential ordering problem: one method each, or all.
+"""Solvers for models that are a sequential ordering problem, one for each method.
 
-What a job is and when a model has this structure, `model.sequencing` says; the methods are in
-`solvers.ordering`. numpy, numba and HiGHS are imported when the first model is looked at.
+`model.sequencing` defines jobs and recognises such models. numpy, numba and HiGHS are imported with
+the first model.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
-# Share of the free memory that is used where no limit is given.
+# Share of the free memory that is used without a limit.
 _SHARE = 0.7
 _PROOF_TOLERANCE = 1e-9
 
 
 class JobOrderSolver(Solver):
-    """Base of the solvers that put jobs into an order: recognises them or says why not."""
+    """Base of the solvers of sequential ordering problems; refuses other models."""
 
     polls = True
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where the model is no sequencing problem.
+        """Return the reason why the model is not a sequencing problem, or None.
 
-        One that has no order at all is served: what stands against every order is its answer.
+        A model without any order is accepted: the answer is the obstacle.
         """
         try:
             self.problem(model)
@@ -72,7 +72,7 @@ class JobOrderSolver(Solver):
         Raises
         ------
         NotASequencing
-            If the model is no sequencing problem, which `refuses` says before.
+            If the model is not a sequencing problem; `refuses` returns the reason before.
         """
         try:
             problem = self.problem(model)
@@ -96,7 +96,7 @@ class SequencingSolver(JobOrderSolver):
     Attributes
     ----------
     methods
-        Those of the portfolio that are in use; all where it is empty.
+        Methods in use; empty for all.
     """
 
     methods: ClassVar[tuple[Method, ...]] = ()
@@ -120,13 +120,13 @@ class SequencingSolver(JobOrderSolver):
         from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 
         orders = JobOrders(problem)
-        found: list[Plan] = []
+        best: list[Plan] = []
 
         def on_order(order: Any, cost: float) -> None:
             jobs = orders.jobs(order)
             if problem.fits(jobs):
-                found.append(Plan(problem.plan(jobs), problem.cost(jobs)))
-                self.stop.incumbent(found[-1])
+                best.append(Plan(problem.plan(jobs), problem.cost(jobs)))
+                self.stop.incumbent(best[-1])
 
         start = None
         if self.stop.best is not None:
@@ -155,14 +155,14 @@ class SequencingSolver(JobOrderSolver):
         search.run()
         if search.ended:
             self.stop.end(search.ended)
-        solution = self._solution(search, found[-1] if found else None)
+        solution = self._solution(search, best[-1] if best else None)
         trace = {} if helpers is None else helpers.trace
         return replace(solution, trace={**solution.trace, **trace})
 
     def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:
         effort = search.effort
         bound: float | None = max(0.0, search.bound)
-        # The cheapest order may have a plan that is too long: then it is a bound only.
+        # The plan of the cheapest order may exceed the step limit: then its cost is only a bound.
         met = plan is not None and plan.cost is not None and plan.cost <= search.cost * (1 + 1e-12)
         proved = search.proved and met
         if proved and plan is not None and plan.cost is not None:
@@ -240,7 +240,7 @@ class BranchAndCutSolver(SequencingSolver):
 
 
 def _obstacle(model: SkillModel) -> str | None:
-    """Return what stands against every order of a small task, in words, if anything does."""
+    """Return the obstacle to every order of a small task in words, or None."""
     from skillplan.chart.precedence_chart import derive_chart
 
     task = model.task

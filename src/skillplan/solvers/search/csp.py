@@ -1,9 +1,9 @@
 """Constraint satisfaction: depth-first backtracking with forward checking, the paper's baseline.
 
-The planner that learning replaced (Veeramani and Muthuswamy 2022, section 2): two consecutive goal
-positions of the base must have a docking pin in common; where the next has none, the planner
-backtracks and replans, and may fail altogether. The cheapest choice is tried first. Forward
-checking drops a choice at once if nothing that could follow it has anything in common with it.
+The planner that learning replaced (Veeramani and Muthuswamy 2022, section 2): consecutive goal
+positions of the base must share a docking pin. Otherwise the planner backtracks and replans, and
+may fail altogether. The cheapest choice is tried first. Forward checking drops a choice at once if
+no successor shares a pin with it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
 from skillplan.task.state import State
 
-# So many choices are named in a message.
+# Greatest number of choices named in a message.
 _MOST_NAMED = 4
 
 _Key = tuple[int, frozenset[str]]
@@ -29,18 +29,18 @@ _Key = tuple[int, frozenset[str]]
 
 @dataclass(slots=True)
 class _Choice:
-    """What was chosen, what it holds, and what else may follow it.
+    """A choice with its resources and untried successors.
 
     Parameters
     ----------
     name
-        The skill; empty for the start.
+        Name of the skill; empty for the start.
     held
-        What it occupies; if nothing, what the choice before holds.
+        Resources of the choice; if it has none, those of the choice before.
     cost
-        Cost up to and including it [units].
+        Cost up to and including the choice [units].
     following
-        Successors not tried yet.
+        Untried successors.
     """
 
     name: str
@@ -57,7 +57,7 @@ class CspSolver(Solver):
     stage: ClassVar[str | None] = "goals"
 
     class Options(back_end.Options):
-        """How often to replan."""
+        """Number of replans."""
 
         replans: int = Field(
             default=3,
@@ -71,11 +71,11 @@ class CspSolver(Solver):
 
     @property
     def replans(self) -> int:
-        """As often as its option says."""
+        """Limited by an option."""
         return self.options.replans
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where nothing is occupied or a skill may have several outcomes."""
+        """Return the reason why there are no resources or outcomes are random, or None."""
         if not model.task.deterministic:
             return "constraint satisfaction looks for one sequence and needs certain outcomes"
         if not any(case.occupies for skill in model.task.skills for case in skill.cases):
@@ -86,11 +86,12 @@ class CspSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search depth first; neither optimality nor the absence of a plan is claimed.
+        """Search depth first, without a proof of optimality or infeasibility.
 
-        The first choice is free, and skills that occupy nothing are let through. The trace holds
-        ``backtracks``, and where there is no sequence ``failed_at``, the farthest choice after
-        which nothing was left, and the ``reason`` in words.
+        The first choice is free, and skills without resources always fit. The trace has
+        ``backtracks``.
+        Without a plan it has ``failed_at``, the deepest choice without successors, and the
+        ``reason``.
         """
         return _Search(self, model).run()
 
@@ -103,7 +104,7 @@ class _Search:
         self.model = model
         self.visited = 0
         self.backtracks = 0
-        # Least depth at which a state was reached; to reach it again later is useless.
+        # Least depth at which a state was reached; reaching it later is useless.
         self._seen: dict[_Key, int] = {}
         self._deepest = -1
         self._failed_at = ""
@@ -133,7 +134,7 @@ class _Search:
         return self._solution(None)
 
     def _open(self, state: State, held: frozenset[str], depth: int) -> Iterator[Transition]:
-        """Return what may be chosen after so many choices, cheapest first."""
+        """Return the choices at a depth, cheapest first."""
         steps = sorted(self.model.transitions(state), key=lambda step: step.cost)
         return (step for step in steps if _fits(step, held) and self._promising(step, held, depth))
 
@@ -155,7 +156,7 @@ class _Search:
         return self._fail(depth, name, _conflict(ahead, name))
 
     def _fail(self, depth: int, name: str, reason: str) -> bool:
-        """Keep the failure that is farthest, of equals the first; return that it is one."""
+        """Keep the deepest failure, the first among equals; return True if it is the new one."""
         if depth > self._deepest:
             self._deepest, self._failed_at, self._reason = depth, name, reason
         return False
@@ -171,7 +172,7 @@ class _Search:
 
 
 def _conflict(steps: Sequence[Transition], name: str) -> str:
-    """Return why nothing can follow a choice."""
+    """Return the reason why a choice has no successor."""
     if not steps:
         return f"nothing is feasible after {name}"
     names = list(dict.fromkeys(step.skill.name for step in steps))
@@ -180,12 +181,12 @@ def _conflict(steps: Sequence[Transition], name: str) -> str:
 
 
 def _held(step: Transition) -> frozenset[str]:
-    """Return what a choice occupies."""
+    """Return the resources of a choice."""
     case = step.skill.case(step.state)
     return frozenset() if case is None else case.occupies
 
 
 def _fits(step: Transition, held: frozenset[str]) -> bool:
-    """Return True if a choice has something in common with the one before; the first is free."""
+    """Return True if a choice shares a resource with the one before; the first choice is free."""
     occupied = _held(step)
     return not held or not occupied or bool(held & occupied)

@@ -2,10 +2,9 @@
 
 A* (Hart, Nilsson and Raphael, 1968) ordered by cost, then by number of skills, then by time. Edges
 are evaluated lazily (Dellin and Srinivasa, "A unifying formalism for shortest path problems with
-expensive edge evaluations", 2016): a back end checks a skill only when its edge comes up for
-expansion, so that most edges need no check. Where a back end tells what a skill costs, the edge has
-a lower bound until then; with its cost it goes back into the queue, and is expanded once nothing
-there can be cheaper.
+expensive edge evaluations", 2016): a back end checks a skill only when its edge is due for
+expansion, so most edges need no check. If costs come from a back end, an edge first has a lower
+bound; with its cost it returns to the queue, and is expanded if no other label can be cheaper.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from skillplan.task.state import State
 
 Node = TypeVar("Node")
 Ranked = tuple[tuple[int, ...], Node]
-"""A node with the rank in which a search takes it, the least first."""
+"""A node with its rank in the search, lowest first."""
 
-# So many nodes are looked at while the search waits for one verdict.
+# Greatest number of nodes inspected while the search waits for a verdict.
 MOST_NODES = 256
 
 
@@ -43,29 +42,29 @@ def questions_ahead(
     question: Callable[[Node], tuple[State, Skill]],
     expected: Callable[[State, Skill], bool | None],
 ) -> Iterator[tuple[State, Skill]]:
-    """Yield what a search asks after the verdict on `node`, if that is feasible.
+    """Yield the questions of a search after a feasible verdict on `node`.
 
     Parameters
     ----------
     node
-        What it waits for.
+        Node that the search waits for.
     others
-        What else is open.
+        Other open nodes.
     successors
-        Yields what follows a node.
+        Yields the successors of a node.
     question
         Returns the state and the skill that lead to a node.
     expected
-        Returns whether that is feasible as far as is known, else None.
+        Returns the known feasibility of a node, or None.
     """
     queue: list[tuple[tuple[int, ...], int, Node]] = []
 
     added = count(0, -1)
 
     def add(ranked: Iterable[Ranked[Node]]) -> None:
-        for rank, one in ranked:
-            # Of equals the latest first, which is what the search has just made.
-            heapq.heappush(queue, (rank, next(added), one))
+        for rank, node in ranked:
+            # The latest of equal nodes first, which the search has just created.
+            heapq.heappush(queue, (rank, next(added), node))
 
     add(others)
     add(successors(node))
@@ -73,25 +72,25 @@ def questions_ahead(
         if not queue:
             return
         *_, here = heapq.heappop(queue)
-        asked = question(here)
-        if expected(*asked) is None:
-            yield asked
-        # By now cheap back ends may have refused it.
-        if expected(*asked) is not False:
+        answered = question(here)
+        if expected(*answered) is None:
+            yield answered
+        # Cheap back ends may have refused it by now.
+        if expected(*answered) is not False:
             add(successors(here))
 
 
 # Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
 _TIME_BITS = 40
-# So many open labels, the next to be expanded, are looked at while a check is waited for.
+# Greatest number of open labels, next in expansion order, inspected during a check.
 _MOST_OPEN = 32
 
 
 @dataclass(slots=True)
 class _Label:
-    """A path to a state: its cost [units], skills and time [us], and its parent.
+    """A path to a state: cost [units], number of skills, time [us] and parent.
 
-    What is not `priced` has a lower bound for the cost of its last skill.
+    Labels that are not `priced` have a lower bound for the cost of their last skill.
     """
 
     state: State
@@ -126,7 +125,7 @@ class ExactSolver(Solver):
     options: Options
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where a skill may have several outcomes."""
+        """Return the reason if a skill may have several outcomes, or None."""
         if not model.task.deterministic:
             return (
                 "exact search looks for one sequence and needs skills with one outcome each; "
@@ -135,10 +134,11 @@ class ExactSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search without regard to the step limit first; that is a relaxation.
+        """Search without the step limit first, which is a relaxation.
 
-        Where its optimum is too long, a second search keeps for every state all labels that are
-        not dominated in cost and length.
+        If the optimum is too long, a second search keeps all labels of a state that are not
+        dominated in
+        cost and length.
         """
         search = _Search(self, model)
         plan, proved = search.run(bounded=False)
@@ -159,11 +159,12 @@ class ExactSolver(Solver):
 
 
 class _Search:
-    """The search of one task: what its two passes share.
+    """The search of one task, with data that both passes share.
 
-    Labels are ordered by weight: the cost plus a toll for every skill, far below relevant costs
-    and far above the rounding errors of paths of equal length. So ties go to fewer skills, and
-    further ties to less time, which weighs less than one unit of cost.
+    Labels are ordered by weight: the cost plus a toll for every skill, far below relevant costs and
+    far
+    above the rounding errors of paths of equal length. Ties go to fewer skills, then to less time,
+    which weighs less than one unit of cost.
     """
 
     def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
@@ -171,8 +172,8 @@ class _Search:
         self.stop = solver.stop
         self.model = model
         self.bound = LandmarkBound(model.task, model.least_cost if model.asks_costs else None)
-        # A trajectory takes more than a check by geometry, and less than an execution.
-        self._prices_first = any(one.expensive for one in model.feasibility.back_ends)
+        # A trajectory takes longer than a geometric check, and less than an execution.
+        self._prices_first = any(part.expensive for part in model.feasibility.back_ends)
         self.states = 0
         self.expanded = 0
         self.generated = 0
@@ -182,7 +183,7 @@ class _Search:
         self._plan: Plan | None = None
 
     def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
-        """Return the best plan and whether it, or its absence, is proved."""
+        """Return the best plan, and True if it or infeasibility is proved."""
         limit = self.model.step_limit if bounded else None
         self._adopt(self.stop.best)
         best: dict[int, list[_Label]] = {}
@@ -239,7 +240,7 @@ class _Search:
         return (cost + self._toll * steps << _TIME_BITS) + time
 
     def _ahead(self, label: _Label, limit: int | None) -> int | None:
-        """Return the least weight of a plan through a label, or None where there is none."""
+        """Return the least weight of a plan through a label; None for a dead end."""
         cost, steps = self.bound(label.state)
         if cost < 0 or (limit is not None and label.steps + steps > limit):
             return None
@@ -247,7 +248,7 @@ class _Search:
         return None if self._incumbent is not None and ahead >= self._incumbent else ahead
 
     def _floor(self, ahead: int) -> float:
-        """Return the bound on every plan's cost that the lightest open label proves."""
+        """Return the bound on all plans that the lightest open label proves."""
         if self._incumbent is not None:
             ahead = min(ahead, self._incumbent)
         return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
@@ -268,7 +269,7 @@ class _Search:
         ahead = self._ahead(label, limit)
         if ahead is not None:
             self.generated += 1
-            # Of equals, the deepest first; then the order of creation, for a total order.
+            # The deepest of equal labels first, then the order of creation, for a total order.
             heapq.heappush(queue, (ahead, -label.steps, self.generated, label))
 
     def _children(self, label: _Label) -> Iterator[_Label]:
@@ -285,7 +286,7 @@ class _Search:
         return _Label(state, units, label.steps + 1, time, label, action, priced=not asks)
 
     def _price(self, label: _Label) -> None:
-        """Replace the bound on the cost of a label's last skill by the cost."""
+        """Replace the bound on the cost of a label's last skill by its cost."""
         if not label.priced and label.parent is not None:
             skill = self.model.task.skills[label.skill]
             cost = self.model.cost(label.parent.state, skill)
@@ -302,8 +303,9 @@ class _Search:
     ) -> bool:
         """Return True if a label's last skill is feasible.
 
-        Meanwhile idle processes check what comes next: below the label, and else the `others`;
-        the deepest first where the search dives.
+        Meanwhile idle processes check the next questions: below the label, else of the `others`;
+        the
+        deepest first while the search dives.
         """
         if label.parent is None:
             return True
@@ -311,7 +313,7 @@ class _Search:
         return self.model.verdict(*self._question(label), likely).is_feasible
 
     def _question(self, label: _Label) -> tuple[State, Skill]:
-        """Return what a label with a parent rests on."""
+        """Return the question of a label: state and skill."""
         assert label.parent is not None
         return label.parent.state, self.model.task.skills[label.skill]
 
@@ -323,26 +325,26 @@ class _Search:
         *,
         deep: bool,
     ) -> Iterator[tuple[State, Skill]]:
-        """Yield what is asked next if the last skill of a label is feasible."""
+        """Yield the next questions if the last skill of a label is feasible."""
         seen = {label.state.bits}
 
         def ranked(labels: Iterable[_Label]) -> Iterator[Ranked[_Label]]:
-            for one in labels:
-                ahead = None if one.state.bits in seen else self._ahead(one, limit)
-                if ahead is not None and one.parent is not None:
-                    seen.add(one.state.bits)
-                    yield ((-one.steps, ahead) if deep else (ahead, -one.steps)), one
+            for label in labels:
+                ahead = None if label.state.bits in seen else self._ahead(label, limit)
+                if ahead is not None and label.parent is not None:
+                    seen.add(label.state.bits)
+                    yield ((-label.steps, ahead) if deep else (ahead, -label.steps)), label
 
         return questions_ahead(
             label,
             ranked(others()),
-            successors=lambda one: ranked(self._children(one)),
+            successors=lambda child: ranked(self._children(child)),
             question=self._question,
             expected=self.model.expected,
         )
 
     def _dive(self, label: _Label) -> None:
-        """Follow the least bound, depth first, to one plan that respects the step limit."""
+        """Follow the least bound, depth first, to one plan within the step limit."""
         limit = self.model.step_limit
         seen = {label.state.bits}
         stack = [label]
@@ -370,7 +372,7 @@ class _Search:
                 stack.append(child)
 
     def _adopt(self, plan: Plan | None) -> None:
-        """Take a known plan, such as a warm start, as the incumbent."""
+        """Adopt a known plan, such as a warm start, as the incumbent."""
         if plan is None or self._plan is not None:
             return
         label = _Label(self.model.initial, 0, 0, 0, None, -1)

@@ -1,7 +1,7 @@
 """Exhaustive search: enumerates and counts all feasible sequences up to the step limit.
 
-Moller et al., section 5.3: "determined through an exhaustive search". No sequence is pruned;
-a sequence ends where it reaches the goal.
+Moller et al., section 5.3: "determined through an exhaustive search". Sequences are not pruned and
+end at the goal.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ExhaustiveSolver(Solver):
     polls = True
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where a skill may have several outcomes."""
+        """Return the reason if a skill may have several outcomes, or None."""
         if not model.task.deterministic:
             return (
                 "exhaustive search counts sequences and needs skills with one outcome each; "
@@ -32,14 +32,14 @@ class ExhaustiveSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Count all complete sequences and keep the cheapest; of equals, the shortest."""
+        """Count all complete sequences and keep the cheapest, the shortest among equals."""
         best: Plan | None = None
         best_key = (float("inf"), 0)
         cheapest: dict[int, float] = {}
         worst: dict[int, float] = {}
         complete: Counter[int] = Counter()
         visited = 1
-        # One frame for each skill of the present sequence: its successors, and which is next.
+        # One frame for each skill of the current sequence: successors and index of the next.
         frames: list[tuple[tuple[Transition, ...], float]] = []
         nexts: list[int] = []
         names: list[str] = []
@@ -90,7 +90,7 @@ class ExhaustiveSolver(Solver):
     def _open_bound(
         frames: list[tuple[tuple[Transition, ...], float]], nexts: list[int], best: float
     ) -> float:
-        """Return the least cost that a sequence not enumerated yet can have."""
+        """Return the least possible cost of a sequence not enumerated yet."""
         bound = best
         for (following, cost), index in zip(frames, nexts, strict=True):
             for step in following[index:]:

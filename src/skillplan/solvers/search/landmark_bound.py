@@ -1,10 +1,10 @@
 """Landmark heuristic: an admissible bound on the cost to go, from a task's symbols alone.
 
-A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and Sebastia,
-"Ordered landmarks in planning", 2004): the only achiever of a missing goal fact, and so on through
-its own preconditions. Each landmark costs at least what it costs after the cheapest of the skills
-that can directly precede it. No back end is queried: where costs are times that back ends tell,
-their lower bounds take the place of costs.
+A *landmark* is a skill that every plan from a state must contain (Hoffmann, Porteous and Sebastia,
+"Ordered landmarks in planning", 2004): the only achiever of a missing goal fact, and recursively
+the only achievers of its preconditions. Each landmark costs at least its cost after the cheapest
+possible direct predecessor. Back ends are not queried: lower bounds replace costs that they
+compute.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-# Costs are added as integers of this unit, so that sums do not depend on their order.
+# Costs are added as integers of this unit, independent of the order of summation.
 COST_UNIT = 1e-15
 
 
@@ -38,9 +38,9 @@ class _Outlook:
     Parameters
     ----------
     landmarks
-        Skill indices, each with its least cost after another skill [units].
+        Indices of skills, each with its least cost after another skill [units].
     total
-        The sum of those costs [units].
+        Sum of those costs [units].
     """
 
     landmarks: dict[int, int]
@@ -53,16 +53,16 @@ class LandmarkBound:
     Parameters
     ----------
     task
-        A task whose skills are deterministic.
+        A task with deterministic skills.
     least
-        Bounds the cost of a skill where the bits of some facts are known true and false; None for
-        the costs of the task.
+        Bounds the cost of a skill for bits of facts known true and false; None for the task's
+        costs.
     """
 
-    def __init__(self, task: Task, least: Callable[[Skill, int, int], float] | None = None) -> None:
+    def __init__(self, task: Task, cost: Callable[[Skill, int, int], float] | None = None) -> None:
         self._task = task
-        self._bounded = least is not None
-        self._least = _own_least if least is None else least
+        self._bounded = cost is not None
+        self._least = _own_least if cost is None else cost
         self._all_bits = task.facts.all_bits
         self._requires = [skill.precondition.requires.bits for skill in task.skills]
         self._forbids = [skill.precondition.forbids.bits for skill in task.skills]
@@ -81,7 +81,7 @@ class LandmarkBound:
     def __call__(self, state: State) -> tuple[int, int]:
         """Return lower bounds on the cost [units] and the number of skills to go from `state`.
 
-        The cost is -1 where the goal is out of reach.
+        The cost is -1 if the goal is out of reach.
         """
         key = state.bits & self._relevant
         if key in self._outlooks:
@@ -101,7 +101,7 @@ class LandmarkBound:
         return (total, len(outlook.landmarks)) if total < _NEVER else (-1, 0)
 
     def from_here(self, state: State, skill: Skill) -> float:
-        """Return a lower bound on the cost of a skill from `state`: its cost, if that is known."""
+        """Return a lower bound on the cost of a skill in `state`: its cost, if known."""
         if self._bounded:
             return self._least(skill, state.bits, self._all_bits & ~state.bits)
         return skill.cost.at(state)
@@ -140,7 +140,7 @@ class LandmarkBound:
             waiting = still
 
     def _landmarks(self, bits: int, alive: set[int]) -> list[int]:
-        found: dict[int, None] = {}
+        landmarks: dict[int, None] = {}
         seen = bits
         todo = self._task.goal.requires.bits & ~bits
         while todo:
@@ -149,13 +149,13 @@ class LandmarkBound:
             seen |= fact
             makers = [i for i in self._makers.get(fact, ()) if i in alive]
             if len(makers) == 1:
-                found[makers[0]] = None
+                landmarks[makers[0]] = None
             needed = -1
             for i in makers:
                 needed &= self._requires[i]
             if makers:
                 todo |= needed & ~seen
-        return list(found)
+        return list(landmarks)
 
     def _exclusive_rivals(self) -> dict[int, int]:
         rivals: dict[int, int] = {}
@@ -176,10 +176,10 @@ class LandmarkBound:
         return true, false & ~true
 
     def _direct_predecessors(self) -> list[list[tuple[int, int]]]:
-        """For every skill, the skills that can directly precede it, cheapest first."""
+        """Possible direct predecessors of every skill, cheapest first."""
         after = []
         for skill, added in zip(self._task.skills, self._adds, strict=True):
-            # What holds afterwards, whatever the state before.
+            # Facts that hold afterwards in every state.
             delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
             may_delete = _union(outcome.delete for outcome in skill.effects)
             true = skill.precondition.requires.bits & ~may_delete | add
@@ -187,15 +187,15 @@ class LandmarkBound:
             after.append(self._known(true, false))
         predecessors: list[list[tuple[int, int]]] = []
         for k, skill in enumerate(self._task.skills):
-            found = []
+            listed = []
             needs_true, needs_false = self._known(self._requires[k], self._forbids[k])
             for j, (true, false) in enumerate(after):
                 if true & needs_false or false & needs_true:
                     continue
                 cost = self._least(skill, true | needs_true, false | needs_false)
                 if math.isfinite(cost):
-                    found.append((to_units(cost), j))
-            predecessors.append(sorted(found))
+                    listed.append((to_units(cost), j))
+            predecessors.append(sorted(listed))
         return predecessors
 
 
@@ -210,7 +210,7 @@ def _union(sets: Iterable[State]) -> int:
     return bits
 
 
-# Entries of the table of outlooks, at some 100 bytes each, before it is cleared.
+# Greatest number of entries of the table of landmarks, about 100 bytes each.
 _MOST_KEPT = 5_000_000
 # No skill can precede it: the cost from the present state replaces this, else a dead end.
 _NEVER = 1 << 80

@@ -1,11 +1,11 @@
-"""Iterated descent on orders whose strings may be reversed: exchanges of arcs, and kicks.
+"""Iterated descent on orders with reversible strings: exchanges of arcs, and kicks.
 
 Martin, Otto and Felten, "Large-step Markov chains for the traveling salesman problem" (1991): an
-order is changed at random in one place, descends by exchanges of two and three arcs, and is kept
-as in simulated annealing. The exchanges are those of Lin, "Computer solutions of the traveling
-salesman problem" (1965), with neighbour lists and a queue of nodes whose arcs have changed;
-precedence is checked as by Gambardella and Dorigo (2000). A kick swaps the first and the last of
-three strings in a row, or removes nodes and inserts them where they cost least.
+order is changed at random in one place, descends by exchanges of two and three arcs, and is
+accepted as in simulated annealing. The exchanges are by Lin, "Computer solutions of the traveling
+salesman problem" (1965), with neighbour lists and a queue of nodes with changed arcs; precedence
+is checked as by Gambardella and Dorigo (2000). A kick swaps the first and the last of three
+consecutive strings, or removes nodes and inserts them at the least cost.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from skillplan.solvers.kernels import compiled
 from skillplan.solvers.ordering.instance import NO_ARC, Booleans, Floats, Integers
 
 Randoms = NDArray[np.uint64]
-# Of an order: the positions of the nodes, and what `note_reversals` says of reversing strings.
+# Positions of the nodes, and the arrays that `note_reversals` writes.
 Notes = tuple[Integers, Floats, Integers]
 
 
@@ -42,24 +42,24 @@ def insert(
     random: Randoms,
     blink: float,
 ) -> float:
-    """Insert a node where it costs least, with random blinks at positions; return the cost."""
-    best, where, least, at = np.inf, -1, np.inf, -1
+    """Insert a node at the least cost, skipping positions at random; return the cost."""
+    best, where, lowest, at = np.inf, -1, np.inf, -1
     for position in range(size - 1, 0, -1):
-        # The node would stand before order[position].
+        # Place of the node: before order[position].
         here, there = order[position - 1], order[position]
         if before[there, node]:
             break
         if before[node, here]:
-            # It belongs further ahead than all positions seen so far.
-            best, where, least, at = np.inf, -1, np.inf, -1
+            # The node belongs before all positions so far.
+            best, where, lowest, at = np.inf, -1, np.inf, -1
             continue
         added = costs[here, node] + costs[node, there] - costs[here, there]
-        if added < least:
-            least, at = added, position
+        if added < lowest:
+            lowest, at = added, position
         if added < best and (blink <= 0.0 or draw(random) >= blink):
             best, where = added, position
     if where < 0:
-        best, where = least, at
+        best, where = lowest, at
     for position in range(size, where, -1):
         order[position] = order[position - 1]
     order[where] = node
@@ -129,17 +129,17 @@ def may_pass(
     return True
 
 
-# The exchanges of three arcs of an order A B C D, which become A C B D, A C -B D, A -C B D and
-# A -B -C D, where -B is B reversed. Ends of the strings are numbered along the order; of each
-# exchange which end is joined with which, and whether B and C are swapped, B and C reversed.
+# Exchanges of three arcs of an order A B C D: A C B D, A C -B D, A -C B D and A -B -C D, where -B
+# is B reversed. Ends of the strings are numbered along the order; each exchange lists the joined
+# ends, and flags for swapping B and C, reversing B and reversing C.
 _MATES = np.array([[3, 4, 5, 0, 1, 2], [3, 5, 4, 0, 2, 1], [4, 3, 5, 1, 0, 2], [2, 4, 0, 5, 1, 3]])
 _CHANGES = np.array([[1, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=np.bool_)
 
 
 def _kinds() -> Integers:
-    """Return, by an end, the one it is joined with, and the one that the latter's mate is.
+    """Return tables by end: its partner, and the partner of the partner's mate.
 
-    That is the exchange that does so, or -1; the mate of an end is the other one of its arc.
+    The last table has the exchange, or -1; the mate of an end is the other end of its arc.
     """
     kinds = np.full((6, 6, 6), -1)
     for kind, mates in enumerate(_MATES):
@@ -149,20 +149,19 @@ def _kinds() -> Integers:
 
 
 _KINDS = _kinds()
-# New arcs go to so many of the nearest nodes.
+# Number of nearest nodes for new arcs.
 _FIRST, _SECOND = 8, 6
-# A cost that falls by less is the same.
+# Least decrease that counts as an improvement.
 _ROUNDING = 1e-9
-# Share of the kicks that swap strings; their nodes, at most; and how often it is tried.
+# Share of kicks that swap strings, greatest length of strings, and number of attempts.
 _SWAPS, _WINDOW, _TRIES = 0.8, 50, 50
-# Strings that are removed together, at most; and the nodes of each.
+# Greatest number of strings removed together, and of their nodes.
 _STRINGS, _STRING = 3, 6
 _BLINK = 0.1
 
-# Of an order: it and the positions of its nodes; what reversing costs and up to where it may; and
-# room for a string.
+# Order, positions of its nodes, costs and limits of reversals, and room for a string.
 Order = tuple[Integers, Integers, Floats, Integers, Integers]
-# Nodes to look at, as a ring; whether each is among them; where the ring begins, and how many.
+# Queue of nodes as a ring, membership flags, begin of the ring, and length.
 Queue = tuple[Integers, Booleans, Integers]
 
 
@@ -178,7 +177,7 @@ def _wake(queue: Queue, node: int) -> None:
 
 @compiled
 def _wake_ends(queue: Queue, order: Integers, cut: int) -> None:
-    """Put both ends of the arc behind a position into the queue."""
+    """Put both ends of the arc after a position into the queue."""
     _wake(queue, order[cut])
     _wake(queue, order[cut + 1])
 
@@ -209,7 +208,7 @@ def _exchange(
 def _added(
     order: Integers, turning: Floats, costs: Floats, p: int, q: int, r: int, kind: int
 ) -> float:
-    """Return what the new arcs of an exchange cost, and reversing its strings."""
+    """Return the cost of the new arcs of an exchange, and of reversing its strings."""
     a, b, c, d, e, f = order[p], order[p + 1], order[q], order[q + 1], order[r], order[r + 1]
     first, second = turning[q] - turning[p + 1], turning[r] - turning[q + 1]
     if kind == 0:
@@ -255,15 +254,15 @@ def _improved(
     changed: Integers,
     node: int,
 ) -> int:
-    """Make the first exchange found that joins a node with a near one and is cheaper.
+    """Make the first improving exchange that joins a node with a near one.
 
-    Return how many arcs it exchanges, 0 where there is none; their ends are written to `changed`.
+    Return the number of exchanged arcs, 0 if there is no improvement; their ends are in `changed`.
     """
-    # Arrays stand apart and not in tuples, whose references numba counts, and there is one loop:
-    # with tuples it was four times as slow, and with a function for the third arc 1.6 times.
+    # Arrays are separate and not in tuples, whose references numba counts, and there is one loop:
+    # tuples made it four times as slow, a function for the third arc 1.6 times.
     n = len(order)
     for side in range(2):
-        # Of its two arcs the one behind it, and the one before it.
+        # First the arc after the node, then the arc before it.
         cut = rank[node] - side
         if not 0 <= cut < n - 1:
             continue
@@ -319,7 +318,7 @@ def _improved(
 def _descend(
     at: Order, costs: Floats, near: Integers, apart: Floats, follow: Integers, queue: Queue
 ) -> None:
-    """Make exchanges until no node in the queue has a cheaper one; the queue is empty then."""
+    """Make exchanges until no queued node has a cheaper one; the queue is empty then."""
     order, rank, turning, reach, room = at
     ring, waiting, ends = queue
     changed = np.empty(6, dtype=np.int64)
@@ -342,16 +341,16 @@ def _descend(
 
 @compiled
 def _swap_ends(at: Order, follow: Integers, queue: Queue, random: Randoms) -> bool:
-    """Swap the first and the last of three strings in a row, if precedence allows some such."""
+    """Swap the first and the last of three consecutive strings, if precedence allows."""
     order, rank, room = at[0], at[1], at[4]
     n = len(order)
     for _ in range(_TRIES):
         width = 4 + int(draw(random) * draw(random) * min(_WINDOW, n - 6))
         low = int(draw(random) * (n - 2 - width))
         high = low + width
-        one = low + 1 + int(draw(random) * (width - 2))
+        first = low + 1 + int(draw(random) * (width - 2))
         two = low + 1 + int(draw(random) * (width - 2))
-        a, b = min(one, two), max(one, two)
+        a, b = min(first, two), max(first, two)
         if (
             a == b
             or not may_pass(order, follow, rank, low + 1, b, high)
@@ -374,7 +373,7 @@ def _swap_ends(at: Order, follow: Integers, queue: Queue, random: Randoms) -> bo
 def _insert_anew(
     at: Order, costs: Floats, before: Booleans, near: Integers, queue: Queue, random: Randoms
 ) -> None:
-    """Remove strings about near nodes, and insert their nodes where they cost least."""
+    """Remove strings about near nodes, and insert their nodes at the least cost."""
     order, rank, gone = at[0], at[1], at[4]
     n = len(order)
     gone[:] = 0
@@ -407,7 +406,7 @@ def _insert_anew(
         size += 1
     rank[order] = np.arange(n)
     for i in range(n - 1):
-        # Arcs that are gone and have come are at nodes that were removed, or were beside them.
+        # Changed arcs are at removed nodes or at their neighbours.
         if gone[order[i]] or gone[order[i + 1]]:
             _wake_ends(queue, order, i)
 
@@ -425,31 +424,31 @@ def descend_again(
     last_temperature: float,
     random: Randoms,
 ) -> float:
-    """Kick the order `start` in place again and again; keep the best of all in `best`.
+    """Kick the order `start` in place repeatedly, and keep the best order in `best`.
 
     Parameters
     ----------
     start
-        The order, shape (n,), n >= 8; changed in place.
+        Order, shape (n,), n >= 8; changed in place.
     best
-        The best order so far, shape (n,); changed in place.
+        Best order, shape (n,); changed in place.
     costs, before
-        Those of an `OrderingInstance`.
+        See `OrderingInstance`.
     near
-        The nearest nodes of each, nearest first, shape (n, k).
+        Nearest nodes of each node, nearest first, shape (n, k).
     follow
-        Nodes right after each by precedence, filled up with -1, shape (n, f).
+        Direct successors of each node by precedence, padded with -1, shape (n, f).
     kicks
-        How often.
+        Number of kicks.
     temperature, last_temperature
-        Of the first and of the last kick, in the unit of costs, > 0.
+        Temperatures of the first and the last kick, in the unit of costs, > 0.
     random
         State of the generator, shape (1,); changed in place.
 
     Returns
     -------
     float
-        What the best order costs.
+        Cost of the best order.
     """
     n = len(start)
     order = start.copy()
@@ -462,9 +461,9 @@ def descend_again(
             apart[node, k] = min(costs[node, near[node, k]], costs[near[node, k], node])
     _descend(at, costs, near, apart, follow, queue)
     start[:] = order
-    now, least = cost_of(start, costs), cost_of(best, costs)
-    if now < least:
-        least = now
+    now, lowest = cost_of(start, costs), cost_of(best, costs)
+    if now < lowest:
+        lowest = now
         best[:] = start
     cooling = (last_temperature / temperature) ** (1.0 / max(1, kicks))
     for _ in range(kicks):
@@ -478,7 +477,7 @@ def descend_again(
         if cost < now - temperature * np.log(draw(random) + 1e-300):
             now = cost
             start[:] = order
-            if cost < least:
-                least = cost
+            if cost < lowest:
+                lowest = cost
                 best[:] = order
-    return least
+    return lowest

@@ -1,4 +1,4 @@
-"""Ruin and recreate by string removal (SISR), and strings that move as they are.
+"""Ruin and recreate by string removal (SISR), and moves of whole strings.
 
 SISR removes strings of an order and reinserts their nodes greedily: Christiaens and Vanden Berghe,
 "Slack induction by string removals for vehicle routing problems" (2020), for one path. Worse orders
@@ -28,7 +28,7 @@ from skillplan.solvers.ordering.local_search.iterated_descent import (
     write_string,
 )
 
-# Strings are no longer than this; so many nodes are removed at a time on average.
+# Greatest length of strings, and average number of removed nodes.
 _LONGEST, _REMOVED = 10.0, 10.0
 _BLINK = 0.01
 
@@ -54,7 +54,7 @@ def _move_string(
     first: int,
     length: int,
 ) -> float:
-    """Move a string to the cheapest other position; write the order to `trial`, return its cost."""
+    """Move a string to its cheapest other position in `trial`; return the cost."""
     n = len(start)
     last = first + length - 1
     head, tail = start[first], start[last]
@@ -64,12 +64,12 @@ def _move_string(
     for step in (-1, 1):
         position = first - 1 if step < 0 else last + 1
         while 0 < position < n - 1:
-            # The string would stand right beyond this node.
+            # Place of the string: right after this node.
             passed, beyond = start[position], start[position + step]
-            one, other = (beyond, passed) if step < 0 else (passed, beyond)
+            begin, other = (beyond, passed) if step < 0 else (passed, beyond)
             if _barred(start, before, first, last, passed, step):
                 break
-            added = costs[one, head] + costs[tail, other] - costs[one, other]
+            added = costs[begin, head] + costs[tail, other] - costs[begin, other]
             if added < best:
                 best, where = added, position
             position += step
@@ -93,7 +93,7 @@ def _remove_strings(
     gone: Booleans,
     random: Randoms,
 ) -> int:
-    """Mark strings about near nodes as gone, list their nodes and return how many there are."""
+    """Mark strings about near nodes as removed, list their nodes and return the number."""
     n = len(start)
     longest = min(_LONGEST, n - 2)
     many = int(draw(random) * (4.0 * _REMOVED / (1.0 + longest) - 1.0) + 1.0)
@@ -128,7 +128,7 @@ def _recreate(
     rank: Integers,
     random: Randoms,
 ) -> float:
-    """Write the order with some strings removed and inserted anew to `trial`; return its cost."""
+    """Write the order with removed strings reinserted to `trial`; return its cost."""
     n = len(start)
     removed, keys = np.empty_like(start), np.empty(n)
     gone = np.zeros(n, dtype=np.bool_)
@@ -163,31 +163,31 @@ def improve(
     moves: float,
     random: Randoms,
 ) -> float:
-    """Improve the order `start` in place, keep the best of all in `best`, return its cost.
+    """Improve the order `start` in place, keep the best order in `best`, and return its cost.
 
     Parameters
     ----------
     start
-        The order, shape (n,); changed in place.
+        Order, shape (n,); changed in place.
     best
-        The best order so far, shape (n,); changed in place.
+        Best order, shape (n,); changed in place.
     costs, before
-        Those of an `OrderingInstance`.
+        See `OrderingInstance`.
     near
-        The nearest nodes of each, shape (n, k).
+        Nearest nodes of each node, shape (n, k).
     iterations
-        Moves to make.
+        Number of moves.
     temperature, last_temperature
-        Of the first and of the last move, in the unit of costs, > 0.
+        Temperatures of the first and the last move, in the unit of costs, > 0.
     moves
-        Share of moves that move a string as it is, in [0, 1]; the others recreate strings.
+        Share of moves of whole strings, in [0, 1]; the others recreate strings.
     random
         State of the generator, shape (1,); changed in place.
     """
     n = len(start)
-    now, least = cost_of(start, costs), cost_of(best, costs)
+    now, lowest = cost_of(start, costs), cost_of(best, costs)
     if n < 4:
-        return least
+        return lowest
     rank, trial = np.argsort(start), np.empty_like(start)
     cooling = (last_temperature / temperature) ** (1.0 / max(1, iterations))
     inner = n - 2
@@ -205,21 +205,21 @@ def improve(
             start[:] = trial
             for i in range(n):
                 rank[trial[i]] = i
-            if cost < least:
-                least = cost
+            if cost < lowest:
+                lowest = cost
                 best[:] = trial
-    return least
+    return lowest
 
 
 _NEAR = 40
-# Of the runs in turn: the initial temperature as a share of the cost per node, and the share of
-# moves that shift a string as it is; and the factor by which the temperature falls.
+# Schedules of successive runs: initial temperature as a share of the cost per node, share of moves
+# of whole strings, and factor of the temperature.
 _SCHEDULES = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
 _COOLING = 300.0
-# Where reversing strings pays, orders are kicked and descend again: costs of the two directions
-# differ by at most this share of them, and of all pairs of nodes at most this share is in a
-# precedence. A run begins so many times as hot then, the factor is smaller, and a kick counts as so
-# many moves. Several runs of so many moves find better orders than one that is longer.
+# Orders are kicked if reversing strings is cheap: greatest relative difference of costs in both
+# directions, and greatest share of ordered pairs. Such runs begin hotter by this factor, cool with
+# another factor, and a kick counts as several moves. Several runs of this length are better than
+# one longer run.
 _SKEW, _ORDERED = 0.2, 0.25
 _KICK_HEAT, _KICK_COOLING, _KICK_MOVES = 2.0, 20.0, 8
 _LONGEST_RUN = 1_000_000
@@ -229,7 +229,7 @@ _PORTION = 10_000_000
 
 
 def cheapest_first(instance: OrderingInstance) -> Integers:
-    """Return a greedy order: the cheapest node next whose predecessors have all been visited."""
+    """Return a greedy order: always the cheapest node whose predecessors are visited."""
     n = instance.n
     lacking = instance.before.sum(axis=0) - instance.before[0]
     order, done = [0], np.zeros(n, dtype=np.bool_)
@@ -244,14 +244,14 @@ def cheapest_first(instance: OrderingInstance) -> Integers:
 
 
 def nearest(instance: OrderingInstance) -> Integers:
-    """Return the nearest nodes of each, in either direction."""
+    """Return the nearest nodes of each node, in either direction."""
     both = np.minimum(instance.costs, instance.costs.T)
     near = np.argsort(both, axis=1, kind="stable")[:, : min(_NEAR, instance.n - 1)]
     return np.ascontiguousarray(near)
 
 
 def followers(instance: OrderingInstance) -> Integers:
-    """Return the inner nodes that come right after each by precedence, filled up with -1."""
+    """Return the direct successors of inner nodes by precedence, padded with -1."""
     inner = instance.before.copy()
     inner[0] = inner[:, -1] = False
     count = inner.astype(np.float32)
@@ -278,12 +278,12 @@ class Annealing:
     instance
         The ordering.
     seed
-        Governs all randomness.
+        Random seed.
 
     Attributes
     ----------
     kicked
-        True if orders are kicked and descend again, as strings may be reversed.
+        True if orders are kicked, because strings may be reversed.
     """
 
     def __init__(self, instance: OrderingInstance, seed: int) -> None:
@@ -298,16 +298,16 @@ class Annealing:
         self._turn = 0
 
     def portions(self, order: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
-        """Improve an order by runs; yield the best so far and the moves of each portion.
+        """Improve an order by runs; yield the best order and the moves of each portion.
 
         Parameters
         ----------
         order
-            Where to begin.
+            Initial order.
         cost
-            What it costs; inf for an order that takes arcs that no order takes.
+            Cost of the order; inf if it takes forbidden arcs.
         moves
-            How many in all; each kick counts as several.
+            Total number of moves; each kick counts as several.
         """
         best = order.copy()
         runs = max(1, moves // _LONGEST_RUN) if self.kicked else 1

@@ -1,10 +1,9 @@
 """Branch and cut: branch and bound on arcs, with precedence cuts in every subproblem.
 
-A subproblem is the orders that avoid some arcs. It is branched on an arc: in one child the arc is
-forbidden; in the other it is fixed, so that no other arc leaves its tail or reaches its head. The
-arc is chosen by reliability branching (Achterberg, Koch and Martin, "Branching rules revisited",
-2005): by pseudocosts, the gains of earlier branchings on it, and by strong branching before these
-are reliable.
+A subproblem contains the orders that avoid some arcs. It is branched on an arc: one child forbids
+the arc, the other fixes it, so no other arc leaves its tail or enters its head. Reliability
+branching chooses the arc (Achterberg, Koch and Martin, "Branching rules revisited", 2005): by
+pseudocosts, the gains of earlier branchings, and by strong branching before these are reliable.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _ROUNDS = 6
 
 @dataclass(order=True)
 class Subproblem:
-    """The orders that take some arcs only, and a bound on them; `packed` holds the arcs."""
+    """Orders over a subset of the arcs with a bound; `packed` holds the arcs."""
 
     bound: float
     number: int
@@ -36,11 +35,11 @@ class Subproblem:
 
     @classmethod
     def of(cls, bound: float, number: int, arcs: Booleans, depth: int) -> Subproblem:
-        """Return a subproblem; its arcs are packed, as many subproblems wait in the queue."""
+        """Return a subproblem with packed arcs, as many subproblems wait in the queue."""
         return cls(bound, number, np.packbits(arcs), depth)
 
     def arcs(self, n: int) -> Booleans:
-        """Return the arcs that its orders may take, shape (n, n)."""
+        """Return the allowed arcs, shape (n, n)."""
         return np.unpackbits(self.packed, count=n * n).reshape(n, n).astype(np.bool_)
 
 
@@ -50,15 +49,15 @@ class BranchAndCut:
     Parameters
     ----------
     relaxation
-        The root relaxation, tightened by cuts already.
+        The root relaxation with cuts.
     cost
-        Of the best order known; inf where there is none.
+        Cost of the best known order, or inf.
     stop
-        True if to stop now.
+        Returns True to stop.
     on_order
         Called with every better order.
     on_bound
-        Called with the bound and the number of subproblems solved.
+        Called with the bound and the number of solved subproblems.
     """
 
     def __init__(
@@ -77,48 +76,48 @@ class BranchAndCut:
         self.on_bound = on_bound
         self.subproblems = 0
         n = self.instance.n
-        # Pseudocosts: the gains of forbidding (0) or fixing (1) an arc, and how many there were.
+        # Pseudocosts: gains of forbidding (0) or fixing (1) an arc, and their number.
         self._gains = np.zeros((2, n, n))
         self._trials = np.zeros((2, n, n))
         self._heap: list[Subproblem] = []
         self._made = 1
         self._open: Subproblem | None = Subproblem.of(-np.inf, 0, relaxation.arcs, 0)
         self.root: Duals | None = None
-        # The least bound of the subproblems that others explore at the moment.
+        # Least bound of the subproblems of other processes.
         self.elsewhere = np.inf
 
     @property
     def cutoff(self) -> float:
-        """The bound from which on a subproblem holds nothing better."""
+        """Bound at which a subproblem cannot contain a better order."""
         return self.instance.cutoff(self.cost)
 
     @property
     def done(self) -> bool:
-        """True if no subproblem is left here."""
+        """True if no subproblem is left in this process."""
         return self._open is None and not self._heap
 
     @property
     def open(self) -> int:
-        """How many subproblems are left here."""
+        """Number of subproblems left in this process."""
         return len(self._heap) + (self._open is not None)
 
     @property
     def pseudocosts(self) -> tuple[Floats, Floats]:
-        """Sums of gains and how many there were, by branch and arc, shape (2, n, n) each."""
+        """Sums of gains and their numbers, by branch and arc, shape (2, n, n) each."""
         return self._gains, self._trials
 
     def learn(self, gains: Floats, trials: Floats) -> None:
-        """Go on from pseudocosts of another tree."""
+        """Continue with pseudocosts of another tree."""
         self._gains, self._trials = gains.copy(), trials.copy()
 
     def give_all(self) -> list[Subproblem]:
-        """Return all subproblems that are left, the least bound first, and keep none of them."""
+        """Return and remove all subproblems, the least bound first."""
         left = sorted([*self._heap, *([] if self._open is None else [self._open])])
         self._heap, self._open = [], None
         return [subproblem for subproblem in left if subproblem.bound < self.cutoff]
 
     def deal(self, others: int) -> list[list[Subproblem]]:
-        """Return about equal shares of the subproblems for so many others, and keep one."""
+        """Return about equal shares of the subproblems for other processes, and keep one share."""
         going_on, self._open = self._open, None
         left = self.give_all()
         self._open = going_on
@@ -126,14 +125,14 @@ class BranchAndCut:
         return [left[i :: others + 1] for i in range(1, others + 1)]
 
     def take(self, subproblems: Iterable[Subproblem]) -> None:
-        """Add subproblems, in an order that decides between equal bounds."""
+        """Add subproblems; their order breaks ties of bounds."""
         for subproblem in subproblems:
             self._made += 1
             heapq.heappush(self._heap, replace(subproblem, number=self._made))
 
     @property
     def bound(self) -> float:
-        """No order costs less."""
+        """Lower bound on all orders."""
         lows = [
             subproblem.bound
             for subproblem in (self._open, *self._heap[:1])
@@ -142,7 +141,7 @@ class BranchAndCut:
         return min([self.cost, self.elsewhere, *lows])
 
     def run(self, work: int) -> None:
-        """Search until it is done, was stopped, or so much more work has been done."""
+        """Search until the tree is done, the search is stopped, or the work is used up."""
         most = self.relaxation.work + work
         while not self.done and self.relaxation.work < most and not self.stop():
             if self._open is None:
@@ -195,7 +194,7 @@ class BranchAndCut:
         return self._branch(subproblem, arcs, relaxation.values(), duals)
 
     def _order(self, values: Floats) -> Integers | None:
-        """Return the order of the arcs taken, or None where they are not one."""
+        """Return the order of the chosen arcs, or None if they do not form one."""
         taken = values > 0.999
         relaxation = self.relaxation
         if taken.sum() != self.instance.n - 1:
@@ -256,9 +255,9 @@ class BranchAndCut:
     def _branch_integral(
         self, subproblem: Subproblem, arcs: Booleans, values: Floats
     ) -> Subproblem | None:
-        """Branch a subproblem of integral arcs in which no cut was found.
+        """Branch a subproblem of integral arcs without violated cut.
 
-        Where the arcs are an order, it is the cheapest of the subproblem but for rounding.
+        If the arcs form an order, it is the cheapest of the subproblem except for rounding.
         """
         if self.stop():
             return subproblem
@@ -275,7 +274,7 @@ class BranchAndCut:
         return self._push_children(subproblem, arcs, i, j, [subproblem.bound, subproblem.bound])
 
     def _keep_only(self, arcs: Booleans) -> None:
-        """Keep the order of a subproblem where every node has one arc out at most, if feasible."""
+        """Keep the order of a subproblem with at most one arc out of every node, if feasible."""
         order = [0]
         while len(order) < self.instance.n and arcs[order[-1]].any():
             order.append(int(np.argmax(arcs[order[-1]])))
@@ -286,7 +285,7 @@ class BranchAndCut:
     def _push_children(
         self, subproblem: Subproblem, arcs: Booleans, i: int, j: int, bounds: list[float]
     ) -> Subproblem | None:
-        """Create the children of a branching; return the one to process next, queue the other."""
+        """Create the children of a branching; return the next one and queue the other."""
         children = []
         for branch in (0, 1):
             if bounds[branch] < self.cutoff:
@@ -297,7 +296,7 @@ class BranchAndCut:
                 )
         if not children:
             return None
-        # Depth first into the child with the arc fixed.
+        # Depth first into the child with the fixed arc.
         following = children.pop()
         for other in children:
             heapq.heappush(self._heap, other)
@@ -317,8 +316,8 @@ class BranchAndCut:
         ]
         down = np.where(trials[0] > 0, gains[0] / np.maximum(trials[0], 1), mean[0]) * fraction
         up = np.where(trials[1] > 0, gains[1] / np.maximum(trials[1], 1), mean[1]) * (1 - fraction)
-        least = 1e-6
-        score: Floats = np.maximum(down, least) * np.maximum(up, least)
+        lowest = 1e-6
+        score: Floats = np.maximum(down, lowest) * np.maximum(up, lowest)
         return score
 
 
@@ -336,18 +335,18 @@ def _child_arcs(arcs: Booleans, i: int, j: int, branch: int) -> Booleans:
 
 @dataclass(frozen=True)
 class Seedling:
-    """What another process needs to explore subtrees: what this one knows of the root.
+    """Data of the root node for the trees of other processes.
 
     Parameters
     ----------
     arcs
-        The arcs that a better order may take, shape (n, n).
+        Arcs that a better order may take, shape (n, n).
     leave, reach
-        The cuts, shape (cuts, n) each.
+        Cuts, shape (cuts, n) each.
     start
-        An order whose arcs are among the first columns, or None.
+        Order whose arcs are initial columns, or None.
     gains, trials
-        Pseudocosts so far, shape (2, n, n) each.
+        Pseudocosts, shape (2, n, n) each.
     """
 
     arcs: Booleans
@@ -359,7 +358,7 @@ class Seedling:
 
     @classmethod
     def of(cls, tree: BranchAndCut, start: Integers | None) -> Seedling:
-        """Return what is known of a tree; `start` is the best order, or None."""
+        """Return the data of a tree; `start` is the best order, or None."""
         relaxation = tree.relaxation
         cuts = relaxation.leave, relaxation.reach
         return cls(relaxation.arcs, *cuts, start, *tree.pseudocosts)
@@ -367,7 +366,7 @@ class Seedling:
     def grown(
         self, instance: OrderingInstance, cost: float, on_order: Callable[[Integers], None]
     ) -> BranchAndCut:
-        """Return a tree without any subproblem; `cost` is that of the best order known."""
+        """Return a tree without subproblems; `cost` is that of the best known order."""
         relaxation = CutRelaxation(instance, self.arcs, self.start)
         relaxation.add_cuts(self.leave, self.reach)
         tree = BranchAndCut(relaxation, cost, lambda: False, on_order, lambda bound, parts: None)
@@ -384,16 +383,16 @@ def tighten(
     *,
     enough: float = 1e-4,
 ) -> Duals:
-    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` returns true.
+    """Add cuts until they gain nothing, the bound reaches the cutoff or `stop` returns True.
 
     Parameters
     ----------
     relaxation
-        Cuts are added to it, and arcs fixed, in place.
+        Relaxation, whose cuts and fixed arcs are changed in place.
     cutoff
-        Orders that cost as much are not of interest.
+        Cost at which orders are not of interest.
     stop
-        True if to stop now.
+        Returns True to stop.
     on_bound
         Called with every better bound.
     enough

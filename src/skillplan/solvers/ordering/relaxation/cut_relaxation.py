@@ -1,10 +1,10 @@
 """Lower bounds by a linear relaxation with precedence cuts, and reduced-cost fixing of arcs.
 
 The assignment relaxation: every node but the last is left once, every node but the first is
-reached once; and cuts, which include subtour elimination (see `precedence_cuts`), and least numbers
-of set-ups (see `set_up_cuts`), which stay. Solved by column
-generation with the dual simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from
-its dual values, so that they hold whatever the errors of these.
+entered once. Cuts include subtour elimination (see `precedence_cuts`), and least numbers of
+set-ups (see `set_up_cuts`), which stay. The program is solved by column generation with the dual
+simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from dual values and hold
+whatever their errors.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, sepa
 def assignment_program(n: int, sums: Floats | None = None) -> highspy.Highs:
     """Return a program without columns.
 
-    Rows 0 to n - 2 leave a node, the next n - 1 reach one, and the others are sums that are no less
-    than some numbers.
+    Rows 0 to n - 2 leave a node, the next n - 1 enter one, and the others are sums with lower
+    bounds.
     """
     highs = highspy.Highs()
     for key, value in (
@@ -57,16 +57,15 @@ def assignment_program(n: int, sums: Floats | None = None) -> highspy.Highs:
 
 @dataclass
 class PairPrices:
-    """Reduced costs that an order adds to a bound for the sequence of two nodes, or of three.
+    """Reduced costs of an order for the sequence of two or three nodes.
 
     Parameters
     ----------
     pairs, pair_prices
-        Pairs whose price is paid if the first comes before the second, shape (p, 2), (p,).
+        Price if the first node comes before the second, shape (p, 2), (p,).
     triples, triple_prices
-        Nodes j, k and i, shape (t, 3), (t,). The price is paid if they come in the sequence j, i,
-        k or k, j, i, unless j comes right before i, and in the sequence i, k, j; other nodes
-        may come between.
+        Nodes j, k and i, shape (t, 3), (t,). The price applies to the sequences j, i, k and k, j, i
+        unless j comes right before i, and to the sequence i, k, j; other nodes may come between.
     """
 
     pairs: Integers
@@ -75,7 +74,7 @@ class PairPrices:
     triple_prices: Floats
 
     def mirrored(self, n: int) -> PairPrices:
-        """Return the prices of orders read backwards, nodes named n - 1 - i for i."""
+        """Return the prices of reversed orders, with node n - 1 - i for i."""
         return PairPrices(
             n - 1 - self.pairs[:, ::-1],
             self.pair_prices,
@@ -97,12 +96,13 @@ class Duals:
     Parameters
     ----------
     bound
-        No order costs less.
+        Lower bound on all orders.
     reduced
         Every order costs at least `bound` plus the reduced costs of its arcs, shape (n, n), >= 0;
-        inf where no order takes an arc.
+        inf
+        for forbidden arcs.
     prices
-        Reduced costs of pairs and triples on top of both.
+        Additional reduced costs of pairs and triples.
     """
 
     bound: float
@@ -110,7 +110,7 @@ class Duals:
     prices: PairPrices = field(default_factory=_no_prices)
 
     def mirrored(self) -> Duals:
-        """Return the same of orders read backwards, nodes named n - 1 - i for i."""
+        """Return the duals of reversed orders, with node n - 1 - i for i."""
         return Duals(
             self.bound,
             np.ascontiguousarray(self.reduced[::-1, ::-1].T),
@@ -118,24 +118,25 @@ class Duals:
         )
 
     def without(self, cutoff: float) -> Duals:
-        """Reduced-cost fixing: return the same with inf for arcs of no order below a cutoff."""
+        """Return duals with inf for arcs of no order below a cutoff (reduced-cost fixing)."""
         reduced = self.reduced.copy()
         reduced[self.bound + reduced >= cutoff] = np.inf
         return Duals(self.bound, reduced, self.prices)
 
 
 class Charges(NamedTuple):
-    """Reduced costs that a label is charged for its next node beside the arc's, by its set.
+    """Reduced costs of a label for its next node besides the arc's, by its set.
 
     They are those of pairs and triples; see `charges_of`.
 
     Parameters
     ----------
     first
-        Where the charges of a node begin, shape (n + 1,).
+        First charge of each node, shape (n + 1,).
     has, lacks, after
-        A charge applies where the node `has` is visited, the node `lacks` is not (-1 for none),
-        and the label does not end at `after` (-1 for none), shape (c,) each.
+        A charge applies if node `has` is visited, node `lacks` is not (-1 for none), and the label
+        does
+        not end at `after` (-1 for none), shape (c,) each.
     amounts
         Shape (c,), > 0.
     """
@@ -151,14 +152,17 @@ def charges_of(duals: Duals) -> Charges:
     """Return the charges of labels from the start.
 
     The reduced cost of an order is at least the charges of its first part from the start plus those
-    of the rest from the end, in the mirrored instance: a pair is charged where both nodes lie in
-    one part, a triple with its middle node. That holds for two parts without a common node; a node
-    that ends the one and begins the other would be charged twice.
+    of
+    the rest from the end, in the mirrored instance: a pair is charged if both nodes are in one
+    part, a
+    triple with its middle node. That holds for two parts without a common node; a common node would
+    be
+    charged twice.
     """
     prices = duals.prices
     first, second = prices.pairs.T
     j, k, i = prices.triples.T
-    # The sequence k, j, i is always charged here where j cannot come right before i; else in the
+    # The sequence k, j, i is always charged here if j cannot come right before i; else in the
     # mirrored instance.
     apart = ~np.isfinite(duals.reduced[j, i])
     none = np.full_like
@@ -174,7 +178,7 @@ def charges_of(duals: Duals) -> Charges:
 
 
 def repaired(bound: float, reduced: Floats) -> Duals:
-    """Return valid duals from any: negative reduced costs are subtracted from the bound."""
+    """Return valid duals: negative reduced costs are subtracted from the bound."""
     finite = reduced[:-1, 1:]
     rows = np.minimum(finite.min(axis=1), 0.0)
     rows[~np.isfinite(rows)] = 0.0
@@ -188,16 +192,16 @@ _SETTLED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kInfeasi
 
 
 class CutRelaxation:
-    """The relaxation of an instance, tightened round by round.
+    """The relaxation of an instance, tightened in rounds.
 
     Parameters
     ----------
     instance
         The ordering.
     arcs
-        The arcs that a better order may take, shape (n, n).
+        Arcs that a better order may take, shape (n, n).
     start
-        An order whose arcs are among the first columns.
+        Order whose arcs are initial columns.
     """
 
     def __init__(
@@ -212,7 +216,7 @@ class CutRelaxation:
         self.reach = np.zeros((0, instance.n), dtype=np.bool_)
         self._slack = np.zeros(0, dtype=np.int64)
         self.solves = 0
-        # Simplex steps and the cost of a start, times the size: proportional to the time.
+        # Simplex steps and starts times the size, which is proportional to the time.
         self.work = 0
         self.tails = np.zeros(0, dtype=np.int64)
         self.heads = np.zeros(0, dtype=np.int64)
@@ -221,8 +225,8 @@ class CutRelaxation:
         self.set_ups = set_up_cuts(instance)
         self._set_ups = np.array([cut.arcs for cut in self.set_ups], dtype=np.bool_)
         self._set_ups = self._set_ups.reshape(-1, *self.arcs.shape)
-        self._least = np.array([cut.least for cut in self.set_ups], dtype=np.float64)
-        # Rows before the cuts.
+        self._least = np.array([cut.number for cut in self.set_ups], dtype=np.float64)
+        # Number of rows before the cuts.
         self._fixed = 2 * (instance.n - 1) + len(self.set_ups)
         self._highs = assignment_program(instance.n, self._least)
         self._add(self._first_arcs(start))
@@ -277,10 +281,9 @@ class CutRelaxation:
         self.heads = np.concatenate((self.heads, heads))
 
     def solve(self) -> bool:
-        """Solve over the present columns; return false where they are proved infeasible.
+        """Solve over the present columns; return False if they are proved infeasible.
 
-        Where the solver fails, it starts from scratch once; after that the bound of its dual
-        values is used.
+        If the solver fails, it starts from scratch once; then the bound of its dual values is used.
         """
         self._run()
         if self._highs.getModelStatus() not in _SETTLED:
@@ -289,7 +292,7 @@ class CutRelaxation:
         return bool(self._highs.getModelStatus() != highspy.HighsModelStatus.kInfeasible)
 
     def settle(self, arcs: Booleans, stop: Callable[[], bool]) -> bool:
-        """Solve over some arcs by column generation; return whether an order of them may exist."""
+        """Solve over some arcs by column generation; return True if they may contain an order."""
         while not self.solve():
             if not self.complete(arcs):
                 return False
@@ -332,19 +335,19 @@ class CutRelaxation:
         return float(bound), reduced
 
     def price(self, arcs: Booleans | None = None) -> int:
-        """Price arcs, all or some, and add those of negative reduced cost; return how many."""
+        """Price arcs and add columns of negative reduced cost; return their number."""
         arcs = self.arcs if arcs is None else arcs
         _, reduced = self._priced(arcs & (self._column < 0))
-        wanted = reduced < -1e-7 / self.scale
-        many = int(wanted.sum())
+        is_priced = reduced < -1e-7 / self.scale
+        many = int(is_priced.sum())
         most = 4 * self.instance.n
         if many > most:
-            wanted &= reduced <= np.partition(reduced[wanted], most)[most]
-        self._add(wanted)
+            is_priced &= reduced <= np.partition(reduced[is_priced], most)[most]
+        self._add(is_priced)
         return many
 
     def cut(self, most: int, violation: float = 0.05, look: int = 2000) -> int:
-        """Separate violated cuts and add them; return how many."""
+        """Separate violated cuts and add them; return their number."""
         values = self.values()
         taken = values > 1e-7
         tails, heads, values = self.tails[taken], self.heads[taken], values[taken]
@@ -357,12 +360,12 @@ class CutRelaxation:
         return self.add_cuts(leave[fresh], reach[fresh])
 
     def add_cuts(self, leave: Booleans, reach: Booleans) -> int:
-        """Add cuts: at least one arc goes from `leave` to `reach`; return how many.
+        """Add cuts: at least one arc goes from `leave` to `reach`; return their number.
 
         Parameters
         ----------
         leave, reach
-            The nodes of every cut, shape (cuts, n) each.
+            Nodes of every cut, shape (cuts, n) each.
         """
         if not len(leave):
             return 0
@@ -386,7 +389,7 @@ class CutRelaxation:
         return many
 
     def _window(self, look: int) -> Integers:
-        """Return pairs to separate for: those with the first and the last node, and some others."""
+        """Return pairs to separate for: pairs with the first or the last node, and some others."""
         core, rest = self._pairs
         if not len(rest):
             return core
@@ -395,7 +398,7 @@ class CutRelaxation:
         return np.concatenate((core, rest[chosen]))
 
     def drop(self) -> int:
-        """Drop cuts that have been slack for some rounds; return how many."""
+        """Drop cuts that were slack for some rounds; return their number."""
         duals = np.asarray(self._highs.getSolution().row_dual)[self._fixed :]
         self._slack = np.where(duals > 1e-9, 0, self._slack + 1)
         gone = self._slack >= _SLACK_ROUNDS
@@ -430,12 +433,12 @@ class CutRelaxation:
     def trial(
         self, arcs: Booleans, back: Booleans, basis: highspy.HighsBasis, duals: Duals
     ) -> float:
-        """Return the bound of a few simplex steps with some arcs only (strong branching)."""
+        """Return the bound after a few simplex steps with some arcs only (strong branching)."""
         self.restrict(arcs)
         self._highs.setOptionValue("simplex_iteration_limit", 15)
         self._run()
         if self._highs.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
-            # Arcs that are no columns yet may still make an order.
+            # Arcs without columns may still form an order.
             bound = duals.bound if (arcs & (self._column < 0)).any() else np.inf
         else:
             bound = self.duals(arcs).bound
@@ -445,18 +448,18 @@ class CutRelaxation:
         return max(bound, duals.bound)
 
     def complete(self, arcs: Booleans) -> int:
-        """Add some arcs as columns, whatever they cost; return how many are new."""
+        """Add arcs as columns at any cost; return the number of new ones."""
         many = int((arcs & (self._column < 0)).sum())
         self._add(arcs)
         return many
 
     def fix(self, duals: Duals, cutoff: float) -> int:
-        """Reduced-cost fixing: forbid arcs of no order below the cutoff; return how many."""
+        """Forbid arcs that no order below the cutoff takes; return their number."""
         gone = self.arcs & (duals.bound + duals.reduced >= cutoff)
         return self.forbid(gone)
 
     def forbid(self, gone: Booleans) -> int:
-        """Forbid arcs; return how many were allowed before."""
+        """Forbid arcs; return the number of those allowed before."""
         gone = gone & self.arcs
         self.arcs = self.arcs & ~gone
         columns = self._column[gone & (self._column >= 0)]

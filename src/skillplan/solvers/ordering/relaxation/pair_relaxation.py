@@ -1,10 +1,9 @@
 """An extended formulation: a linear relaxation with a precedence variable for every open pair.
 
-Stronger than `cut_relaxation` where precedence is dense, and costlier: there is a variable for
-every arc, and one for every pair of nodes that may come in either order. Cuts by maximum flow hold
-between any two nodes then, as far as one comes before the other (after Gouveia and Pesneau, "On
-extended formulations for the precedence constrained asymmetric traveling salesman problem",
-2006).
+It is stronger than `cut_relaxation` for dense precedence, and costlier: it has a variable for every
+arc, and one for every pair of nodes that may come in either order. Cuts by maximum flow then hold
+between any two nodes, weighted by their precedence variable (after Gouveia and Pesneau, "On
+extended formulations for the precedence constrained asymmetric traveling salesman problem", 2006).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from skillplan.solvers.ordering.relaxation.cut_relaxation import (
 )
 from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, separate_between
 
-# Rows that were slack so many times are dropped, some at a time.
+# Rounds of slack after which rows are dropped, some at a time.
 _SLACK_ROUNDS = 2
 _FEW = 50
 # Steps of the simplex method between two polls of `stop`.
@@ -37,13 +36,13 @@ _STEPS = 2000
 class _Rows:
     """Cuts: row, column and value of their entries, shape (entries,); right-hand sides, by row.
 
-    A transitivity cut names its nodes in `triple`, shape (rows, 3), which is -1 for others.
+    A transitivity cut has its nodes in `triple`, shape (rows, 3), which is -1 for other cuts.
     """
 
     row: Integers
     column: Integers
     value: Floats
-    least: Floats
+    bounds: Floats
     triple: Integers
 
     def kept(self, keep: Booleans) -> _Rows:
@@ -54,17 +53,17 @@ class _Rows:
             number[self.row[stays]],
             self.column[stays],
             self.value[stays],
-            self.least[keep],
+            self.bounds[keep],
             self.triple[keep],
         )
 
     def followed_by(self, other: _Rows) -> _Rows:
-        """Return these rows and others after them."""
+        """Return these rows followed by others."""
         return _Rows(
-            np.concatenate((self.row, other.row + len(self.least))),
+            np.concatenate((self.row, other.row + len(self.bounds))),
             np.concatenate((self.column, other.column)),
             np.concatenate((self.value, other.value)),
-            np.concatenate((self.least, other.least)),
+            np.concatenate((self.bounds, other.bounds)),
             np.concatenate((self.triple, other.triple)),
         )
 
@@ -73,14 +72,14 @@ Terms = tuple[Integers, Integers, Integers, Floats]
 
 
 def open_pairs(instance: OrderingInstance) -> Booleans:
-    """Return True if two nodes may come in either order, shape (n, n)."""
+    """Return True for pairs of nodes that may come in either order, shape (n, n)."""
     either: Booleans = ~(instance.before | instance.before.T)
     np.fill_diagonal(either, False)
     return either
 
 
 def terms_of(*several: tuple[Integers, Integers, Integers, float]) -> Terms:
-    """Join terms: rows, nodes, the nodes that they come before, and the weights of that."""
+    """Join terms: rows, nodes, their successors, and weights."""
     nothing = np.zeros(0, dtype=np.int64)
     rows, ones, others = (
         np.concatenate([nothing, *(term[k] for term in several)]) for k in range(3)
@@ -97,16 +96,16 @@ class PairProgram:
     instance
         The ordering.
     arcs
-        The arcs that may be taken, shape (n, n).
+        Allowed arcs, shape (n, n).
     scale
         Factor on costs in the program, for numerical range.
 
     Attributes
     ----------
     tails, heads
-        The arcs, shape (m,).
+        Ends of the arcs, shape (m,).
     arc
-        Index of an arc, -1 where it is forbidden, shape (n, n).
+        Index of an arc, -1 if forbidden, shape (n, n).
     varies
         True if two nodes may come in either order, shape (n, n).
     work
@@ -123,7 +122,7 @@ class PairProgram:
         self.varies = open_pairs(instance)
         self._open = np.argwhere(np.triu(self.varies))
         first, second = self._open.T
-        # How much i comes before j: `fixed + sign * variable`.
+        # Fraction by which i comes before j: `fixed + sign * variable`.
         self._fixed = instance.before.astype(np.float64)
         self._fixed[second, first] = 1.0
         self._sign = np.zeros((n, n))
@@ -140,8 +139,8 @@ class PairProgram:
 
     @property
     def rows(self) -> int:
-        """How many cuts there are."""
-        return len(self._rows.least)
+        """Number of cuts."""
+        return len(self._rows.bounds)
 
     def _model(self) -> highspy.Highs:
         n, arcs = self.instance.n, len(self.tails)
@@ -173,11 +172,11 @@ class PairProgram:
         return highs
 
     def solve(self, stop: Callable[[], bool]) -> Floats | None:
-        """Return the value of every column; None where the program failed."""
+        """Return the value of every column; None if the program failed."""
         while True:
             self._highs.run()
             steps = max(0, self._highs.getInfo().simplex_iteration_count)
-            rows = 2 * (self.instance.n - 1) + len(self._rows.least)
+            rows = 2 * (self.instance.n - 1) + len(self._rows.bounds)
             self.work += (steps + 30) * (self._columns + rows)
             status = self._highs.getModelStatus()
             if status != highspy.HighsModelStatus.kIterationLimit or stop():
@@ -187,26 +186,26 @@ class PairProgram:
             highspy.HighsModelStatus.kOptimal,
             highspy.HighsModelStatus.kIterationLimit,
         ):
-            # Also where no order is left below the cutoff; other methods have to prove that.
+            # Also if no order is left below the cutoff; other methods have to prove that.
             return None
         tight = np.asarray(solution.row_value)[2 * (self.instance.n - 1) :]
-        self._slack = np.where(tight < self._rows.least + 1e-6, 0, self._slack + 1)
+        self._slack = np.where(tight < self._rows.bounds + 1e-6, 0, self._slack + 1)
         return np.asarray(solution.col_value)
 
     def taken(self, values: Floats) -> Floats:
-        """Return how much of every arc is taken, shape (n, n)."""
+        """Return the fraction taken of every arc, shape (n, n)."""
         taken = np.zeros(self.arc.shape)
         taken[self.tails, self.heads] = values[: len(self.tails)]
         return taken
 
     def earlier(self, values: Floats) -> Floats:
-        """Return how much one node comes before another, in [0, 1], shape (n, n)."""
+        """Return the fraction by which a node comes before another, in [0, 1], shape (n, n)."""
         variable = np.where(self._pair < 0, 0.0, values[self._pair])
         earlier: Floats = np.clip(self._fixed + self._sign * variable, 0.0, 1.0)
         return earlier
 
     def proved(self) -> Duals:
-        """Return the bound and reduced costs of the present dual values, whatever their errors."""
+        """Return the bound and reduced costs of the present dual values, valid despite errors."""
         n, arcs = self.instance.n, len(self.tails)
         prices = np.asarray(self._highs.getSolution().row_dual) / self._scale
         leaving, reaching = prices[: n - 1], prices[n - 1 : 2 * (n - 1)]
@@ -221,8 +220,8 @@ class PairProgram:
             - reaching[self.heads - 1]
         )
         reduced[self.arc < 0] = np.inf
-        bound = leaving.sum() + reaching.sum() + cuts @ rows.least
-        # A pair is between 0 and 1: at a negative reduced cost it is at its upper bound.
+        bound = leaving.sum() + reaching.sum() + cuts @ rows.bounds
+        # The variable of a pair is in [0, 1]: at a negative reduced cost it is at its upper bound.
         priced = -weights[arcs:]
         bound += np.minimum(priced, 0.0).sum()
         duals = repaired(float(bound), reduced)
@@ -234,7 +233,7 @@ class PairProgram:
         return duals
 
     def forbid(self, duals: Duals, cutoff: float) -> None:
-        """Fix arcs by reduced cost: forbid those that no order below the cutoff takes."""
+        """Forbid arcs that no order below the cutoff takes (reduced-cost fixing)."""
         gone = self.arc[(self.arc >= 0) & (duals.bound + duals.reduced >= cutoff)]
         if len(gone):
             self.arc[self.tails[gone], self.heads[gone]] = -1
@@ -244,7 +243,7 @@ class PairProgram:
             )
 
     def drop(self) -> None:
-        """Drop cuts that have not been tight for some rounds."""
+        """Drop cuts that were slack for some rounds."""
         gone = self._slack >= _SLACK_ROUNDS
         many = int(gone.sum())
         if many > _FEW:
@@ -253,22 +252,22 @@ class PairProgram:
             self._rows = self._rows.kept(~gone)
             self._slack = self._slack[~gone]
 
-    def add_cuts(self, leave: Booleans, reach: Booleans, least: Floats, terms: Terms) -> None:
-        """Add cuts: rows of the arcs that go between two sets."""
+    def add_cuts(self, leave: Booleans, reach: Booleans, bounds: Floats, terms: Terms) -> None:
+        """Add cuts: rows of the arcs between two sets."""
         crossing = leave[:, self.tails] & reach[:, self.heads]
         row, column = np.nonzero(crossing)
-        self.add(least, (row, column, np.ones(len(row))), terms)
+        self.add(bounds, (row, column, np.ones(len(row))), terms)
 
-    def add_sum(self, arcs: Booleans, least: int) -> None:
-        """Add a cut: the sum of some arcs, shape (n, n), is no less than this."""
+    def add_sum(self, arcs: Booleans, bound: int) -> None:
+        """Add a cut: a lower bound on the sum of some arcs, shape (n, n)."""
         column = self.arc[arcs & (self.arc >= 0)]
         many = len(column)
         row = np.zeros(many, dtype=np.int64)
-        self.add(np.array([float(least)]), (row, column, np.ones(many)), terms_of())
+        self.add(np.array([float(bound)]), (row, column, np.ones(many)), terms_of())
 
     def add(
         self,
-        least: Floats,
+        bounds: Floats,
         arcs: tuple[Integers, Integers, Floats],
         terms: Terms,
         triple: Integers | None = None,
@@ -286,23 +285,23 @@ class PairProgram:
         triple
             Nodes of transitivity cuts, shape (rows, 3); None for other rows.
         """
-        many = len(least)
+        many = len(bounds)
         if not many:
             return
-        row, one, other, weight = terms
-        column = self._pair[one, other]
-        least = least - np.bincount(row, weight * self._fixed[one, other], many)
+        row, entry, other, weight = terms
+        column = self._pair[entry, other]
+        bounds = bounds - np.bincount(row, weight * self._fixed[entry, other], many)
         varies = column >= 0
         rows = np.concatenate((arcs[0], row[varies]))
         columns = np.concatenate((arcs[1], column[varies]))
-        values = np.concatenate((arcs[2], (weight * self._sign[one, other])[varies]))
+        values = np.concatenate((arcs[2], (weight * self._sign[entry, other])[varies]))
         by_row = np.argsort(rows, kind="stable")
         if triple is None:
             triple = np.full((many, 3), -1)
-        added = _Rows(rows[by_row], columns[by_row], values[by_row], least, triple)
+        added = _Rows(rows[by_row], columns[by_row], values[by_row], bounds, triple)
         self._highs.addRows(
             many,
-            least,
+            bounds,
             np.full(many, np.inf),
             len(rows),
             np.searchsorted(added.row, np.arange(many)).astype(np.int32),
@@ -317,7 +316,7 @@ class PairProgram:
 def violated_triples(
     earlier: Floats, taken: Floats, violation: float
 ) -> tuple[Integers, Integers, Integers, Floats]:
-    """Return for every pair the most violated transitivity cut, if any.
+    """Return the most violated transitivity cut of every pair.
 
     Parameters
     ----------
@@ -331,8 +330,8 @@ def violated_triples(
     Returns
     -------
     tuple
-        Nodes j, k and i of which ``earlier[j, i] - taken[j, i]`` is less than
-        ``earlier[j, k] + earlier[k, i] - 1``, and by how much, shape (t,) each.
+        Nodes j, k and i for which ``earlier[j, i] - taken[j, i]`` is less than
+        ``earlier[j, k] + earlier[k, i] - 1``, and the violation, shape (t,) each.
     """
     n = len(earlier)
     ones = np.empty(n * n, dtype=np.int64)
@@ -359,15 +358,15 @@ def violated_triples(
     return ones[:count], betweens[:count], others[:count], amounts[:count]
 
 
-# Cuts of a kind that are added in a round, and pairs of nodes separated for at a time.
+# Cuts of a kind added in a round, and pairs of nodes separated for at a time.
 _MOST = 150
 _LOOK = 1500
 _VIOLATION = 0.03
 _TIE_VIOLATION = 0.02
-# The relaxation ends where so many rounds gain less than this share of the gap.
+# Number of rounds, and share of the gap, below which the relaxation ends.
 _PATIENCE = 20
 _GAIN = 0.01
-# Work per arc of a separation, in the unit of the program's work.
+# Work of a separation per arc, in the unit of the program's work.
 _FLOW_WORK = 4
 
 
@@ -377,12 +376,12 @@ class PairRelaxation:
     Parameters
     ----------
     relaxation
-        Its arcs and cuts are the first ones.
+        Source of the initial arcs and cuts.
 
     Attributes
     ----------
     duals
-        The best bound so far, None before there is one.
+        Best bound, None at first.
     exhausted
         True if more work would gain nothing.
     """
@@ -393,7 +392,7 @@ class PairRelaxation:
         ones = np.ones(len(relaxation.leave))
         self._program.add_cuts(relaxation.leave, relaxation.reach, ones, terms_of())
         for cut in relaxation.set_ups:
-            self._program.add_sum(cut.arcs, cut.least)
+            self._program.add_sum(cut.arcs, cut.number)
         possible = ~instance.before.T
         np.fill_diagonal(possible, False)
         rest = np.argwhere(possible[1:-1, 1:-1]) + 1
@@ -407,7 +406,7 @@ class PairRelaxation:
 
     @property
     def work(self) -> int:
-        """Simplex steps and flows times their sizes: proportional to the time."""
+        """Simplex steps and flows times their sizes, which is proportional to the time."""
         return self._program.work + self._flow_work
 
     def run(
@@ -441,21 +440,21 @@ class PairRelaxation:
             self.exhausted = not self._cut(values)
 
     def _cut(self, values: Floats) -> bool:
-        """Separate violated cuts and add them; return whether there were any."""
+        """Separate violated cuts and add them; return True if there were any."""
         program = self._program
         before = program.rows
         taken, earlier = program.taken(values), program.earlier(values)
         self._tie(taken, earlier)
         tails, heads = np.nonzero(taken > 1e-7)
         flow = tails, heads, taken[tails, heads]
-        found = self._cut_between(flow, earlier, self._core, _MOST)
-        # Where no other cut was found, all pairs are separated for.
-        wanted = 4 * _LOOK if program.rows > before else len(self._rest)
+        count = self._cut_between(flow, earlier, self._core, _MOST)
+        # Without other cuts, all pairs are separated for.
+        most = 4 * _LOOK if program.rows > before else len(self._rest)
         looked = 0
-        while found < _MOST and looked < min(wanted, len(self._rest)):
+        while count < _MOST and looked < min(most, len(self._rest)):
             chosen = (self._next + np.arange(min(_LOOK, len(self._rest)))) % len(self._rest)
             self._next = int((self._next + _LOOK) % len(self._rest))
-            found += self._cut_between(flow, earlier, self._rest[chosen], _MOST - found)
+            count += self._cut_between(flow, earlier, self._rest[chosen], _MOST - count)
             looked += len(chosen)
         return program.rows > before
 
@@ -485,7 +484,7 @@ class PairRelaxation:
     def _cut_between(
         self, flow: tuple[Integers, Integers, Floats], earlier: Floats, pairs: Integers, most: int
     ) -> int:
-        """Add the most violated cuts between pairs of nodes; return how many."""
+        """Add the most violated cuts between pairs of nodes; return their number."""
         self._flow_work += _FLOW_WORK * len(pairs) * (len(flow[0]) + self.instance.n)
         arrive, depart, violated = separate_between(*flow, earlier, pairs, _VIOLATION)
         worst = np.argsort(-violated, kind="stable")[:most]

@@ -1,9 +1,9 @@
 """Precedence cuts and subtour elimination: separation by maximum flow, with lifting.
 
 Balas, Fischetti and Pulleyblank, "The precedence-constrained asymmetric traveling salesman
-polytope" (1995): where i comes before j, an order visits between them no predecessor of i and no
-successor of j. So at least one arc leaves any set with i and without j, those nodes removed from
-both sides. Separated as by Ascheuer, Juenger and Reinelt (2000).
+polytope" (1995): if i comes before j, an order visits between them no predecessor of i and no
+successor of j. So at least one arc leaves any set with i and without j, with those nodes removed
+from both sides. Separated as by Ascheuer, Juenger and Reinelt (2000).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from skillplan.solvers.ordering.instance import (
     OrderingInstance,
 )
 
-# Cuts that are nearly tight are considered, too: once lifted they may be violated.
+# Cuts that are nearly tight are included, as lifting may violate them.
 _TIGHT = 1.3
 
 
@@ -39,7 +39,7 @@ def _flow(
     stamp: int,
     enough: float,
 ) -> float:
-    """Augment the flow from source to sink until it is enough (breadth first, Edmonds-Karp).
+    """Augment the flow from source to sink up to a limit (breadth first, Edmonds-Karp).
 
     `reached` holds the stamp of the last search.
     """
@@ -49,8 +49,8 @@ def _flow(
         queue[0] = source
         reached[source] = stamp
         came = queue[len(reached) :]
-        found = False
-        while head < tail and not found:
+        flow = False
+        while head < tail and not flow:
             node = queue[head]
             head += 1
             for arc in range(first[node], first[node + 1]):
@@ -59,25 +59,25 @@ def _flow(
                     reached[other] = stamp
                     came[other] = arc
                     if other == sink:
-                        found = True
+                        flow = True
                         break
                     queue[tail] = other
                     tail += 1
-        if not found:
+        if not flow:
             return total
-        least = np.inf
+        amount = np.inf
         node = sink
         while node != source:
             arc = came[node]
-            least = min(least, left[arc])
+            amount = min(amount, left[arc])
             node = target[twin[arc]]
         node = sink
         while node != source:
             arc = came[node]
-            left[arc] -= least
-            left[twin[arc]] += least
+            left[arc] -= amount
+            left[twin[arc]] += amount
             node = target[twin[arc]]
-        total += least
+        total += amount
         if total >= enough:
             return total
         stamp += 1
@@ -87,7 +87,7 @@ def _flow(
 def _network(
     nodes: int, tails: Integers, heads: Integers
 ) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return a network for `_flow`, with reverse arcs, and the index of each arc in it."""
+    """Return a network for `_flow` with reverse arcs, and the index of each arc in it."""
     m = len(tails)
     degree = np.zeros(nodes + 1, dtype=np.int64)
     for a in range(m):
@@ -99,12 +99,12 @@ def _network(
     twin = np.empty(2 * m, dtype=np.int64)
     place = np.empty(m, dtype=np.int64)
     for a in range(m):
-        one, other = free[tails[a]], free[heads[a]]
+        tail, other = free[tails[a]], free[heads[a]]
         free[tails[a]] += 1
         free[heads[a]] += 1
-        target[one], target[other] = heads[a], tails[a]
-        twin[one], twin[other] = other, one
-        place[a] = one
+        target[tail], target[other] = heads[a], tails[a]
+        twin[tail], twin[other] = other, tail
+        place[a] = tail
     return first, target, twin, place
 
 
@@ -118,12 +118,12 @@ def separate(
     violation: float,
     most: int,
 ) -> tuple[Booleans, Booleans]:
-    """Separate violated cuts: return sets between which at least one arc must go.
+    """Separate violated cuts: return sets with at least one arc from the first to the second.
 
     Parameters
     ----------
     tails, heads, values
-        The arcs of the fractional order and how much of each is taken, in (0, 1], shape (m,).
+        Arcs of the fractional order and their values in (0, 1], shape (m,).
     before
         The closed relation, shape (n, n).
     pairs
@@ -131,12 +131,12 @@ def separate(
     violation
         Least violation of a cut.
     most
-        How many cuts at most.
+        Greatest number of cuts.
 
     Returns
     -------
     tuple
-        Sets to leave and to reach, shape (k, n) each.
+        Sets to leave and to enter, shape (k, n) each.
     """
     n = len(before)
     m = len(tails)
@@ -166,8 +166,8 @@ def separate(
         _lift(side, barred, before, i, j)
         cut = 0.0
         for a in range(m):
-            one, other = tails[a], heads[a]
-            if side[one] and not side[other] and not barred[one] and not barred[other]:
+            tail, head = tails[a], heads[a]
+            if side[tail] and not side[head] and not barred[tail] and not barred[head]:
                 cut += values[a]
         if cut > 1.0 - violation:
             continue
@@ -180,7 +180,7 @@ def separate(
 
 @compiled
 def _lift(side: Booleans, barred: Booleans, before: Booleans, i: int, j: int) -> None:
-    """Lift a cut: bar the predecessors and successors of further nodes between which it holds."""
+    """Lift a cut: bar predecessors and successors of other nodes that it separates as well."""
     n = len(before)
     sources = np.empty(n, dtype=np.int64)
     sinks = np.empty(n, dtype=np.int64)
@@ -218,7 +218,7 @@ def _lift(side: Booleans, barred: Booleans, before: Booleans, i: int, j: int) ->
 def pairs_of(before: Booleans) -> tuple[Integers, Integers]:
     """Return the pairs to separate for: with the first or the last node, and the others.
 
-    The others with few nodes in between come first; shape (pairs, 2) both.
+    Pairs with few nodes in between come first; shape (pairs, 2) both.
     """
     n = len(before)
     inner = np.arange(1, n - 1)
@@ -243,15 +243,16 @@ def separate_between(
     pairs: Integers,
     violation: float,
 ) -> tuple[Booleans, Booleans, Floats]:
-    """Separate cuts between nodes of which one precedes the other only fractionally.
+    """Separate cuts between nodes with a fractional precedence.
 
-    As much as i comes before j has to flow from i to j, and through any other node no more than
-    this node comes between the two.
+    The fraction by which i comes before j has to flow from i to j. The flow through any other node
+    is
+    at most the fraction by which that node comes between.
 
     Parameters
     ----------
     tails, heads, values
-        The arcs of the fractional order and how much of each is taken, in (0, 1], shape (m,).
+        Arcs of the fractional order and their values in (0, 1], shape (m,).
     earlier
         Fraction by which one node comes before another, in [0, 1], shape (n, n).
     pairs
@@ -262,12 +263,13 @@ def separate_between(
     Returns
     -------
     tuple
-        The nodes that are reached and those that are left on the side of i, shape (p, n) each,
-        and the violation of the cut, 0 where there is none, shape (p,).
+        Entered and left nodes on the side of i, shape (p, n) each, and the violation of the cut, 0
+        for
+        none, shape (p,).
     """
     n = len(earlier)
     m = len(tails)
-    # Every node twice, where it is reached and where it is left; what flows through lies between.
+    # Every node is split into entry and exit; the flow through it lies in between.
     starts = np.concatenate((tails + n, np.arange(n)))
     ends = np.concatenate((heads, np.arange(n) + n))
     first, target, twin, place = _network(2 * n, starts, ends)
@@ -298,84 +300,86 @@ def separate_between(
     return arrive, depart, violated
 
 
-# Sets looked at for one count; where there are more, the count so far is the bound.
+# Greatest number of sets in one count; above it, the count so far is the bound.
 _MOST_SETS = 4_000
 
 
 class SetUpCut(NamedTuple):
-    """Every order takes at least so many of some arcs.
+    """A lower bound on the number of some arcs in every order.
 
     Parameters
     ----------
     arcs
         Shape (n, n).
-    least
-        At least 1.
+    number
+        Lower bound, >= 1.
     """
 
     arcs: Booleans
-    least: int
+    number: int
 
 
 def set_up_cuts(instance: OrderingInstance) -> list[SetUpCut]:
-    """Return the cuts of all families, and of each against all others together.
+    """Return the cuts of all families, and of each family against the others together.
 
-    An instance without families has none.
+    An instance without families has no such cuts.
     """
     families = instance.families
-    found: list[SetUpCut] = []
+    cuts: list[SetUpCut] = []
     if families is None:
-        return found
+        return cuts
     named = np.unique(families[families != NO_FAMILY])
     splits = [families]
     if len(named) > 2:
-        splits += [np.where(families == NO_FAMILY, NO_FAMILY, families == one) for one in named]
+        splits += [
+            np.where(families == NO_FAMILY, NO_FAMILY, families == family) for family in named
+        ]
     for split in splits:
-        least = least_changes(split, instance.before)
-        if least:
+        number = least_changes(split, instance.before)
+        if number:
             of_some = split != NO_FAMILY
             apart = split[:, None] != split
-            found.append(SetUpCut(apart & of_some[:, None] & of_some, least))
-    return found
+            cuts.append(SetUpCut(apart & of_some[:, None] & of_some, number))
+    return cuts
 
 
 def least_changes(families: Integers, before: Booleans) -> int:
-    """Return a lower bound on how often an order goes from one family to another.
+    """Return a lower bound on the number of changes between families.
 
-    It is the least number itself, unless very many sets of nodes would have to be looked at.
+    It is the least number itself, unless too many sets of nodes would have to be enumerated.
 
     Parameters
     ----------
     families
-        Of every node, shape (n,); the last may have `NO_FAMILY`, and follows any.
+        Family of every node, shape (n,); the last may have `NO_FAMILY`, and follows any.
     before
         True if node i must come before node j, shape (n, n).
     """
     nodes = range(len(families))
     needs = [sum(1 << int(i) for i in np.nonzero(before[:, j])[0]) for j in nodes]
     named = sorted({int(family) for family in families} - {NO_FAMILY})
-    able = {one: [j for j in nodes if families[j] in (one, NO_FAMILY)] for one in named}
+    able = {own: [j for j in nodes if families[j] in (own, NO_FAMILY)] for own in named}
     full = (1 << len(families)) - 1
     first = int(families[0])
     layer = {first: [_all_done(0, able[first], needs)]}
     changes = looked = 0
     while not any(done == full for sets in layer.values() for done in sets):
         following: dict[int, list[int]] = {}
-        for one, sets in layer.items():
+        for own, sets in layer.items():
             for other in named:
-                if other != one:
+                if other != own:
                     grown = [_all_done(done, able[other], needs) for done in sets]
                     looked += len(grown)
                     following.setdefault(other, []).extend(grown)
         changes += 1
         if looked > _MOST_SETS:
             break
-        layer = {one: _largest(sets) for one, sets in following.items()}
+        layer = {own: _largest(sets) for own, sets in following.items()}
     return changes
 
 
 def _all_done(done: int, able: list[int], needs: list[int]) -> int:
-    """Return a set of nodes with all that can be done after it without another change."""
+    """Return a set of nodes with all nodes that can follow without another change."""
     while True:
         more = done
         for node in able:
@@ -387,20 +391,20 @@ def _all_done(done: int, able: list[int], needs: list[int]) -> int:
 
 
 def _largest(sets: list[int]) -> list[int]:
-    """Return the sets that lie in no other."""
+    """Return the maximal sets."""
     kept: list[int] = []
-    for one in sorted(set(sets), key=int.bit_count, reverse=True):
-        if not any(one & ~other == 0 for other in kept):
-            kept.append(one)
+    for members in sorted(set(sets), key=int.bit_count, reverse=True):
+        if not any(members & ~other == 0 for other in kept):
+            kept.append(members)
     return kept
 
 
 @compiled
-def _add(before: Booleans, one: int, other: int) -> bool:
-    """Add a pair to a closed relation and close it again; return whether it has no cycle."""
+def _add(before: Booleans, first: int, other: int) -> bool:
+    """Add a pair to a closed relation and close it again; return True if it has no cycle."""
     n = len(before)
     for i in range(n):
-        if i != one and not before[i, one]:
+        if i != first and not before[i, first]:
             continue
         for j in range(n):
             if j == other or before[other, j]:
@@ -412,7 +416,7 @@ def _add(before: Booleans, one: int, other: int) -> bool:
 
 @compiled
 def _join(before: Booleans, i: int, j: int) -> int:
-    """Let j come right after i; return 1 where pairs were added, 0 where not, -1 for a cycle."""
+    """Let j come right after i; return 1 for added pairs, 0 for none, -1 for a cycle."""
     n = len(before)
     added = 0
     if not before[i, j]:
@@ -438,14 +442,14 @@ def propagate(arcs: Booleans, before: Booleans) -> bool:
     Parameters
     ----------
     arcs
-        The arcs, shape (n, n); changed in place.
+        Arcs, shape (n, n); changed in place.
     before
         The closed relation, shape (n, n); changed in place.
 
     Returns
     -------
     bool
-        False where no order is left.
+        False if no order is left.
     """
     n = len(arcs)
     changed = True

@@ -1,4 +1,1 @@
-"""Dynamic programming over feasible subsets (Held and Karp), from one end or both.
-
-It never solves a linear program.
-"""
+"""Dynamic programming over feasible subsets (Held and Karp), from one end or both."""

@@ -1,12 +1,12 @@
 """Held-Karp: one layer of the dynamic program over feasible subsets, compiled.
 
 Held and Karp, "A dynamic programming approach to sequencing problems" (1962); Escudero (1988) with
-precedence. A *label* is a partial order: a set of visited nodes and the last of them. Of all labels
-of equal set and last node the cheapest dominates the others. A set is feasible if it holds with
-every node all its predecessors. A label is fathomed (Morin and Marsten, 1976) if its reduced cost
-so far plus a lower bound on the rest reaches the gap. Cost and reduced cost differ by more than a
-constant, as an order may cross a cut more than once. So the cheapest label is kept, and of equally
-cheap ones that of the least reduced cost.
+precedence. A *label* is a partial order: a set of visited nodes and the last of them. Among labels
+with equal set and last node the cheapest dominates. A set is feasible if it contains all
+predecessors of its nodes. A label is fathomed (Morin and Marsten, 1976) if its reduced cost so far
+plus a lower bound on the rest reaches the gap. Cost and reduced cost differ by more than a
+constant, as an order may cross a cut more than once. So the cheapest label is kept, and among
+equally cheap ones the label with the least reduced cost.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ S = TypeVar("S", bound=np.generic)
 
 
 class Layer(NamedTuple):
-    """s labels of equally many visited nodes.
+    """s labels with equally many visited nodes.
 
     Parameters
     ----------
     sets
-        The nodes visited, one bit each, shape (s, words).
+        Visited nodes, one bit each, shape (s, words).
     lasts
-        The last node visited, shape (s,).
+        Last visited node, shape (s,).
     costs, reduced
         Cost and reduced cost so far, shape (s,) each.
     bounds
         Lower bound on the reduced cost of the whole order, shape (s,).
     parents
-        The label of the layer before that each extends, shape (s,).
+        Parent label in the layer before, shape (s,).
     """
 
     sets: Words
@@ -55,11 +55,11 @@ class Arcs(NamedTuple):
     Parameters
     ----------
     first
-        Where the arcs of a node begin, shape (n + 1,).
+        First arc of each node, shape (n + 1,).
     heads, costs, reduced
         Head, cost and reduced cost of every arc, shape (arcs,) each.
     preds
-        The predecessors of a node by precedence, shape (n, words).
+        Predecessors of a node by precedence, shape (n, words).
     """
 
     first: Integers
@@ -75,33 +75,32 @@ class Ahead(NamedTuple):
     Parameters
     ----------
     near
-        Neighbours of a node that are remembered, -1 for none, shape (n, bits).
+        Neighbours that a node remembers, padded with -1, shape (n, bits).
     slot
-        The row of a node in this layer or -1, shape (n,).
-    least
-        Least reduced cost to the end by row and set of neighbours left, shape
-        (rows, 2 ** bits).
+        Row of a node in this layer or -1, shape (n,).
+    table
+        Least reduced cost to the end by row and set of remaining neighbours, shape (rows, 2 **
+        bits).
     """
 
     near: Integers
     slot: Integers
-    least: Floats
+    table: Floats
 
 
 class Limits(NamedTuple):
-    """Which labels are left out.
+    """Limits on labels.
 
     Parameters
     ----------
     most, strict
-        Labels whose reduced cost reaches `most` with their last arc, or where `strict` is set
-        with the charges of their last node.
+        Greatest reduced cost with the last arc, or with the charges of the last node if `strict`.
     room
-        The gap: labels whose bound reaches it are fathomed.
+        Gap at which labels are fathomed.
     width
-        At most so many labels are kept, those of the least bounds.
+        Greatest number of labels; those with the least bounds are kept.
     whole
-        True if to return no label at all where there are more.
+        True to return no label if there are more.
     """
 
     most: float
@@ -112,7 +111,7 @@ class Limits(NamedTuple):
 
 
 def first_layer(words: int) -> Layer:
-    """Return the one label that has visited node 0 alone, its set in so many words."""
+    """Return the single label that has visited node 0, with a set of some words."""
     sets = np.zeros((1, words), dtype=np.uint64)
     sets[0, 0] = 1
     nothing = np.zeros(1)
@@ -122,9 +121,9 @@ def first_layer(words: int) -> Layer:
 
 @compiled
 def _select(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
-    """Move to the front those of the first `count` labels that have the least bounds.
+    """Move those of the first `count` labels with the least bounds to the front.
 
-    Return how many, their largest bound, and the least bound of those left out.
+    Return their number, their largest bound, and the least bound of the others.
     """
     limit = np.partition(layer.bounds[:count], width - 1)[width - 1]
     kept, left_out = 0, np.inf
@@ -144,7 +143,7 @@ def _select(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
 
 @compiled
 def _empty(capacity: int, words: int) -> Layer:
-    """Return a layer with room for so many labels."""
+    """Return a layer with room for labels."""
     return Layer(
         np.empty((capacity, words), dtype=np.uint64),
         np.empty(capacity, dtype=np.int16),
@@ -218,13 +217,13 @@ def _hash(visited: Words, last: int) -> int:
 def _place(
     table: NDArray[np.int32], sets: Words, lasts: NDArray[np.int16], visited: Words, last: int
 ) -> int:
-    """Return the slot of a label in the hash table: its own, or the free one for it."""
+    """Return the slot of a label in the hash table: its own, or a free one."""
     at = _hash(visited, last) & (len(table) - 1)
     while table[at] >= 0:
-        found = table[at]
-        same = lasts[found] == last
+        slot = table[at]
+        same = lasts[slot] == last
         for w in range(len(visited)):
-            same &= sets[found, w] == visited[w]
+            same &= sets[slot, w] == visited[w]
         if same:
             break
         at = (at + 1) & (len(table) - 1)
@@ -248,7 +247,7 @@ def _table(layer: Layer, count: int, capacity: int) -> NDArray[np.int32]:
 
 @compiled
 def _left(visited: Words, near: Integers, j: int) -> int:
-    """Return which of a node's neighbours are left to visit, one bit each."""
+    """Return the remaining neighbours of a node, one bit each."""
     left = 0
     for b in range(near.shape[1]):
         node = near[j, b]
@@ -268,26 +267,27 @@ def expand(
     layer
         The labels.
     arcs
-        The arcs that may extend them.
+        Arcs that may extend them.
     ahead
         Completion bounds of the next layer.
     charges
-        Reduced costs beside those of arcs.
+        Additional reduced costs.
     limits
-        Which labels are left out.
+        Limits on labels.
 
     Returns
     -------
     tuple
-        The next layer, the least bound of the labels left out for the width (inf where none
-        was), and how many labels were generated.
+        The next layer, the least bound of the labels beyond the width (inf for none), and the
+        number
+        of generated labels.
     """
-    # What the inner loop reads is taken out of its tuple first: numba counts references to all
-    # arrays of a tuple wherever it is passed on or read from, which made this four times as slow.
-    # For the same reason what is decided there stands here and not in functions of tuples.
+    # The arrays of the inner loop are taken out of their tuples first: numba counts references to
+    # all arrays of a tuple at each use, which made this four times as slow. For the same reason the
+    # decisions are inlined and not in functions of tuples.
     sets, lasts, costs, reduced, _, _ = layer
     first, heads, arc_costs, arc_reduced, preds = arcs
-    near, slot, least = ahead
+    near, slot, lowest = ahead
     most, strict, room, width, whole = limits
     # A beam drops the worst labels each time the layer is full.
     most_held = width if whole else 2 * width
@@ -296,7 +296,7 @@ def expand(
     new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
     table = _table(longer, 0, capacity)
     trial = np.empty(sets.shape[1], dtype=np.uint64)
-    count = made = 0
+    count = generated = 0
     dropped, limit = np.inf, room
     for s in range(len(lasts)):
         visited = sets[s]
@@ -305,14 +305,14 @@ def expand(
             row = slot[j]
             if row < 0 or not _open(visited, preds[j], j):
                 continue
-            to_go = least[row, _left(visited, near, j)]
+            to_go = lowest[row, _left(visited, near, j)]
             total = reduced[s] + arc_reduced[a]
             if total >= most or total + to_go >= room:
                 continue
             total += _charged(visited, lasts[s], j, charges)
             if strict and total >= most:
                 continue
-            made += 1
+            generated += 1
             cost, bound = costs[s] + arc_costs[a], total + to_go
             if bound >= limit:
                 if bound < room and bound < dropped:
@@ -321,10 +321,10 @@ def expand(
             trial[:] = visited
             trial[j >> 6] |= np.uint64(1) << np.uint64(j & 63)
             at = _place(table, new_sets, new_lasts, trial, j)
-            found = table[at]
-            if found >= 0:
-                dominated = cost > new_costs[found]
-                if dominated or (cost == new_costs[found] and total >= new_reduced[found]):
+            entry = table[at]
+            if entry >= 0:
+                dominated = cost > new_costs[entry]
+                if dominated or (cost == new_costs[entry] and total >= new_reduced[entry]):
                     continue
             elif count == capacity:
                 if capacity < most_held:
@@ -332,7 +332,7 @@ def expand(
                     longer = _grown(longer, capacity)
                     new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
                 elif whole:
-                    return _front(longer, 0), 0.0, made
+                    return _front(longer, 0), 0.0, generated
                 else:
                     count, limit, left_out = _select(longer, count, width)
                     dropped = min(dropped, left_out)
@@ -341,19 +341,19 @@ def expand(
                 if bound >= limit:
                     dropped = min(dropped, bound)
                     continue
-            if found < 0:
-                found = table[at] = count
-                new_sets[found] = trial
-                new_lasts[found] = j
+            if entry < 0:
+                entry = table[at] = count
+                new_sets[entry] = trial
+                new_lasts[entry] = j
                 count += 1
-            new_costs[found] = cost
-            new_reduced[found] = total
-            new_bounds[found] = bound
-            parents[found] = s
+            new_costs[entry] = cost
+            new_reduced[entry] = total
+            new_bounds[entry] = bound
+            parents[entry] = s
     if count > width:
         count, limit, left_out = _select(longer, count, width)
         dropped = min(dropped, left_out)
-    return _front(longer, count), dropped, made
+    return _front(longer, count), dropped, generated
 
 
 @compiled
@@ -367,22 +367,22 @@ def meet(
     layer, arcs
         Labels from the start, and the arcs that may extend them.
     most
-        Labels that an arc extends to a reduced cost below this are left to the next layer.
+        Reduced cost with the arc below which labels are left to the next layer.
     behind
-        Labels from the end. They name nodes backwards: n - 1 - i for node i.
+        Labels from the end, with node n - 1 - i for i.
     room
         Upper bound on the cost of the order, exclusive.
 
     Returns
     -------
     tuple
-        Its cost, and the indices of the two labels; -1 where there is none.
+        Cost, and indices of the two labels; -1 for none.
     """
     sets, lasts, costs, reduced, _, _ = layer
     first, heads, arc_costs, arc_reduced, preds = arcs
     n = len(preds)
     table = _table(behind, len(behind.lasts), len(behind.lasts))
-    least, one, other = room, -1, -1
+    lowest, own, other = room, -1, -1
     rest = np.empty(sets.shape[1], dtype=np.uint64)
     for s in range(len(lasts)):
         rest[:] = np.uint64(0)
@@ -392,14 +392,14 @@ def meet(
                 rest[mirror >> 6] |= np.uint64(1) << np.uint64(mirror & 63)
         for a in range(first[lasts[s]], first[lasts[s] + 1]):
             cost, head = costs[s] + arc_costs[a], heads[a]
-            if cost >= least or not _open(sets[s], preds[head], head):
+            if cost >= lowest or not _open(sets[s], preds[head], head):
                 continue
             if reduced[s] + arc_reduced[a] < most:
                 continue
-            found = table[_place(table, behind.sets, behind.lasts, rest, n - 1 - head)]
-            if found >= 0 and cost + behind.costs[found] < least:
-                least, one, other = cost + behind.costs[found], s, found
-    return least, one, other
+            slot = table[_place(table, behind.sets, behind.lasts, rest, n - 1 - head)]
+            if slot >= 0 and cost + behind.costs[slot] < lowest:
+                lowest, own, other = cost + behind.costs[slot], s, slot
+    return lowest, own, other
 
 
 @compiled

@@ -1,10 +1,9 @@
 """Bidirectional Held-Karp: dynamic programming over feasible subsets from both ends, to proof.
 
-The reduced cost of an order below the cutoff is less than the gap. So wherever it is cut, its
-first or its last part has little reduced cost. It is enough to know all cheap labels from the
-start and all cheap labels from the end, which are far fewer than all labels of one direction. The
-budget of reduced cost is split so that both ends have about equally many labels (after Dantzig,
-1960, and Pohl, "Bi-directional search", 1971).
+The reduced cost of an order below the cutoff is less than the gap. So for every cut into two parts,
+one part has little reduced cost. It is enough to know all cheap labels from either end, which are
+far fewer than all labels of one direction. The budget of reduced cost is split such that both ends
+have about equally many labels (after Dantzig, 1960, and Pohl, "Bi-directional search", 1971).
 """
 
 from __future__ import annotations
@@ -36,22 +35,23 @@ from skillplan.solvers.ordering.subsets.held_karp import (
 def memory_tables(
     tails: Integers, heads: Integers, near: Integers, before: Booleans
 ) -> tuple[Integers, Integers]:
-    """Return what the memory at the head of an arc becomes at its tail, and what bars the arc.
+    """Return the memory at an arc's tail by memory at its head, and the bits that bar the arc.
 
     Parameters
     ----------
     tails, heads
         The arcs, shape (m,).
     near
-        The neighbours that a node remembers, -1 where there are fewer, shape (n, bits).
+        Neighbours that a node remembers, padded with -1, shape (n, bits).
     before
         The closed relation, shape (n, n).
 
     Returns
     -------
     tuple
-        Memory at the tail by arc and memory at the head, shape (m, 2 ** bits), and the bits at
-        the head of which none may be set, shape (m,).
+        Memory at the tail by arc and memory at the head, shape (m, 2 ** bits), and the bits at the
+        head
+        that must be clear, shape (m,).
     """
     bits = near.shape[1]
     moved = np.zeros((len(tails), 1 << bits), dtype=np.int64)
@@ -98,20 +98,20 @@ def backward(
     Parameters
     ----------
     tails, costs
-        The arcs ordered by their heads, shape (m,).
+        Arcs ordered by their heads, shape (m,).
     first
-        Where the arcs into a node begin, shape (n + 1,).
+        First arc into each node, shape (n + 1,).
     moved, bars
-        From `memory_tables`.
+        See `memory_tables`.
     slot
-        Row of a position and a node, -1 where the node cannot be there, shape (n, n).
+        Row of a position and a node, -1 if impossible, shape (n, n).
     memories
         2 ** bits.
 
     Returns
     -------
     ndarray
-        Shape (rows, memories); inf where there is no walk.
+        Shape (rows, memories); inf if there is no walk.
     """
     n = len(slot)
     value = np.full((slot.max() + 1, memories), np.inf)
@@ -138,7 +138,7 @@ def backward(
 
 @compiled
 def spread(value: Floats, bits: int) -> None:
-    """Let every entry be the least over the memories that are part of its own, in place."""
+    """Replace every entry by the least over the subsets of its memory, in place."""
     for row in range(len(value)):
         for b in range(bits):
             bit = 1 << b
@@ -147,12 +147,12 @@ def spread(value: Floats, bits: int) -> None:
                     value[row, memory] = value[row, memory ^ bit]
 
 
-# Of computing the tables: some tenths of a second, and as many bytes at the very most.
+# Limit on the tables: some tenths of a second, and at most as many bytes.
 _MOST_STEPS = 200_000_000
 
 
 class CompletionBounds:
-    """The cheapest walks to the end by position, node and the neighbours that are left to visit.
+    """The cheapest walks to the end by position, node and remaining neighbours.
 
     Parameters
     ----------
@@ -161,17 +161,19 @@ class CompletionBounds:
     duals
         Reduced costs; inf for arcs that are fixed to zero.
     bits
-        How many neighbours a node remembers at most, >= 0; fewer where there are many arcs, to
-        save time and memory.
+        Greatest number of neighbours that a node remembers, >= 0; fewer for many arcs, to save time
+        and
+        memory.
 
     Attributes
     ----------
     near
-        The neighbours of a node, -1 where there are fewer, shape (n, bits).
+        Neighbours of a node, padded with -1, shape (n, bits).
     slot
-        Row of a position and a node, -1 where the node cannot stand there, shape (n, n).
+        Row of a position and a node, -1 if impossible, shape (n, n).
     ahead
-        Least reduced cost to the end by row and set of neighbours left, shape (rows, 2 ** bits).
+        Least reduced cost to the end by row and set of remaining neighbours, shape (rows, 2 **
+        bits).
     """
 
     def __init__(self, instance: OrderingInstance, duals: Duals, bits: int) -> None:
@@ -195,7 +197,7 @@ class CompletionBounds:
 
 
 def _neighbours(reduced: Floats, bits: int) -> Integers:
-    """Return the nodes to and from which it is cheapest to go, of every node."""
+    """Return the cheapest neighbours of every node, in both directions."""
     apart = reduced + reduced.T
     np.fill_diagonal(apart, np.inf)
     ranked = np.argsort(apart, axis=1, kind="stable")[:, :bits]
@@ -211,7 +213,7 @@ Stop = Callable[[], bool]
 
 
 class _Strand(Generic[R]):
-    """A task in a thread of its own, which does not outlive the program."""
+    """A task in its own daemon thread."""
 
     def __init__(self, task: Callable[[Stop], R], stop: Stop) -> None:
         self._task, self._stop = task, stop
@@ -228,19 +230,19 @@ class _Strand(Generic[R]):
 
 
 def side_by_side(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
-    """Do tasks at once, each in a thread; return their results in the order of the tasks.
+    """Run tasks in threads; return their results in the order of the tasks.
 
     Parameters
     ----------
     tasks
-        Each is called with what says whether to stop now.
+        Functions that are called with a poll for stops.
     stop
-        Polled in this thread alone, so that it may do anything.
+        Polled in this thread alone, so it may do anything.
 
     Raises
     ------
     BaseException
-        What the first task that failed has raised.
+        The exception of the first failed task.
     """
     if len(tasks) == 1:
         return [tasks[0](stop)]
@@ -253,7 +255,7 @@ def side_by_side(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
                 if strand.thread.is_alive() and not stopped.is_set() and stop():
                     stopped.set()
     finally:
-        # Whatever `stop` raises: no thread goes on with work that nobody waits for.
+        # If `stop` raises, the threads must end as well.
         stopped.set()
     for strand in strands:
         if strand.error is not None:
@@ -262,25 +264,28 @@ def side_by_side(tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
 
 
 _BITS = 6
-# Exponent of the growth where it is not known yet.
+# Assumed exponent of the growth.
 _POWER = 1.0
-# Where more than so many times the labels allowed are expected, the search is not begun.
+# The search does not start if it expects more than this multiple of the allowed labels.
 _HOPELESS = 2
-# Up to so many times the labels allowed it is tried; it stops at twice as many.
+# It is tried up to this multiple of the allowed labels, and stops at twice as many.
 _DARING = 1.5
-# Where there were too many labels, how many times too many are assumed.
+# Assumed excess of an aborted search.
 _MORE = 2
-# One label in so many of those allowed is enough to extrapolate from.
+# Share of the allowed labels that is enough to extrapolate from.
 _SAMPLE = 2
 
 
 class _End:
     """The labels from one end whose reduced cost is within a budget.
 
-    A triple is charged with its middle node, by either end. So one end is not strict: it does not
-    count the charges of the last node. Then the longest label of an order that it keeps uses up its
-    budget with the arc that follows; and the rest of the order after that arc stays below the
-    budget of the other end, all charges included.
+    A triple is charged with its middle node, by either end. So one end is not strict: it ignores
+    the
+    charges of the last node. Then the longest kept label of an order uses up its budget with the
+    next
+    arc, and the rest of the order after that arc stays below the budget of the other end, all
+    charges
+    included.
     """
 
     def __init__(
@@ -300,17 +305,17 @@ class _End:
         )
         self.charges = charges_of(duals)
         start = first_layer(self.arcs.preds.shape[1])
-        # Where one end has not been searched, the other has to search all layers.
+        # If one end was not searched, the other has to search all layers.
         self.layers = [start]
         self.budget = 0.0
         self.count = 0
         self.known: list[tuple[float, int]] = []
-        self.made = 0
-        # The budget that was too large, and about how many labels it would have led to.
+        self.generated = 0
+        # Budget that was too large, and its estimated number of labels.
         self.beyond: tuple[float, int] | None = None
 
     def expected(self, most: float) -> float:
-        """Return about how many labels a budget leads to, from the last two known counts.
+        """Return the estimated number of labels of a budget, from the last two known counts.
 
         The count grows with a power of a small budget, later more slowly.
         """
@@ -319,13 +324,13 @@ class _End:
             return np.inf
         (before, few), (now, many) = points[-2:]
         power = _POWER
-        # The count of a tiny budget says nothing of the growth.
+        # The count of a tiny budget is no basis for the growth.
         if before > self.known[0][0]:
             power = np.log(max(many, 2) / max(few, 1)) / np.log(now / before)
         return float(many * (most / now) ** max(0.0, power))
 
     def sample(self, labels: int, stop: Stop) -> None:
-        """Count the labels of small budgets, from a tiny one on, to extrapolate from."""
+        """Count the labels of small budgets, starting with a tiny one, to extrapolate."""
         most = self.room * 1e-6 if not self.known else max(2 * self.known[-1][0], self.room / 64)
         while not stop() and most < self.room and self.count < labels // _SAMPLE:
             if not self.extend(most, labels if self.known else labels // 4, stop):
@@ -333,24 +338,24 @@ class _End:
             most = max(2 * most, self.room / 64)
 
     def extend(self, most: float, labels: int, stop: Stop) -> bool:
-        """Find all labels within a budget; return whether the search ended within its limits."""
+        """Find all labels within a budget; return True if the search ended within its limits."""
         layers = self.layers[:1]
         left = labels
         for layer in range(1, self.instance.n):
             ahead = Ahead(self.bounds.near, self.bounds.slot[layer], self.bounds.ahead)
             limits = Limits(float(most), self.strict, self.room, max(1, left), True)
-            found, dropped, tried = expand(layers[-1], self.arcs, ahead, self.charges, limits)
-            self.made += tried
-            left -= len(found.lasts)
+            extended, dropped, tried = expand(layers[-1], self.arcs, ahead, self.charges, limits)
+            self.generated += tried
+            left -= len(extended.lasts)
             if np.isfinite(dropped) or left <= 0:
                 self.beyond = most, max(_MORE * labels, self.count + 1)
                 return False
             if stop():
                 return False
-            if not len(found.lasts):
+            if not len(extended.lasts):
                 break
-            # The bounds are not needed again, so their memory is released.
-            layers.append(found._replace(bounds=found.bounds[:0]))
+            # The bounds are not needed any more, so their memory is released.
+            layers.append(extended._replace(bounds=extended.bounds[:0]))
         self.layers, self.budget, self.count = layers, most, labels - left
         self.beyond = None
         self.known.append((most, self.count))
@@ -364,11 +369,11 @@ class Meeting:
     Parameters
     ----------
     order
-        The cheapest order found below the cutoff, or None.
+        Cheapest order below the cutoff, or None.
     bound
-        No order costs less than this or the cutoff, whichever is less.
+        Lower bound on all orders, up to the cutoff.
     whole
-        True if the search ran to its end.
+        True if the search was complete.
     """
 
     order: Integers | None
@@ -384,11 +389,11 @@ class TwoEndedSearch:
     instance
         The ordering.
     duals
-        A bound and reduced costs; inf where no order below the cutoff takes an arc.
+        Bound and reduced costs; inf for arcs that no order below the cutoff takes.
     cutoff
-        Only orders that cost less are searched for.
+        Upper bound on the cost of orders, exclusive.
     threads
-        With more than one, both ends are searched at once, >= 1.
+        Number of threads, >= 1; with two, both ends are searched at once.
     """
 
     def __init__(
@@ -397,7 +402,7 @@ class TwoEndedSearch:
         self.instance = instance
         self.duals = duals
         self.cutoff = cutoff
-        # While no order is known, an upper bound on all orders replaces the cutoff.
+        # Without a known order, an upper bound on all orders replaces the cutoff.
         self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
         self.threads = threads
@@ -407,18 +412,18 @@ class TwoEndedSearch:
         self.expected = np.inf
 
     @property
-    def made(self) -> int:
-        """Labels generated."""
-        return sum(end.made for end in self.ends)
+    def generated(self) -> int:
+        """Number of generated labels."""
+        return sum(end.generated for end in self.ends)
 
     def _each(self, tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
-        """Do tasks of both ends, at once where there are threads for that; return the results."""
+        """Run tasks of both ends, in parallel if there are threads; return the results."""
         if self.threads > 1:
             return side_by_side(tasks, stop)
         return [task(stop) for task in tasks]
 
     def run(self, labels: int, stop: Stop) -> Meeting:
-        """Search if about so many labels or fewer are expected from either end."""
+        """Search if either end is expected to have at most this number of labels."""
         if np.isfinite(self.expected) and self.expected > _HOPELESS * labels:
             return Meeting(None, self._proved(self.cutoff, whole=False), whole=False)
         self._each([partial(end.sample, labels // 2) for end in self.ends], stop)
@@ -436,10 +441,11 @@ class TwoEndedSearch:
         return self._meet(whole=self._extend(budgets, 2 * labels, stop))
 
     def _extend(self, budgets: tuple[float, float], labels: int, stop: Stop) -> bool:
-        """Find all labels within the budgets; return whether both ends did.
+        """Find all labels within the budgets; return True if both ends did.
 
-        In one thread the second end is left alone where the first was given up. In two threads
-        both go on, so that what is found does not depend on which is faster.
+        In one thread the second end is skipped if the first was given up. In two threads both
+        continue, so
+        the result does not depend on their speed.
         """
         tasks = [
             partial(end.extend, most, labels)
@@ -459,24 +465,24 @@ class TwoEndedSearch:
             if n - 2 - layer < len(behind.layers)
         ]
         shares = [layers[i :: self.threads] for i in range(self.threads)]
-        found = self._each([partial(self._meet_in, share) for share in shares], lambda: False)
-        least, layer, first, second = min(found)
+        joined = self._each([partial(self._meet_in, share) for share in shares], lambda: False)
+        lowest, layer, first, second = min(joined)
         if first < 0:
             return Meeting(None, self._proved(self.cutoff, whole=whole), whole)
         start = _walk_back(ahead.layers, layer, first)[::-1]
         end = [n - 1 - node for node in _walk_back(behind.layers, n - 2 - layer, second)]
-        return Meeting(np.array(start + end), self._proved(least, whole=whole), whole)
+        return Meeting(np.array(start + end), self._proved(lowest, whole=whole), whole)
 
     def _meet_in(self, layers: Sequence[int], _stop: Stop) -> tuple[float, int, int, int]:
         """Join the ends in some layers: return the least cost, its layer and the two labels.
 
-        In the first of the layers that have it, so that all layers may be shared out at will.
+        The first layer with the least cost counts, so layers may be shared out in any way.
         """
         ahead, behind = self.ends
         best = (self.most, self.instance.n, -1, -1)
         for layer in layers:
             opposite = self.instance.n - 2 - layer
-            # The end itself is reached by any label that is left.
+            # Any remaining label reaches the end itself.
             most = ahead.budget if opposite else -np.inf
             other = behind.layers[opposite]
             cost, first, second = meet(ahead.layers[layer], ahead.arcs, most, other, best[0])
@@ -484,10 +490,10 @@ class TwoEndedSearch:
                 best = (float(cost), layer, int(first), int(second))
         return best
 
-    def _proved(self, least: float, *, whole: bool) -> float:
-        """Return the bound that both budgets prove, where no cheaper order was found."""
+    def _proved(self, lowest: float, *, whole: bool) -> float:
+        """Return the bound that both budgets prove without a cheaper order."""
         budget = sum(end.budget for end in self.ends)
-        return least if whole else min(least, self.duals.bound + budget)
+        return lowest if whole else min(lowest, self.duals.bound + budget)
 
 
 def _beyond(instance: OrderingInstance) -> float:
@@ -523,19 +529,19 @@ class Beam:
     Parameters
     ----------
     order
-        The cheapest order found, or None.
+        Cheapest order, or None.
     bound
-        No order costs less than this or the cutoff, whichever is less.
+        Lower bound on all orders, up to the cutoff.
     whole
-        True if no label was left out for the width.
-    made
-        Labels generated.
+        True if the width excluded no label.
+    generated
+        Number of generated labels.
     """
 
     order: Integers | None
     bound: float
     whole: bool
-    made: int
+    generated: int
 
 
 def beam(
@@ -546,22 +552,22 @@ def beam(
     stop: Callable[[], bool],
     on_layer: Callable[[int, int], None] = lambda layer, states: None,
 ) -> Beam | None:
-    """Run a beam search; return None where it was stopped.
+    """Run a beam search; return None if it was stopped.
 
     Parameters
     ----------
     instance
         The ordering.
     duals
-        A bound and reduced costs; inf where no order below the cutoff takes an arc.
+        Bound and reduced costs; inf for arcs that no order below the cutoff takes.
     cutoff
-        Only orders that cost less are searched for.
+        Upper bound on the cost of orders, exclusive.
     width
-        At most so many labels are kept in a layer, >= 1.
+        Greatest number of labels in a layer, >= 1.
     stop
-        True if to stop; polled once a layer.
+        Returns True to stop; polled once a layer.
     on_layer
-        Called with the number of a layer and how many labels it has.
+        Called with the number of a layer and of its labels.
     """
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BEAM_BITS)
@@ -578,17 +584,17 @@ def beam(
     limits = Limits(room, False, room, width, False)
     labels = first_layer(arcs.preds.shape[1])
     history = []
-    least, made = np.inf, 0
+    lowest, generated = np.inf, 0
     for layer in range(1, n):
         ahead = Ahead(bounds.near, bounds.slot[layer], bounds.ahead)
         labels, dropped, tried = expand(labels, arcs, ahead, charges, limits)
-        least = min(least, dropped)
-        made += tried
+        lowest = min(lowest, dropped)
+        generated += tried
         on_layer(layer, len(labels.lasts))
         if stop():
             return None
         if not len(labels.lasts):
-            return Beam(None, min(cutoff, least + duals.bound), np.isinf(least), made)
+            return Beam(None, min(cutoff, lowest + duals.bound), np.isinf(lowest), generated)
         history.append((labels.lasts, labels.parents))
     at = int(np.argmin(labels.costs))
     order = [n - 1]
@@ -600,7 +606,7 @@ def beam(
     order.append(0)
     return Beam(
         np.array(order[::-1], dtype=np.int64),
-        min(cutoff, least + duals.bound, float(labels.costs.min())),
-        np.isinf(least),
-        made,
+        min(cutoff, lowest + duals.bound, float(labels.costs.min())),
+        np.isinf(lowest),
+        generated,
     )
