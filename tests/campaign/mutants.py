@@ -121,14 +121,14 @@ MUTANTS = [
     Mutant(
         "verify believes every proof",
         CLAIMS,
-        "    holds = bound <= least.cost + tolerance(min(least.cost, bound))\n",
+        "    holds = bound <= least_cost.cost + tolerance(min(least_cost.cost, bound))\n",
         "    holds = True\n",
         "forgeries",
     ),
     Mutant(
         "verify does not compare the record",
         "pipeline/record_check.py",
-        "        amiss = list(differences(document, should))\n",
+        "        amiss = list(list_differences(document, should))\n",
         "        amiss: list[str] = []\n",
         "forgeries",
         scale=0.1,
@@ -152,7 +152,7 @@ MUTANTS = [
     Mutant(
         "verify does not read the tables beside",
         "pipeline/record_check.py",
-        "            fault = _line_fault(found.splitlines(), text.splitlines())\n",
+        "            fault = _line_fault(text_found.splitlines(), text.splitlines())\n",
         '            fault = ""\n',
         "forgeries",
     ),

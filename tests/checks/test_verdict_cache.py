@@ -27,7 +27,7 @@ from skillplan.checks import (
 )
 from skillplan.collision import AabbDetector
 from skillplan.physics import Engine
-from skillplan.pipeline import make_model, solve, warm_cache
+from skillplan.pipeline import make_model, open_warm_cache, solve
 from skillplan.task import Precedence, Verdict, VerdictStatus
 from skillplan.task import back_end as back_ends
 from skillplan.testing import lid_task, reachable_states, shut_box_task
@@ -404,7 +404,7 @@ def test_a_folder_that_cannot_be_written_costs_a_warning_and_no_run(tmp_path, ca
 def test_the_folder_is_chosen_by_the_environment(tmp_path, monkeypatch):
     """It is made when first needed."""
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "here"))
-    cache = warm_cache()
+    cache = open_warm_cache()
     assert not (tmp_path / "here").exists()
     Feasibility(TASK, [dear_one()], cache).verdict(SKILL, TASK.initial)
     assert len(files_in(tmp_path / "here")) == 1

@@ -84,8 +84,8 @@ class TestVerifyWithFastDownward:
     ):
         """Though everything else holds."""
         lower = PlannerAnswer(1_800_000, ("pick(pcb)", "place(pcb)"))
-        monkeypatch.setattr(fast_downward, "driver", lambda: Path())
-        monkeypatch.setattr(fast_downward, "asked", lambda task, limit_s: lower)
+        monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
+        monkeypatch.setattr(fast_downward, "run_planner", lambda task, limit_s: lower)
         outcome = cli("verify", str(solved_board), "--with", "fast-downward", "--format", "json")
         assert (3, False) == (outcome.code, outcome.document["valid"])
         claim = outcome.document["claims"][-1]

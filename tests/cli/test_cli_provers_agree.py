@@ -102,7 +102,7 @@ class Comparison:
         options = ("-O", "count_steps=true", "-O", "accept_rounding=true")
         exported = self.cli("export", *source, "--to", "pddl", "--out", str(out), *options)
         assert 0 == exported.code, exported.err
-        words = [sys.executable, str(fast_downward.driver()), "--plan-file", "sas_plan"]
+        words = [sys.executable, str(fast_downward.find_driver()), "--plan-file", "sas_plan"]
         words += ["domain.pddl", "problem.pddl", "--search", "astar(lmcut())"]
         ended = subprocess.run(words, cwd=out, capture_output=True, text=True, check=False)
         if ended.returncode in UNSOLVABLE:

@@ -50,7 +50,7 @@ def test_what_no_engine_performs_is_played_along_its_planned_paths(
     monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
     words = ["--no-simulation"]
     if hidden == "the engines":
-        performing = "skillplan.pipeline.performing.performing_engine"
+        performing = "skillplan.pipeline.performing.find_performing_engine"
         monkeypatch.setattr(performing, lambda: None)
         words = []
     assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code

@@ -379,7 +379,7 @@ class TestReportOfAFailedSimulation:
             'default="place(switch_2)", description="skill that',
         )
         install("physics", "puppet", "puppet_engine:Puppet", broken)
-        performing = "skillplan.pipeline.performing.performing_engine"
+        performing = "skillplan.pipeline.performing.find_performing_engine"
         monkeypatch.setattr(performing, lambda: "puppet")
         monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
         outcome = cli("report", board, "--out", str(tmp_path / "page.html"))

@@ -328,13 +328,13 @@ class TestWhatWasAsked:
         from skillplan.pipeline import solving as pipeline
 
         opened = []
-        real = pipeline.warm_cache
+        real = pipeline.open_warm_cache
 
         def open_cache() -> Any:
             opened.append(1)
             return real()
 
-        monkeypatch.setattr(pipeline, "warm_cache", open_cache)
+        monkeypatch.setattr(pipeline, "open_warm_cache", open_cache)
         assert 0 == cli("verify", str(run)).code
         assert [] == opened
         document = cli("verify", str(run), "--warm", "--format", "json").document

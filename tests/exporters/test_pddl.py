@@ -29,7 +29,7 @@ from skillplan.exporters import (
 )
 from skillplan.judge import fast_downward
 from skillplan.model import replay
-from skillplan.pipeline import Setup, exported, handed_over, load_problem, make_model, solve
+from skillplan.pipeline import Setup, export_files, load_problem, make_handover, make_model, solve
 from skillplan.records import Status
 from skillplan.task import Condition, Task
 
@@ -42,7 +42,7 @@ SEEDS = [(parts, seed) for seed, parts in enumerate((6, 7, 8, 9, 10, 12, 14, 16,
 def planner():
     """Fast Downward, where it is installed."""
     try:
-        fast_downward.driver()
+        fast_downward.find_driver()
     except OptionError as missing:
         pytest.skip(str(missing))
 
@@ -50,7 +50,7 @@ def planner():
 def handed(name: str, setup: Setup = BY_CHART) -> Handover:
     """Return a config without a plan."""
     model = make_model(load_problem(CONFIGS / f"{name}.yaml").task, setup)
-    return handed_over(model, setup, None)
+    return make_handover(model, setup, None)
 
 
 def generated(parts: int, seed: int) -> Task:
@@ -63,7 +63,7 @@ def agrees(handover: Handover) -> None:
     """Compare Fast Downward's optimum with ours: they differ by rounding alone."""
     assert handover.plan is not None
     made = PlanningTask(handover, accept_rounding=True)
-    answer = fast_downward.asked(made, 140.0)
+    answer = fast_downward.run_planner(made, 140.0)
     assert answer.cost is not None, answer.silence
     per_unit = made.scale.per_unit
     exported = int(made.plan().split()[-3])
@@ -156,7 +156,7 @@ class TestTheTexts:
     def test_a_matrix_of_whole_numbers_is_not_rounded(self):
         """And a node that cannot be reached from another has no cost from there."""
         model = make_model(load_problem(CONFIGS / "br17.10.sop").task, Setup())
-        made = PlanningTask(handed_over(model, Setup(), None))
+        made = PlanningTask(make_handover(model, Setup(), None))
         assert "not rounded" in made.domain()
         assert "(from-visit_1 ?from - thing)" in made.domain()
 
@@ -194,14 +194,14 @@ class TestConditionsAndCosts:
 
     def test_which_tool_is_put_back_decides_what_a_change_costs(self):
         """Also in a rack of equal pitch, where the shortest way is the same for two tools."""
-        domain = PlanningTask(handed_over(model_of(rack_task()), BY_CHART, None)).domain()
+        domain = PlanningTask(make_handover(model_of(rack_task()), BY_CHART, None)).domain()
         loads = set(re.findall(r"\(:action (load_b\S*)", domain))
         assert {"load_b-tool_a", "load_b-tool_c"} == loads
 
     def test_a_choice_of_supports_is_an_action_each(self):
         """A plate stays up on any two of three posts that are not on one side."""
         task = assembly(bridge_content())
-        made = PlanningTask(handed_over(make_model(task, BY_BOXES), BY_BOXES, None))
+        made = PlanningTask(make_handover(make_model(task, BY_BOXES), BY_BOXES, None))
         domain = made.domain()
         actions = re.findall(r"\(:action (place_plate\S*)\s.*\s.*:precondition (.*)", domain)
         assert ["place_plate-case_1", "place_plate-case_2"] == [name for name, _ in actions]
@@ -222,7 +222,7 @@ class TestWhatPddlCannotSay:
         with pytest.raises(
             OptionError, match=r"pick\(switch_1\) is left to chance.*grasp_failure=0"
         ):
-            exported(PddlExporter(), handed("inverter_grasps"))
+            export_files(PddlExporter(), handed("inverter_grasps"))
 
     def test_costs_that_planners_add_up_wrongly(self):
         """They have 32 bits; whole numbers are handed over as they are."""
@@ -246,8 +246,8 @@ class TestFastDownward:
     def test_proves_the_step_limit_if_it_is_part_of_the_task(self, planner, limit):
         """The rack takes six skills; in five there is no plan."""
         model = make_model(rack_task().replace(step_limit=limit), BY_CHART)
-        counted = PlanningTask(handed_over(model, BY_CHART, None), count_steps=True)
-        answer = fast_downward.asked(counted, 60.0)
+        counted = PlanningTask(make_handover(model, BY_CHART, None), count_steps=True)
+        answer = fast_downward.run_planner(counted, 60.0)
         assert (2_540_905 if limit == 6 else None) == answer.cost
         assert (limit == 5) == answer.unsolvable
 
@@ -260,8 +260,8 @@ class TestFastDownward:
             task = load_problem(path).task
             setup = BY_BOXES if seed % 2 else BY_CHART
             if solve(task, "exact", setup).status is Status.INFEASIBLE:
-                made = PlanningTask(handed_over(make_model(task, setup), setup, None))
-                assert fast_downward.asked(made, 140.0).unsolvable, seed
+                made = PlanningTask(make_handover(make_model(task, setup), setup, None))
+                assert fast_downward.run_planner(made, 140.0).unsolvable, seed
             else:
                 agrees(solved(task, setup))
 
@@ -291,7 +291,7 @@ class TestFastDownward:
         """It says which extra has it."""
         monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
         with pytest.raises(OptionError, match=r"pip install 'skillplan\[planner\]'"):
-            fast_downward.driver()
+            fast_downward.find_driver()
 
 
 @pytest.mark.slow(reason="unified-planning takes seconds to import; texts are read in every run")

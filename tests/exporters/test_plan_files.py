@@ -14,7 +14,7 @@ from skillplan.exporters import (
     read_plan,
 )
 from skillplan.model import replay
-from skillplan.pipeline import given_plan
+from skillplan.pipeline import read_given_plan
 from skillplan.testing import hostile_task, solved_lid
 
 CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
@@ -30,7 +30,7 @@ def test_what_is_exported_is_read_back(board, tmp_path, exporter):
         files = exporter.files(handover)
         content = files.get("plan.txt") or next(iter(files.values()))
         (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-        found = given_plan(f"@{tmp_path / 'plan'}", handover.task)
+        found = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
         assert [one.skill for one in handover.skills] == list(found)
 
 
@@ -44,7 +44,7 @@ def test_what_is_read_back_costs_exactly_what_it_did(tmp_path, exporter, config)
     files = exporter.files(handover)
     content = files.get("plan.txt") or next(iter(files.values()))
     (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-    found = given_plan(f"@{tmp_path / 'plan'}", handover.task)
+    found = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
     assert handover.plan.cost == replay(handover.model, found).cost
 
 
@@ -61,7 +61,7 @@ def test_a_result_and_a_list_are_read_as_json(board, tmp_path):
 def test_a_planner_may_write_in_capitals(board, tmp_path):
     """Names of PDDL are the same in both."""
     (tmp_path / "plan").write_text("; found\n(PICK_PCB LOCATION_HOME)\n\n; cost = 1\n")
-    found = given_plan(f"@{tmp_path / 'plan'}", board.task)
+    found = read_given_plan(f"@{tmp_path / 'plan'}", board.task)
     assert ["pick(pcb)"] == [skill.name for skill in found]
 
 
@@ -114,7 +114,7 @@ def test_what_is_wrong_is_said_with_its_line(board, tmp_path, content, message):
     path = tmp_path / "plan"
     path.write_bytes(content)
     with pytest.raises(OptionError, match=message) as raised:
-        given_plan(f"@{path}", board.task)
+        read_given_plan(f"@{path}", board.task)
     assert str(raised.value).startswith(str(path))
 
 
@@ -125,4 +125,4 @@ def test_what_is_too_large_or_no_file_is_not_read(board, tmp_path):
         file.truncate(MAX_BYTES + 1)
     for name, message in ((path, "larger than"), (tmp_path, "folder"), ("no", "No such file")):
         with pytest.raises(OptionError, match=message):
-            given_plan(f"@{name}", board.task)
+            read_given_plan(f"@{name}", board.task)

@@ -9,7 +9,7 @@ import pytest
 
 from handovers import best
 from situations import fake_back_end, model_of
-from skillplan.judge import PlannerAnswer, fast_downward, planner_claims
+from skillplan.judge import PlannerAnswer, check_with_planner, fast_downward
 from skillplan.records import Claim, Outcome, Status, StoredClaims
 from skillplan.task import State, Verdict
 
@@ -18,10 +18,10 @@ MICROMETRES = 1_867_086
 
 def judged(monkeypatch: pytest.MonkeyPatch, answer: PlannerAnswer, **claims: Any) -> Claim:
     """Return what a planner that answers so makes of claims on the inverter board."""
-    monkeypatch.setattr(fast_downward, "driver", lambda: Path())
-    monkeypatch.setattr(fast_downward, "asked", lambda made, limit_s: answer)
+    monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "run_planner", lambda made, limit_s: answer)
     model = best("inverter_board").model
-    (claim,) = planner_claims(stored(**claims), model, 1.0, charted=True)
+    (claim,) = check_with_planner(stored(**claims), model, 1.0, charted=True)
     return claim
 
 
@@ -85,8 +85,8 @@ def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_
 def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch):
     """A verdict that is not known may be either."""
     asked: list[object] = []
-    monkeypatch.setattr(fast_downward, "driver", lambda: Path())
-    monkeypatch.setattr(fast_downward, "asked", lambda *words: asked.append(words))
+    monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "run_planner", lambda *words: asked.append(words))
     task = best("inverter_board").task
 
     feasible = Verdict.feasible(task.facts.none, task.facts.none)
@@ -96,6 +96,6 @@ def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch
 
     claims = stored(status="optimal", cost=1.0)
     model = model_of(task, fake_back_end(task, answer_pick))
-    (claim,) = planner_claims(claims, model, 1.0, charted=False)
+    (claim,) = check_with_planner(claims, model, 1.0, charted=False)
     assert (Outcome.NOT_CHECKED, []) == (claim.outcome, asked)
     assert claim.detail.startswith("PDDL cannot say it: verdicts are not known: pick(pcb) (fake:")

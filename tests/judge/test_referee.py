@@ -26,7 +26,7 @@ from situations import (
 )
 from skillplan.collision import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.judge import counterexample, cross_examine, referee
+from skillplan.judge import cross_examine, find_counterexample, referee
 from skillplan.pipeline import Setup, solve
 from skillplan.records import Result, Status
 from skillplan.solvers import Plan, Policy, Solution, Stop
@@ -157,8 +157,8 @@ def test_no_bound_above_0_is_granted_where_the_start_is_the_goal():
         result = verdict_on(solution, done)
         assert result.status == "wrong"
         assert "claims that no plan costs less than" in result.reason
-    assert counterexample(model_of(done), 0.0) is None
-    assert counterexample(model_of(done), 1e-3) == []
+    assert find_counterexample(model_of(done), 0.0) is None
+    assert find_counterexample(model_of(done), 1e-3) == []
 
 
 def test_an_infeasible_step_is_caught():
@@ -329,7 +329,7 @@ def test_a_counterexample_is_found_exactly_where_there_is_one(content, factor):
 
     best = optimum(cheapest_by_length(model()))
     bound = math.inf if best is None else best[0] * factor
-    cheaper = counterexample(model(), bound)
+    cheaper = find_counterexample(model(), bound)
     assert (cheaper is not None) == (best is not None and best[0] < bound - 1e-9)
 
 

@@ -21,7 +21,7 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import NotASequencing
-from skillplan.judge import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
+from skillplan.judge import ORDERS, STATES, find_least_cost_of_orders, find_least_cost_of_states
 from skillplan.model import SequencingProblem
 from skillplan.pipeline import make_model, solve
 from skillplan.records import Status
@@ -64,7 +64,7 @@ class TestOrders:
             for order in itertools.permutations(range(n))
             if all(order.index(i) < order.index(j) for i, j in precedence)
         ]
-        least = least_cost_of_orders(problem)
+        least = find_least_cost_of_orders(problem)
         assert least.cost == min(map(problem.cost, allowed))
         if math.isfinite(least.cost):
             order = [problem.jobs.index(name) for name in least.skills]
@@ -73,28 +73,30 @@ class TestOrders:
 
     def test_a_circle_has_no_order(self):
         """Then there is no plan at all."""
-        least = least_cost_of_orders(problem_of([1, 1], [0, 1, 1, 0], [(0, 1), (1, 0)]))
+        least = find_least_cost_of_orders(problem_of([1, 1], [0, 1, 1, 0], [(0, 1), (1, 0)]))
         assert (least.cost, least.skills) == (math.inf, ())
 
     def test_nothing_to_do_costs_nothing(self):
         """Nor is there anything to be done."""
-        assert least_cost_of_orders(problem_of([], [])).cost == 0.0
+        assert find_least_cost_of_orders(problem_of([], [])).cost == 0.0
 
     def test_too_many_sets_are_given_up(self):
         """With the limit in words."""
         problem = problem_of([1.0] * 8, [1.0] * 64)
-        least = least_cost_of_orders(problem, most_subsets=100)
+        least = find_least_cost_of_orders(problem, most_subsets=100)
         assert (least.method, least.cost) == (ORDERS, None)
         assert least.why_not == "too large, more than 100 sets of jobs"
 
     def test_time_ends_it(self):
         """At the next poll."""
         problem = problem_of([1.0] * 8, [1.0] * 64)
-        assert least_cost_of_orders(problem, lambda: True).why_not == "stopped before it was done"
+        assert (
+            find_least_cost_of_orders(problem, lambda: True).why_not == "stopped before it was done"
+        )
 
     def test_a_plan_beyond_the_step_limit_proves_nothing(self):
         """A costlier order might be shorter."""
-        least = least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
+        least = find_least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
         assert least.cost is None
         assert least.why_not == "the cheapest order takes 3 skills, the limit is 2"
 
@@ -103,7 +105,7 @@ class TestStates:
     @given(small_tasks())
     def test_it_is_the_least_of_all_plans_within_the_step_limit(self, task):
         """As found by walking all of them; the plan holds and costs as much."""
-        least = least_cost_of_states(model_of(task))
+        least = find_least_cost_of_states(model_of(task))
         best = optimum(cheapest_by_length(model_of(task)))
         if best is None:
             assert (least.cost, least.skills) == (math.inf, ())
@@ -113,28 +115,30 @@ class TestStates:
 
     def test_a_step_limit_may_need_the_dearer_of_two_ways(self):
         """To a state as well as to the goal."""
-        assert least_cost_of_states(model_of(two_roads_task())).cost == 3.0
-        least = least_cost_of_states(model_of(two_roads_task(step_limit=2)))
+        assert find_least_cost_of_states(model_of(two_roads_task())).cost == 3.0
+        least = find_least_cost_of_states(model_of(two_roads_task(step_limit=2)))
         assert (least.cost, least.skills) == (4.0, ("to_b", "finish"))
 
     def test_too_many_states_are_given_up(self, board_task):
         """With the limit in words."""
-        least = least_cost_of_states(make_model(board_task), most_states=10)
+        least = find_least_cost_of_states(make_model(board_task), most_states=10)
         assert (least.method, least.cost) == (STATES, None)
         assert least.why_not == "too large, more than 10 states"
 
     def test_time_ends_it(self, motor_drive_task):
         """Also where the model itself says so."""
         model = make_model(motor_drive_task)
-        assert least_cost_of_states(model, lambda: True).why_not == "stopped before it was done"
+        assert (
+            find_least_cost_of_states(model, lambda: True).why_not == "stopped before it was done"
+        )
         model = make_model(motor_drive_task, overdue=lambda: True)
-        assert least_cost_of_states(model).why_not == "stopped before it was done"
+        assert find_least_cost_of_states(model).why_not == "stopped before it was done"
 
     def test_what_no_back_end_can_decide_proves_nothing(self):
         """A skill left out might be on the best way."""
         task = two_roads_task()
         unsure = fake_back_end(task, lambda skill, state: Verdict.unknown("cannot tell"))
-        least = least_cost_of_states(model_of(task, unsure))
+        least = find_least_cost_of_states(model_of(task, unsure))
         assert (least.cost, least.why_not) == (None, "some verdicts are unknown")
 
 
@@ -145,14 +149,14 @@ def test_both_agree_with_exact_search(content):
     """On small boards, also those without a plan."""
     task = assembly(content)
     exact = solve(task, "exact")
-    states = least_cost_of_states(make_model(task))
+    states = find_least_cost_of_states(make_model(task))
     expected = exact.cost if exact.status is Status.OPTIMAL else math.inf
     assert states.cost == pytest.approx(expected, abs=1e-9)
     try:
         problem = SequencingProblem.from_model(make_model(task))
     except NotASequencing:
         return
-    orders = least_cost_of_orders(problem)
+    orders = find_least_cost_of_orders(problem)
     assert orders.cost is None or orders.cost == pytest.approx(expected, abs=1e-9)
 
 
@@ -161,4 +165,4 @@ def test_a_task_that_is_done_costs_nothing():
     facts = two_roads_task().facts
     skills = two_roads_task().skills
     task = make_task(facts, skills, initial=("done",), goal=("done",))
-    assert least_cost_of_states(model_of(task)).cost == 0.0
+    assert find_least_cost_of_states(model_of(task)).cost == 0.0

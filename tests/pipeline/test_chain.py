@@ -10,11 +10,11 @@ from skillplan.domains import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline import (
     Setup,
+    list_solvers,
     load_problem,
+    map_solvers,
     solve_chain,
     solve_chain_with_all,
-    solver_names,
-    solvers_by_stage,
 )
 from skillplan.records import ChainResult, Status
 from skillplan.solvers import Stop
@@ -119,16 +119,16 @@ class TestSolvers:
         assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"policy-iteration"}} == solvers_of(
             solve_chain(curve, spec)
         )
-        assert ("policy-iteration", "csp") == solver_names(spec)
-        assert ("exact",) == solver_names("exact")
+        assert ("policy-iteration", "csp") == list_solvers(spec)
+        assert ("exact",) == list_solvers("exact")
 
     def test_an_unknown_stage_is_named(self):
         with pytest.raises(OptionError, match="No stage 'bases' in this task"):
-            solvers_by_stage("bases=exact", ["heads", "goals", "base"])
+            map_solvers("bases=exact", ["heads", "goals", "base"])
 
     def test_an_unknown_solver_of_a_stage_is_named(self):
         with pytest.raises(PluginError, match="exat"):
-            solvers_by_stage("base=exat", ["base"])
+            map_solvers("base=exat", ["base"])
 
     @pytest.mark.slow(reason="solves a sheet by several solvers; one for every stage in every run")
     def test_several_solvers_run_one_after_the_other(self, polygonal):

@@ -7,7 +7,7 @@ from importlib.metadata import EntryPoint, EntryPoints
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.pipeline import Setup, looks_of_arm
+from skillplan.pipeline import Setup, find_arm_meshes
 from skillplan.plugins import installed
 from skillplan.testing import lid_task
 
@@ -45,6 +45,6 @@ def test_an_arm_looks_the_same_whichever_engine_moved_it():
     """One engine brings meshes of the arm, and they are of the arm, not of the engine."""
     pytest.importorskip("pybullet_data")
     pytest.importorskip("skillplan_pybullet")
-    looks = looks_of_arm(lid_task(), "mujoco")
+    looks = find_arm_meshes(lid_task(), "mujoco")
     assert any(looks)
-    assert looks == looks_of_arm(lid_task(), "pybullet") == looks_of_arm(lid_task(), None)
+    assert looks == find_arm_meshes(lid_task(), "pybullet") == find_arm_meshes(lid_task(), None)

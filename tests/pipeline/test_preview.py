@@ -6,7 +6,7 @@ import pytest
 
 from skillplan.domains import Problem
 from skillplan.errors import OptionError, PluginError
-from skillplan.pipeline import load_problem, preview, registry
+from skillplan.pipeline import load_problem, preview_problem, registry
 from skillplan.pipeline import obstacles as stage
 from skillplan.records import DerivedOrder
 from thinned import slow_case
@@ -71,7 +71,7 @@ GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
 class TestTheDerivedOrder:
     def test_of_the_board_has_no_cycle(self):
         """By the default detector, although the file leaves geometry out, and without a warning."""
-        found = preview(BOARD)
+        found = preview_problem(BOARD)
         (order,) = found.orders
         assert ("inverter-board", ("kinematic", GEOMETRIC), ()) == (
             order.task,
@@ -84,7 +84,7 @@ class TestTheDerivedOrder:
     def test_names_a_cycle_with_the_file(self, tmp_path):
         """Nothing else in the file is wrong."""
         problem = loaded(tmp_path, CIRCULAR)
-        found = preview(problem, collision=("aabb",))
+        found = preview_problem(problem, collision=("aabb",))
         assert set(found.orders[0].cycle) == {"mainboard", "cpu"}
         assert found.warnings == (
             f"{problem.source}: by kinematic, aabb no order exists: mainboard before cpu before "
@@ -95,41 +95,43 @@ class TestTheDerivedOrder:
 
     def test_is_that_of_the_detectors_named(self):
         """Except the chart's own, of which an order says nothing."""
-        (order,) = preview(BOARD, collision=("aabb", "precedence")).orders
+        (order,) = preview_problem(BOARD, collision=("aabb", "precedence")).orders
         assert order.back_ends == ("kinematic", "aabb")
-        (order,) = preview(BOARD, collision=("precedence",)).orders
+        (order,) = preview_problem(BOARD, collision=("precedence",)).orders
         assert order.back_ends == ("kinematic", GEOMETRIC)
 
     def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch):
         """A preview is instant; with a detector named it takes its time."""
         monkeypatch.setattr(stage, "MOST_COMPONENTS", 3)
         large = DerivedOrder("inverter-board", (), not_derived="so many components")
-        assert preview(BOARD).orders == (large,)
-        assert preview(BOARD).document()["precedence"] == []
-        assert preview(BOARD, collision=("aabb",)).orders[0].pairs > 0
+        assert preview_problem(BOARD).orders == (large,)
+        assert preview_problem(BOARD).document()["precedence"] == []
+        assert preview_problem(BOARD, collision=("aabb",)).orders[0].pairs > 0
 
     def test_of_hollow_parts_waits_to_be_asked_for(self, tmp_path):
         """Boxes about them fill what others go into, and true meshes take minutes."""
         (tmp_path / "channel.obj").write_bytes((MESHES / "channel.obj").read_bytes())
         problem = loaded(tmp_path, HOLLOW)
-        assert preview(problem).orders == (DerivedOrder("hollow", (), not_derived="hollow parts"),)
-        (order,) = preview(problem, collision=("swept",)).orders
+        assert preview_problem(problem).orders == (
+            DerivedOrder("hollow", (), not_derived="hollow parts"),
+        )
+        (order,) = preview_problem(problem, collision=("swept",)).orders
         assert order.back_ends == ("kinematic", "swept")
 
     @pytest.mark.parametrize("name", ["ESC12.sop", "swarmitfix_triangular.yaml"])
     def test_is_none_where_nothing_has_a_shape(self, name):
         """A matrix and a bench have no bodies to collide."""
-        assert preview(load_problem(CONFIGS / name)).orders == ()
+        assert preview_problem(load_problem(CONFIGS / name)).orders == ()
 
     def test_of_an_unknown_detector_is_refused(self):
         """With its name, as everywhere."""
         with pytest.raises(PluginError, match="'aab'"):
-            preview(BOARD, collision=("aab",))
+            preview_problem(BOARD, collision=("aab",))
 
     def test_takes_the_options_of_back_ends(self):
         """And refuses those that they do not have."""
         with pytest.raises(OptionError, match="'aabb' has no option"):
-            preview(BOARD, collision=("aabb",), options={"aabb": {"colour": 1}})
+            preview_problem(BOARD, collision=("aabb",), options={"aabb": {"colour": 1}})
 
 
 class TestGrasps:
@@ -144,7 +146,7 @@ class TestGrasps:
             "'gripper' close; those that engines simulate open 0.080 m. Give grasp: "
             "{type: suction}.",
         )
-        assert preview(problem).warnings == problem.hints
+        assert preview_problem(problem).warnings == problem.hints
         assert problem.warnings == ()
 
 
@@ -162,4 +164,4 @@ LARGE = {"drawer_module", "gear_unit", "inverter_grasps", "inverter_time", "mini
 )
 def test_the_shipped_files_have_nothing_to_warn_of(path):
     """Whatever geometry says of them, it says nothing against them."""
-    assert preview(load_problem(path)).warnings == ()
+    assert preview_problem(load_problem(path)).warnings == ()

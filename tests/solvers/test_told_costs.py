@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import assembly, config_content, fake_back_end, model_of, small_assemblies
 from skillplan.errors import NotASequencing
-from skillplan.judge import least_cost_of_orders, least_cost_of_states
+from skillplan.judge import find_least_cost_of_orders, find_least_cost_of_states
 from skillplan.model import SequencingProblem, replay
 from skillplan.physics import Engine
 from skillplan.solvers import ExactSolver, ExhaustiveSolver
@@ -40,7 +40,7 @@ def test_exact_search_and_the_best_order_cost_what_plain_search_finds(content, s
     """By a search without any bound; what is asked for lazily is what is asked for eagerly."""
     assume(len(content["parts"]) + len(content["screws"]) <= 4)
     task = timed_task(content)
-    plain = least_cost_of_states(model_of(task, clock(task, 0.0, seed)))
+    plain = find_least_cost_of_states(model_of(task, clock(task, 0.0, seed)))
     found = ExactSolver().solve(model_of(task, clock(task, tightness, seed)))
     assert found.proved
     if found.plan is None:
@@ -53,7 +53,7 @@ def test_exact_search_and_the_best_order_cost_what_plain_search_finds(content, s
     except NotASequencing as error:
         event("refused: " + str(error).partition("problem: ")[2][:60])
         return
-    by_orders = least_cost_of_orders(problem)
+    by_orders = find_least_cost_of_orders(problem)
     event("by orders" if by_orders.cost is not None else by_orders.why_not[:30])
     if by_orders.cost is not None:
         assert by_orders.cost == pytest.approx(plain.cost, abs=1e-9)
@@ -157,7 +157,7 @@ def test_of_a_skill_with_several_ways_the_time_of_the_one_taken_counts(tightness
     skill = task.skill("place(clock)")
     assert len(skill.ways) == 2
     model, plain = model_of(task, clock(task, tightness)), model_of(task, clock(task))
-    found, least = ExactSolver().solve(model), least_cost_of_states(plain)
+    found, least = ExactSolver().solve(model), find_least_cost_of_states(plain)
     assert found.plan.cost == pytest.approx(least.cost, abs=1e-9)
     bits = skill.precondition.requires.bits
     by_way = [clock(task).duration_s(skill.by(way), task.initial) for way in skill.ways]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from skillplan.exporters import Handover
 from skillplan.model import replay
-from skillplan.pipeline import Setup, handed_over, load_problem, make_model, solve
+from skillplan.pipeline import Setup, load_problem, make_handover, make_model, solve
 from skillplan.task import Task
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -19,7 +19,7 @@ def solved(task: Task, setup: Setup = BY_CHART) -> Handover:
     model = make_model(task, setup)
     result = solve(task, "auto", setup)
     assert result.gap == 0, result.reason
-    return handed_over(model, setup, replay(model, [task.skill(s.skill) for s in result.steps]))
+    return make_handover(model, setup, replay(model, [task.skill(s.skill) for s in result.steps]))
 
 
 @cache

@@ -16,7 +16,7 @@ import pytest
 
 from skillplan.chart import closure, derive_chart
 from skillplan.checks import introduce
-from skillplan.pipeline import Setup, by_ways, load_problem, make_feasibility, solve
+from skillplan.pipeline import Setup, choose_variants, load_problem, make_feasibility, solve
 from skillplan.records import Result
 from skillplan.task import Skill, Task
 
@@ -75,7 +75,7 @@ def proved(product: str, engine: str) -> Result:
 def plan_of(task: Task, result: Result) -> list[Skill]:
     """Return the skills of a result, each by the way that it takes."""
     skills = [task.skill(step.skill) for step in result.steps]
-    return by_ways(task, skills, (), [step.way for step in result.steps])
+    return choose_variants(task, skills, (), [step.way for step in result.steps])
 
 
 def assert_executed(product: str, result: Result, executing: str) -> None:

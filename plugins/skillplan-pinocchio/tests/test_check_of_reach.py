@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from skillplan.physics import straight_down
-from skillplan.pipeline import load_problem, obstacles, preview
+from skillplan.pipeline import load_problem, obstacles, preview_problem
 from skillplan.robots import ARMS
 from skillplan.task import Robot
 from skillplan_pinocchio import ArmModel, Unreachable, elbows
@@ -32,7 +32,7 @@ parts:
 def warnings(folder: Path, grasp: str) -> list[str]:
     path = folder / "pillar.yaml"
     path.write_text(PILLAR.replace("GRASP", grasp), "utf-8")
-    return [line.removeprefix(f"{path}:") for line in preview(load_problem(path)).warnings]
+    return [line.removeprefix(f"{path}:") for line in preview_problem(load_problem(path)).warnings]
 
 
 def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path):
@@ -87,6 +87,6 @@ def test_so_it_does_on_a_finer_lattice(name):
 def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(path, monkeypatch):
     """Asked of all skills, it warns of the same."""
     problem = load_problem(path)
-    found = preview(problem).warnings
+    found = preview_problem(problem).warnings
     monkeypatch.setattr(obstacles, "surely_reached", lambda *_: False)
-    assert preview(problem).warnings == found
+    assert preview_problem(problem).warnings == found

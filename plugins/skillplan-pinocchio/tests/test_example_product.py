@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from skillplan import Setup, Status, load_problem, solve
-from skillplan.pipeline import preview
+from skillplan.pipeline import preview_problem
 
 PROBLEM = load_problem(Path(__file__).parents[3] / "examples" / "sensor_box.yaml")
 
@@ -13,7 +13,7 @@ PROBLEM = load_problem(Path(__file__).parents[3] / "examples" / "sensor_box.yaml
 @pytest.mark.slow(reason="one product more; files that ship in every run")
 def test_check_has_nothing_to_say_against_it():
     """Nothing that the arm cannot reach, nothing that overlaps or floats."""
-    assert preview(PROBLEM).warnings == ()
+    assert preview_problem(PROBLEM).warnings == ()
 
 
 @pytest.mark.slow(reason="3 s of trajectories; that the arm reaches all is left in every run")

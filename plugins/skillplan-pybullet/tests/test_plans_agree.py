@@ -12,7 +12,7 @@ from situations import assembly, config_content
 from skillplan.checks import introduce
 from skillplan.cli import main
 from skillplan.domains.assembly import AssemblyConfig, BoardGenerator, draw_layouts, ground
-from skillplan.pipeline import Setup, by_ways, load_problem, solve
+from skillplan.pipeline import Setup, choose_variants, load_problem, solve
 from skillplan_pybullet import PybulletEngine
 from skillplan_simulation import ContactPairsDetector
 
@@ -76,7 +76,7 @@ def generated(seed):
 def planned(task, result):
     """Return the skills of a result, each by the way that it takes."""
     skills = [task.skill(step.skill) for step in result.steps]
-    return by_ways(task, skills, (), [step.way for step in result.steps])
+    return choose_variants(task, skills, (), [step.way for step in result.steps])
 
 
 def named(task, names):

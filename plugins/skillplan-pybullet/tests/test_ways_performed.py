@@ -3,7 +3,7 @@
 import pytest
 
 from situations import assembly
-from skillplan.pipeline import by_ways
+from skillplan.pipeline import choose_variants
 from skillplan_pybullet import PybulletEngine, SimulationSettings
 from skillplan_simulation import PlannedPaths
 from way_boards import pin_content
@@ -32,7 +32,7 @@ def test_the_grasp_that_is_free_at_the_goal_is_performed():
     engine = PybulletEngine(task)
     plan = ["pick(wall)", "place(wall)", "pick(pin)", "place(pin)"]
     named = [None, None, GRANTED, GRANTED]
-    skills = by_ways(task, [task.skill(name) for name in plan], [engine], named)
+    skills = choose_variants(task, [task.skill(name) for name in plan], [engine], named)
     made = engine.perform(skills)
     assert made.failed is None
     assert made.skills[-1].skill == f"place(pin) {GRANTED}"

@@ -20,12 +20,12 @@ from skillplan.exporters import Handover
 from skillplan.model import SkillModel, replay
 from skillplan.pipeline import (
     Setup,
-    exported,
-    handed_over,
+    export_files,
+    list_notes,
     load_problem,
     make_exporter,
+    make_handover,
     make_model,
-    notes_of,
 )
 from skillplan.task import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task, solved_lid
@@ -102,7 +102,7 @@ def by_swept(speed_fraction: float, config: str = "inverter_board") -> Handover:
 
 def written(folder: Path, handover: Handover, **options: Any) -> Path:
     """Write what the exporter makes, as the command line does."""
-    for name, content in exported(make_exporter("ros2", options), handover).items():
+    for name, content in export_files(make_exporter("ros2", options), handover).items():
         data = content if isinstance(content, bytes) else content.encode()
         (folder / name).write_bytes(data)
     return folder
@@ -219,7 +219,7 @@ def test_speed_is_that_of_swept_unless_it_is_set(tmp_path):
 
 def refusal(handover: Handover) -> str:
     with pytest.raises(OptionError, match="cannot be exported to ros2") as caught:
-        exported(make_exporter("ros2", {}), handover)
+        export_files(make_exporter("ros2", {}), handover)
     return str(caught.value)
 
 
@@ -232,7 +232,7 @@ def test_a_task_without_an_arm_is_refused_in_words(config, part, plan):
     task = load_problem(CONFIGS / config).part(part)
     model = make_model(task, Setup())
     skills = any_order(model) if plan is None else [task.skill(name) for name in plan]
-    said = refusal(handed_over(model, Setup(), replay(model, skills)))
+    said = refusal(make_handover(model, Setup(), replay(model, skills)))
     assert "a joint trajectory is of one arm, and the task has none: export to csv" in said
 
 
@@ -262,6 +262,6 @@ def test_the_topic_is_one_of_ros():
 
 def test_that_the_hand_is_left_out_is_noted():
     """And where it stands."""
-    (bag_note,) = notes_of(make_exporter("ros2", {}), best("inverter_board"))
-    (text_note,) = notes_of(make_exporter("ros2", {"format": "yaml"}), best("inverter_board"))
+    (bag_note,) = list_notes(make_exporter("ros2", {}), best("inverter_board"))
+    (text_note,) = list_notes(make_exporter("ros2", {"format": "yaml"}), best("inverter_board"))
     assert ("/skillplan/hand" in bag_note, "comments" in text_note) == (True, True)

@@ -19,7 +19,7 @@ from skillplan.cli.showing import PICTURE, draw
 from skillplan.errors import OptionError, exit_code
 from skillplan.files.output_path import output_folder
 from skillplan.physics.performance import Performer
-from skillplan.pipeline.performing import contact_detectors
+from skillplan.pipeline.performing import find_contact_detectors
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_feasibility
 from skillplan.records.execution.comparisons import make_agreement_document, make_detectors_document
@@ -105,7 +105,7 @@ def _make_engine_setup(
     collision = back_ends.collision
     if collision is None:
         chosen = [choice.name for choice in task.collision]
-        collision = ",".join(contact_detectors(engine, chosen)) or None
+        collision = ",".join(find_contact_detectors(engine, chosen)) or None
     own = replace(back_ends, physics=engine, collision=collision, options=options)
     return make_setup(own, task, executor=executor, with_chart=False)
 

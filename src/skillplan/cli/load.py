@@ -104,12 +104,12 @@ def load_part(
 
 def name_back_ends(back_ends: BackEnds) -> dict[str, list[str]]:
     """Return the names of the back ends that the command line chooses, by kind."""
-    from skillplan.pipeline.setup import engine_named
+    from skillplan.pipeline.setup import resolve_engine
 
     given = {"physics": back_ends.physics, "collision": back_ends.collision}
     named = {kind: split_names(names) for kind, names in given.items() if names is not None}
     if "physics" in named:
-        named["physics"] = [engine_named(name) for name in named["physics"]]
+        named["physics"] = [resolve_engine(name) for name in named["physics"]]
     return named
 
 
@@ -175,9 +175,9 @@ def make_setup(
 
 def open_cache(caching: Caching) -> DiskVerdictCache | None:
     """Return the cache of verdicts on disk, or None if it is not to be used."""
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.solving import open_warm_cache
 
-    return None if caching.no_cache else warm_cache()
+    return None if caching.no_cache else open_warm_cache()
 
 
 def load_result(
@@ -259,11 +259,11 @@ def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
     """
     from skillplan.cli.waiting import stoppable
     from skillplan.pipeline.certification import certify
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.solving import open_warm_cache
 
     limit_s = min(_VERIFICATION_S, time_limit_s or _VERIFICATION_S)
     with stoppable(limit_s, label="verifying") as stop:
-        certificate = certify(path, stop=stop, cache=warm_cache())
+        certificate = certify(path, stop=stop, cache=open_warm_cache())
     if certificate.refuted:
         claim = certificate.refuted[0]
         raise OptionError(

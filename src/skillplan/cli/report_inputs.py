@@ -19,13 +19,13 @@ from skillplan.files.regular_file import read_bytes
 from skillplan.physics.performance import MOST_PLAYED_S, PlannedMotion
 from skillplan.pipeline.performing import (
     Performed,
-    geometric_chart,
-    looks_of_arm,
+    derive_geometric_chart,
+    find_arm_meshes,
     perform_plan,
     plan_motion,
 )
 from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import solve_problem, warm_cache
+from skillplan.pipeline.solving import open_warm_cache, solve_problem
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate
@@ -112,7 +112,7 @@ class Reporter:
         setup = make_setup(self.back_ends, problem.tasks[-1], screening=True)
         with stoppable(limit_s, label=f"solving {problem.name}") as stop:
             result = solve_problem(
-                problem, part, None, setup, seed=self.seed, stop=stop, cache=warm_cache()
+                problem, part, None, setup, seed=self.seed, stop=stop, cache=open_warm_cache()
             )
         self.interrupted = self.interrupted or result.interrupted
         result = replace(result, origin=setup.origin(path, part, self.reading.settings()))
@@ -167,14 +167,14 @@ class Reporter:
         missing = performed if isinstance(performed, str) else ""
         if isinstance(performed, Performed):
             if performed.samples and self.playback is None:
-                looks = looks_of_arm(task, performed.engine)
+                looks = find_arm_meshes(task, performed.engine)
                 done = performed.performance.skills
                 played = arm_playback(task, done, performed.samples, looks)
                 playback = self.playback = played.document()
             else:
                 missing = _why_not_played(performed)
         elif isinstance(performed, PlannedMotion):
-            looks = looks_of_arm(task, None)
+            looks = find_arm_meshes(task, None)
             played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
             playback = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
@@ -221,7 +221,7 @@ class Reporter:
                 setup,
                 skills,
                 ways,
-                begun=lambda _: count.one_more(),
+                on_begin=lambda _: count.one_more(),
                 stopped=lambda: count.interrupted,
             )
             self.interrupted = self.interrupted or count.interrupted
@@ -248,8 +248,8 @@ class Reporter:
         if not task.operations or len(task.operations) > _MOST_COMPONENTS:
             return None
         try:
-            chart, names = geometric_chart(
-                task, replace(setup, collision=(), physics=None), warm_cache()
+            chart, names = derive_geometric_chart(
+                task, replace(setup, collision=(), physics=None), open_warm_cache()
             )
         except OptionError as error:
             tell(f"skillplan: note: the precedence relation is not derived: {error}")

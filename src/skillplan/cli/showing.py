@@ -12,7 +12,7 @@ from skillplan.errors import BackEndError, OptionError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
-from skillplan.pipeline.performing import performing_engine
+from skillplan.pipeline.performing import find_performing_engine
 from skillplan.plugins.blame import blame
 from skillplan.plugins.installed import PREFERRED
 from skillplan.task.back_end import BackEnd
@@ -41,10 +41,10 @@ def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
     OptionError
         If it is not; the message names one that is, or how to come by one.
     """
-    engine = next(one for one in back_ends if isinstance(one, Engine))
+    engine = next(back_end for back_end in back_ends if isinstance(back_end, Engine))
     if isinstance(engine, Performer):
         return engine
-    able = performing_engine()
+    able = find_performing_engine()
     instead = f"use --physics {able}" if able else f"pip install skillplan-{PREFERRED[0]}"
     raise OptionError(f"physics {engine.name!r} performs no plans with bodies to {to}; {instead}.")
 
@@ -64,7 +64,7 @@ def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
     OptionError
         If nobody can; the message names an engine that could.
     """
-    shows = next((one for one in back_ends if isinstance(one, HullDetector)), None)
+    shows = next((back_end for back_end in back_ends if isinstance(back_end, HullDetector)), None)
     moves = any(isinstance(one, Performer) for one in back_ends)
     if shows is not None and not moves and ANIMATE not in paths:
         return shows

@@ -1,7 +1,4 @@
-"""What grades solvers: replays of plans, checks of claims, second proofs.
-
-It never searches for a solver.
-"""
+"""Grading of solvers: replays of plans, checks of claims, second proofs."""
 
 import lazy_loader as _lazy
 

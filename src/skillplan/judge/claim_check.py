@@ -46,19 +46,18 @@ _POLL_EVERY = 1_024
 
 @dataclass(frozen=True, slots=True)
 class LeastCost:
-    """What a method came to.
+    """The least cost that a method has found.
 
     Parameters
     ----------
     method
-        In words.
+        Name of the method, for messages.
     cost
-        The least cost of any plan, infinite where there is none; None where the method was given
-        up.
+        The least cost of any plan, infinite without a plan; None if the method was given up.
     skills
-        A plan of that cost; empty where there is none.
+        A plan of that cost; empty without one.
     why_not
-        Why the method was given up; empty where it was not.
+        Reason why the method was given up; empty if it was not.
     """
 
     method: str
@@ -67,21 +66,21 @@ class LeastCost:
     why_not: str = ""
 
 
-def least_cost_of_orders(
+def find_least_cost_of_orders(
     problem: SequencingProblem,
     over: Callable[[], bool] = lambda: False,
     most_subsets: int = MOST_SUBSETS,
 ) -> LeastCost:
-    """Return the least cost of doing all jobs, by how much has been done and which job was last.
+    """Return the least cost of doing all jobs, from the sets of jobs done and the last job.
 
     Parameters
     ----------
     problem
         n jobs, costs between them and their precedence.
     over
-        Polled once in a while; the method is given up once it is true.
+        Polled; the method is given up once it returns True.
     most_subsets
-        The most pairs of a set of jobs and its last job.
+        Maximum number of pairs of a set of jobs and its last job.
     """
     n = len(problem.jobs)
     if n == 0:
@@ -90,7 +89,7 @@ def least_cost_of_orders(
     for earlier, later in problem.precedence:
         before[later] |= 1 << earlier
     costs = [[float(cost) for cost in row] for row in problem.costs]
-    # Pairs of a set and its last job: the least cost, and the last job but one.
+    # For each set of jobs and its last job: the least cost, and the job before the last.
     layer = {(1 << j, j): (float(problem.first[j]), -1) for j in range(n) if before[j] == 0}
     layers = [layer]
     kept = len(layer)
@@ -113,8 +112,8 @@ def least_cost_of_orders(
         kept += len(layer)
     if not layer:
         return LeastCost(ORDERS, math.inf)
-    (done, last), (least, _) = min(layer.items(), key=lambda entry: entry[1][0])
-    if math.isinf(least):
+    (done, last), (least_cost, _) = min(layer.items(), key=lambda entry: entry[1][0])
+    if math.isinf(least_cost):
         return LeastCost(ORDERS, math.inf)
     order: list[int] = []
     for layer in reversed(layers):
@@ -124,33 +123,33 @@ def least_cost_of_orders(
     if len(skills) > problem.step_limit:
         why = f"the cheapest order takes {len(skills)} skills, the limit is {problem.step_limit}"
         return LeastCost(ORDERS, why_not=why)
-    return LeastCost(ORDERS, least, skills)
+    return LeastCost(ORDERS, least_cost, skills)
 
 
-def least_cost_of_states(
+def find_least_cost_of_states(
     model: SkillModel,
     over: Callable[[], bool] = lambda: False,
     most_states: int = MOST_STATES,
 ) -> LeastCost:
     """Return the least cost of a plan within the step limit, state by state in order of cost.
 
-    Of several paths to a state all are kept of which none is both cheaper and shorter.
+    All paths to a state are kept that no other path beats in both cost and length.
 
     Parameters
     ----------
     model
-        A deterministic model; it is queried on every state that is cheaper than the goal.
+        A deterministic model; it is queried in each state that costs less than the goal.
     over
-        Polled once in a while; the method is given up once it is true.
+        Polled; the method is given up once it returns True.
     most_states
-        The most paths to states that are looked at.
+        Maximum number of paths to states.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     """
-    # The path to a state: its last step and the path before that; for the initial state None.
+    # A path is its last step and the path before that; None at the initial state.
     start: _Path | None = None
     queue: list[tuple[float, int, int, State, _Path | None]] = [(0.0, 0, 0, model.initial, start)]
     shortest: dict[State, int] = {}
@@ -198,14 +197,14 @@ REPLAY = "replay"
 ARITHMETIC = "arithmetic"
 EXPECTATION = "values of all states"
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE)
-# Durations come from engines, whose figures may differ in the last places.
+# Tolerance of durations [s], whose last digits differ between runs of an engine.
 SAME_TIME_S = 1e-6
-# Under chance the checker takes all states.
+# Maximum number of states that the check enumerates under chance.
 _CHANCE_STATES = 20_000
 
 
-def walked_plan(stored: StoredClaims, model: SkillModel) -> Replay | None:
-    """Return a stored plan, replayed; None where it is none of this task, or there is none.
+def replay_plan(stored: StoredClaims, model: SkillModel) -> Replay | None:
+    """Replay a stored plan; return None if there is none, or it is for another task.
 
     Raises
     ------
@@ -222,7 +221,7 @@ def walked_plan(stored: StoredClaims, model: SkillModel) -> Replay | None:
         return None
 
 
-def checked_claims(
+def check_claims(
     stored: StoredClaims,
     walked: Replay | None,
     model: SkillModel,
@@ -230,20 +229,20 @@ def checked_claims(
     expected: PolicyValue | None = None,
     domain: Domain | None = None,
 ) -> Iterator[Claim]:
-    """Yield the claims of a plan, or of there being none, each with what became of it.
+    """Yield the claims of a result, each with the outcome of its check.
 
     Parameters
     ----------
     stored
-        What is claimed.
+        The claims.
     walked
-        Its plan, as `walked_plan` gives it.
+        The replayed plan, from `replay_plan`.
     model
         A fresh model of the task.
     stop
-        When to give up the second proof.
+        Limits of the second proof.
     expected
-        Under chance, what the policy that was stored beside is worth; None where there is none.
+        Under chance, the value of the stored policy; None without one.
     domain
         The domain of the task, for its second bound; None for no such bound.
 
@@ -254,25 +253,25 @@ def checked_claims(
     """
     if stored.skills or stored.cost is not None:
         yield from _plan_claims(stored, walked, model, expected)
-    yield from calculated_claims(stored)
+    yield from check_arithmetic(stored)
     # Under chance the cost of a plan without its policy follows from the values of all states.
     unpriced = bool(walked and walked.complete and not model.task.deterministic and not expected)
     try:
         yield from _proof_claims(stored, model, stop, domain, unpriced=unpriced)
     except SearchStopped:
-        least = LeastCost("second proof", why_not=stopped_words(stop))
-        yield _unproved(stored, least)
+        least_cost = LeastCost("second proof", why_not=explain_stop(stop))
+        yield _unproved(stored, least_cost)
         if unpriced:
-            yield _cost_without_policy(stored, least)
+            yield _cost_without_policy(stored, least_cost)
 
 
-def stopped_words(stop: Stop) -> str:
-    """Return why something was given up."""
+def explain_stop(stop: Stop) -> str:
+    """Return the reason why a check was given up."""
     return stop.reason or "stopped before it was done"
 
 
-def calculated_claims(stored: StoredClaims) -> Iterator[Claim]:
-    """Yield what can be seen without a model: bound, gap and status against each other."""
+def check_arithmetic(stored: StoredClaims) -> Iterator[Claim]:
+    """Check bound, gap and status against each other, which needs no model."""
     cost, bound, status = stored.cost, stored.lower_bound, stored.status
     if bound is not None and cost is not None:
         yield _claim(
@@ -295,7 +294,7 @@ def _claim(name: str, holds: bool, good: str, bad: str, method: str) -> Claim:
 
 
 def _figure(value: float | None) -> str:
-    """Return a figure with as many digits as a proof goes by."""
+    """Return a figure with the digits that matter in a proof."""
     return "none" if value is None else f"{value:.10g}"
 
 
@@ -351,7 +350,7 @@ def _plan_claims(
 
 
 def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
-    """Check that a document says the same thing in all its places."""
+    """Check that the places of a document that repeat a figure agree."""
     n = len(stored.skills)
     fault = ""
     if not len(stored.actions) == len(stored.steps) == stored.makespan == n:
@@ -378,14 +377,14 @@ def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
 def _proof_claims(
     stored: StoredClaims, model: SkillModel, stop: Stop, domain: Domain | None, *, unpriced: bool
 ) -> Iterator[Claim]:
-    """Yield the claims about all plans, checked if the least cost can be worked out.
+    """Yield the claims about all plans, compared with the least cost if a method finds it.
 
     Parameters
     ----------
     stored, model, stop, domain
-        As for `checked_claims`.
+        As in `check_claims`.
     unpriced
-        Whether the cost is an expectation whose policy is missing.
+        True if the cost is an expectation whose policy is missing.
     """
     bound = math.inf if stored.status is Status.INFEASIBLE else stored.lower_bound
     if bound is None and not unpriced:
@@ -400,50 +399,52 @@ def _proof_claims(
             words = "there is no plan" if math.isinf(cost) else words
             yield Claim(_proved_name(stored), Outcome.HOLDS, words, method)
             return
-    least = _least_cost(stored, model, stop)
+    least_cost = _least_cost(stored, model, stop)
     if bound is not None:
-        yield _bound_claim(stored, bound, least, model)
+        yield _bound_claim(stored, bound, least_cost, model)
     if unpriced:
-        yield _cost_without_policy(stored, least)
+        yield _cost_without_policy(stored, least_cost)
 
 
-def _unproved(stored: StoredClaims, least: LeastCost) -> Claim:
+def _unproved(stored: StoredClaims, least_cost: LeastCost) -> Claim:
     """Return the claim of a proof that was not repeated."""
     name = _proved_name(stored)
-    return Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method, open=False)
+    return Claim(name, Outcome.NOT_CHECKED, least_cost.why_not, least_cost.method, open=False)
 
 
-def _cost_without_policy(stored: StoredClaims, least: LeastCost) -> Claim:
+def _cost_without_policy(stored: StoredClaims, least_cost: LeastCost) -> Claim:
     """Return the claim of an expected cost, compared with the least expected cost."""
     claimed = stored.cost
     assert claimed is not None
-    if least.cost is None:
-        words = f"is expected over all outcomes, and the policy is missing; {least.why_not}"
-        return Claim("cost", Outcome.NOT_CHECKED, words, least.method, open=False)
-    figures = f"the least expected cost is {_figure(least.cost)}, claimed {_figure(claimed)}"
-    allowed = tolerance(min(least.cost, claimed))
+    if least_cost.cost is None:
+        words = f"is expected over all outcomes, and the policy is missing; {least_cost.why_not}"
+        return Claim("cost", Outcome.NOT_CHECKED, words, least_cost.method, open=False)
+    figures = f"the least expected cost is {_figure(least_cost.cost)}, claimed {_figure(claimed)}"
+    allowed = tolerance(min(least_cost.cost, claimed))
     optimal = stored.status is Status.OPTIMAL
-    if claimed < least.cost - allowed or (optimal and claimed > least.cost + allowed):
-        return Claim("cost", Outcome.FAILS, figures, least.method)
+    if claimed < least_cost.cost - allowed or (optimal and claimed > least_cost.cost + allowed):
+        return Claim("cost", Outcome.FAILS, figures, least_cost.method)
     if optimal:
-        return Claim("cost", Outcome.HOLDS, figures, least.method)
+        return Claim("cost", Outcome.HOLDS, figures, least_cost.method)
     words = f"is expected over all outcomes, and the policy is missing; {figures}"
-    return Claim("cost", Outcome.NOT_CHECKED, words, least.method, open=False)
+    return Claim("cost", Outcome.NOT_CHECKED, words, least_cost.method, open=False)
 
 
-def _bound_claim(stored: StoredClaims, bound: float, least: LeastCost, model: SkillModel) -> Claim:
+def _bound_claim(
+    stored: StoredClaims, bound: float, least_cost: LeastCost, model: SkillModel
+) -> Claim:
     """Return the claim that no plan costs less than a bound; infinite if there is none."""
-    if least.cost is None:
-        return _unproved(stored, least)
-    holds = bound <= least.cost + tolerance(min(least.cost, bound))
+    if least_cost.cost is None:
+        return _unproved(stored, least_cost)
+    holds = bound <= least_cost.cost + tolerance(min(least_cost.cost, bound))
     good = "there is no plan"
-    if not math.isinf(least.cost):
-        good = f"the least cost is {_figure(least.cost)}"
+    if not math.isinf(least_cost.cost):
+        good = f"the least cost is {_figure(least_cost.cost)}"
     claimed = "that there is no plan" if math.isinf(bound) else f"at least {_figure(bound)}"
     bad = f"claimed is {claimed}; {good}"
-    if least.skills:
-        bad += f": {','.join(str(model.task.action(skill)) for skill in least.skills)}"
-    return _claim(_proved_name(stored), holds, good, bad, least.method)
+    if least_cost.skills:
+        bad += f": {','.join(str(model.task.action(skill)) for skill in least_cost.skills)}"
+    return _claim(_proved_name(stored), holds, good, bad, least_cost.method)
 
 
 def _proved_name(stored: StoredClaims) -> str:
@@ -451,7 +452,7 @@ def _proved_name(stored: StoredClaims) -> str:
 
 
 def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCost:
-    """Return the least cost by another method than the claimed one, where one is fit.
+    """Return the least cost by another method than the claimed one, if one fits.
 
     The same method in other code is the last resort.
     """
@@ -460,49 +461,49 @@ def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCos
     by_orders = "dynamic program" in stored.bound_method or stored.solver == "subset-dp"
     expensive = any(back_end.expensive for back_end in model.feasibility.back_ends)
     if expensive:
-        # To recognise jobs takes verdicts on all orders, whatever the time limit.
-        return least_cost_of_states(model, stop)
+        # Jobs are recognised from verdicts on all orders, which may exceed the time limit.
+        return find_least_cost_of_states(model, stop)
     first, second = (_by_states, _by_orders) if by_orders else (_by_orders, _by_states)
-    found = first(model, stop)
-    if found.cost is not None:
-        return found
+    first_answer = first(model, stop)
+    if first_answer.cost is not None:
+        return first_answer
     other = second(model, stop)
     if other.cost is not None:
         return other
-    why = f"{found.why_not}; {other.method}: {other.why_not}"
-    return LeastCost(found.method, why_not=why)
+    why = f"{first_answer.why_not}; {other.method}: {other.why_not}"
+    return LeastCost(first_answer.method, why_not=why)
 
 
 def _by_states(model: SkillModel, stop: Stop) -> LeastCost:
-    return least_cost_of_states(model, stop)
+    return find_least_cost_of_states(model, stop)
 
 
 def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
-    """Return the least cost over orders of jobs; the plan must hold on the model itself."""
+    """Return the least cost over orders of jobs; the plan must also hold on the model."""
     from skillplan.model.sequencing import SequencingProblem
 
     try:
         problem = SequencingProblem.from_model(model)
     except (NotASequencing, SearchStopped) as error:
         return LeastCost(ORDERS, why_not=f"{error}".rstrip("."))
-    found = least_cost_of_orders(problem, stop)
-    if found.cost is None or math.isinf(found.cost):
-        return found
-    walked = replay(model, [model.task.skill(name) for name in found.skills])
-    if not walked.complete or abs(walked.cost - found.cost) > tolerance(walked.cost):
+    answer = find_least_cost_of_orders(problem, stop)
+    if answer.cost is None or math.isinf(answer.cost):
+        return answer
+    walked = replay(model, [model.task.skill(name) for name in answer.skills])
+    if not walked.complete or abs(walked.cost - answer.cost) > tolerance(walked.cost):
         return LeastCost(ORDERS, why_not="its plan does not hold on the model")
-    return found
+    return answer
 
 
 def _least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
     from skillplan.model.tabular_mdp import least_expected_cost
 
     try:
-        least = least_expected_cost(model, _CHANCE_STATES, stop)
+        least_cost = least_expected_cost(model, _CHANCE_STATES, stop)
     except ModelTooLarge:
         return LeastCost(EXPECTATION, why_not=f"too large, more than {_CHANCE_STATES:,} states")
     if model.stats.unknown:
         return LeastCost(EXPECTATION, why_not="some verdicts are unknown")
-    if least is None:
+    if least_cost is None:
         return LeastCost(EXPECTATION, why_not="did not come to an end")
-    return LeastCost(EXPECTATION, least)
+    return LeastCost(EXPECTATION, least_cost)

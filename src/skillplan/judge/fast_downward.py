@@ -39,28 +39,27 @@ _PACKAGE = "up_fast_downward"
 _PLAN = "sas_plan"
 _MOST_PLAN_BYTES = 16 * 1024 * 1024
 _COST = re.compile(r"^; cost = (\d+) ", re.MULTILINE)
-# What its exit codes say: https://www.fast-downward.org/ExitCodes.
+# Its exit codes: https://www.fast-downward.org/ExitCodes.
 _SOLVED, _UNSOLVABLE, _NO_TIME, _NO_MEMORY = {0}, {10, 11}, {21, 23, 24}, {20, 22}
-# It notices itself that its time is over, unless it hangs.
+# It ends at its time limit, unless it hangs [s].
 _GRACE_S = 5.0
 _MOST_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerAnswer:
-    """What a planner says of a task.
+    """The answer of a planner about a task.
 
     Parameters
     ----------
     cost
-        The least cost of any plan, in the units of the problem; None where there is no plan, or
-        the planner does not say.
+        The least cost of any plan, in the units of the problem; None without a plan or an answer.
     skills
         Names of the skills of such a plan.
     unsolvable
-        Whether it has proved that there is no plan.
+        True if the planner has proved that no plan exists.
     silence
-        Why it does not say anything, in words.
+        Reason for a missing answer; empty with an answer.
     """
 
     cost: int | None = None
@@ -69,16 +68,16 @@ class PlannerAnswer:
     silence: str = ""
 
 
-def driver() -> Path:
-    """Return the program.
+def find_driver() -> Path:
+    """Return the path of the program.
 
     Raises
     ------
     OptionError
         If it is not installed.
     """
-    found = importlib.util.find_spec(_PACKAGE)
-    for folder in () if found is None else found.submodule_search_locations or ():
+    spec = importlib.util.find_spec(_PACKAGE)
+    for folder in () if spec is None else spec.submodule_search_locations or ():
         path = Path(folder) / "downward" / "fast-downward.py"
         if path.is_file():
             return path
@@ -87,15 +86,15 @@ def driver() -> Path:
     )
 
 
-def asked(made: PlanningTask, limit_s: float) -> PlannerAnswer:
-    """Return what Fast Downward proves of a task.
+def run_planner(task: PlanningTask, limit_s: float) -> PlannerAnswer:
+    """Run Fast Downward on a task.
 
     Parameters
     ----------
-    made
-        The task as PDDL has it.
+    task
+        The task in PDDL.
     limit_s
-        How long it may take [s], > 0.
+        Time limit [s], > 0.
 
     Raises
     ------
@@ -103,15 +102,20 @@ def asked(made: PlanningTask, limit_s: float) -> PlannerAnswer:
         If it is not installed.
     """
     limit_s = min(limit_s, _MOST_S)
-    words = [sys.executable, str(driver()), "--overall-time-limit", f"{max(1, round(limit_s))}s"]
+    words = [
+        sys.executable,
+        str(find_driver()),
+        "--overall-time-limit",
+        f"{max(1, round(limit_s))}s",
+    ]
     words += ["--plan-file", _PLAN, DOMAIN, PROBLEM, "--search", "astar(lmcut())"]
     with tempfile.TemporaryDirectory(prefix="skillplan-pddl-") as folder:
-        write_whole(Path(folder) / DOMAIN, made.domain())
-        write_whole(Path(folder) / PROBLEM, made.problem())
+        write_whole(Path(folder) / DOMAIN, task.domain())
+        write_whole(Path(folder) / PROBLEM, task.problem())
         code = exit_code_of(words, folder, limit_s + _GRACE_S)
         if code in _SOLVED:
             text = read_bytes(Path(folder) / _PLAN, _MOST_PLAN_BYTES, within=folder).decode()
-            return _solved(made, text)
+            return _solved(task, text)
     if code in _UNSOLVABLE:
         return PlannerAnswer(unsolvable=True)
     if code is None or code in _NO_TIME:
@@ -121,23 +125,23 @@ def asked(made: PlanningTask, limit_s: float) -> PlannerAnswer:
     return PlannerAnswer(silence=f"it has failed with exit code {code}")
 
 
-def _solved(made: PlanningTask, text: str) -> PlannerAnswer:
+def _solved(task: PlanningTask, text: str) -> PlannerAnswer:
     cost = _COST.search(text)
-    skill_of = ActionNames(made.task).skill_of
+    skill_of = ActionNames(task.task).skill_of
     names = [skill_of(line[1:].split()[0]) for line in text.splitlines() if line[:1] == "("]
     if cost is None or None in names:
         return PlannerAnswer(silence="what it wrote is no plan of this task")
     return PlannerAnswer(int(cost[1]), tuple(str(name) for name in names))
 
 
-def planner_claims(
+def check_with_planner(
     stored: StoredClaims, model: SkillModel, limit_s: float, *, charted: bool
 ) -> Iterator[Claim]:
     """Yield the claims about all plans, compared with the optimum that Fast Downward proves.
 
-    PDDL states the task as the model does, or the planner is not asked: whatever it proves
-    otherwise is a contradiction. It adds up rounded costs, so its plan is replayed on the model,
-    too: an optimum that is within the rounding fails if that plan costs less.
+    The planner runs only if PDDL expresses the task as the model does, so another proof is a
+    contradiction. It adds up rounded costs, so its plan is replayed on the model: an optimum
+    within the rounding fails if that plan costs less.
 
     Parameters
     ----------
@@ -148,21 +152,21 @@ def planner_claims(
     limit_s
         Time limit for verdicts and planner together [s], > 0.
     charted
-        Whether the hand-made chart is all that the detectors check.
+        True if the chart of the task file is the only check.
 
     Raises
     ------
     OptionError
         If the planner is not installed.
     """
-    driver()
+    find_driver()
     claimed = _claimed(stored)
     handover = Handover(model, None, charted)
     deadline_s = time.monotonic() + limit_s
     try:
         task, answer = _asked(handover, deadline_s, count_steps=False)
         if len(answer.skills) > model.step_limit:
-            # The plan is too long: the least cost within the limit is another question.
+            # The plan is too long: search again within the step limit.
             task, answer = _asked(handover, deadline_s, count_steps=True)
         if task is not None and not answer.silence:
             yield _compared(claimed, stored, task, answer)
@@ -176,16 +180,16 @@ def planner_claims(
 def _asked(
     handover: Handover, deadline_s: float, *, count_steps: bool
 ) -> tuple[PlanningTask | None, PlannerAnswer]:
-    """Return the task as PDDL has it and the planner's answer, or None and why PDDL cannot say it.
+    """Return the task in PDDL and the planner's answer; without PDDL None and the reason.
 
     Parameters
     ----------
     handover
         The task.
     deadline_s
-        Time at which the planner should end, by the monotonic clock [s].
+        End of the planner by the monotonic clock [s].
     count_steps
-        Whether the step limit is part of the task.
+        True if the step limit is part of the task.
     """
     # The comparison accounts for rounding.
     options = PddlExporter.Options(accept_rounding=True, count_steps=count_steps)
@@ -197,7 +201,7 @@ def _asked(
     if task.left_out:
         reason = f"PDDL cannot say it: verdicts are not known: {task.left_out}"
         return None, PlannerAnswer(silence=reason)
-    return task, asked(task, max(1.0, deadline_s - time.monotonic()))
+    return task, run_planner(task, max(1.0, deadline_s - time.monotonic()))
 
 
 def _claimed(stored: StoredClaims) -> str:
@@ -209,20 +213,20 @@ def _claimed(stored: StoredClaims) -> str:
 def _compared(
     claimed: str, stored: StoredClaims, task: PlanningTask, answer: PlannerAnswer
 ) -> Claim:
-    """Return whether the planner's optimum agrees with the claims."""
+    """Compare the optimum of the planner with the claims."""
     metric = task.task.metric
     if answer.unsolvable or answer.cost is None:
         words = "it proves that there is no plan"
         if stored.cost is None:
             return Claim(claimed, Outcome.HOLDS, words, NAME)
         return _contradiction(claimed, f"{words}, claimed is one of {stored.cost:.10g}")
-    least = answer.cost / task.scale.per_unit
+    least_cost = answer.cost / task.scale.per_unit
     rounding = task.scale.rounding(max(len(stored.skills), len(answer.skills)))
-    words = f"it proves {metric.text(least)}"
+    words = f"it proves {metric.text(least_cost)}"
     words += f", rounded by at most {rounding:.2g}" if rounding else ""
     words += "" if stored.cost is None else f", claimed {stored.cost:.10g}"
-    slack = rounding + tolerance(least)
-    if stored.cost is not None and stored.cost < least - slack:
+    slack = rounding + tolerance(least_cost)
+    if stored.cost is not None and stored.cost < least_cost - slack:
         return _contradiction(claimed, f"{words}: no plan costs so little")
     limit = _no_plan_below(stored)
     if limit is None:
@@ -232,8 +236,8 @@ def _compared(
         violation = walked.violations[0]
         reason = f"its plan fails at {violation.skill or 'its end'}: {violation.reason}"
         return _contradiction(claimed, f"{words}; {reason}")
-    # Rounding hides the exact cost of a plan from the planner, and not from the model.
-    if walked.cost < limit - tolerance(walked.cost) or least < limit - slack:
+    # The model has the exact cost of the plan, which rounding hides from the planner.
+    if walked.cost < limit - tolerance(walked.cost) or least_cost < limit - slack:
         return _contradiction(claimed, f"{words}: its plan costs {walked.cost:.10g}")
     return Claim(claimed, Outcome.HOLDS, words, NAME)
 
@@ -243,7 +247,7 @@ def _contradiction(claimed: str, words: str) -> Claim:
 
 
 def _no_plan_below(stored: StoredClaims) -> float | None:
-    """Return the cost below which no plan is claimed to be; None if none is claimed."""
+    """Return the claimed lower bound on the cost of all plans; None without one."""
     if stored.status is Status.INFEASIBLE:
         return math.inf
     return stored.cost if stored.status is Status.OPTIMAL else stored.lower_bound

@@ -1,4 +1,4 @@
-"""Solvers never grade themselves: what they claim is replayed and, where it can be, refuted."""
+"""The referee: it replays the plans of solvers and tries to refute their claims."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from skillplan.solvers.solution import Plan, Solution
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
-# The referee's own search for a counterexample ends here; small tasks are covered wholly.
+# Limits of the search for a counterexample, which covers small tasks completely.
 AUDIT_STATES = 2_000
 AUDIT_SKILLS = 20_000
-# Under chance it works out the optimum itself, which takes all states.
+# Under chance the referee calculates the optimum, which needs all states.
 CHANCE_STATES = 20_000
 
 
@@ -45,9 +45,9 @@ def judge(
     model
         A fresh model that the solver has not used.
     unknown_met
-        Whether the solver left out skills because a back end could not decide.
+        True if the solver left out skills because a back end could not decide.
     audit
-        Whether to search the model for a counterexample; not if checks are expensive.
+        True to search the model for a counterexample; not if checks are expensive.
     left_open
         The first skill that a back end could not decide, and why.
     """
@@ -160,7 +160,7 @@ def _judge_proof(
     if claimed is not None and not model.task.deterministic:
         return _judge_expectation(result, solution, model, claimed, audit)
     if audit and claimed is not None:
-        cheaper = counterexample(model, claimed)
+        cheaper = find_counterexample(model, claimed)
         if cheaper is not None:
             actions = ",".join(str(model.task.action(skill)) for skill in cheaper)
             reason = f"the solver claims that no plan costs less than {claimed!r}, but: {actions}"
@@ -220,21 +220,21 @@ def _find_least_cost(model: SkillModel) -> tuple[float | None, str]:
     )
 
 
-def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
+def find_counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
     """Return a plan that costs less than `bound`, by uniform-cost search of limited size.
 
     Parameters
     ----------
     model
-        A model on which checks are cheap.
+        A model with cheap checks.
     bound
         A claimed lower bound.
 
     Returns
     -------
     list of Skill or None
-        None where there is no such plan, or none was met within `AUDIT_STATES` states and
-        `AUDIT_SKILLS` skills looked at.
+        None if there is no such plan, or none was found within `AUDIT_STATES` states and
+        `AUDIT_SKILLS` checked skills.
     """
     limit = bound if math.isinf(bound) else bound - tolerance(bound)
     best: dict[State, float] = {model.initial: 0.0}
@@ -261,7 +261,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
 
 
 def cross_examine(results: Sequence[Result]) -> list[Result]:
-    """Return the results of one task with every claim that another's plan refutes marked wrong."""
+    """Mark claims wrong that another solver's plan for the same task refutes."""
     valid = [r for r in results if r.status in (Status.OPTIMAL, Status.SOLVED)]
     if not valid:
         return list(results)

@@ -1,4 +1,4 @@
-"""A stored result, verified: its task is loaded again and every claim is checked on its own."""
+"""Verification of a stored result: its task is loaded again, and each claim is checked."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from skillplan.errors import ChainBroken, ModelTooLarge, OptionError, SearchStop
 from skillplan.judge.claim_check import (
     ARITHMETIC,
     REPLAY,
-    calculated_claims,
-    checked_claims,
-    stopped_words,
-    walked_plan,
+    check_arithmetic,
+    check_claims,
+    explain_stop,
+    replay_plan,
 )
-from skillplan.judge.fast_downward import NAME, driver, planner_claims
+from skillplan.judge.fast_downward import NAME, check_with_planner, find_driver
 from skillplan.model.policy_value import PolicyValue, evaluate_policy
 from skillplan.model.skill_model import SkillModel
-from skillplan.pipeline.exchange import charted
+from skillplan.pipeline.exchange import is_charted
 from skillplan.pipeline.record_check import (
     UNCHECKED,
     UNDER_CHANCE,
@@ -33,12 +33,12 @@ from skillplan.pipeline.record_check import (
 )
 from skillplan.pipeline.restoration import (
     Override,
-    found_origin,
+    drop_removed_options,
+    find_origin,
+    load_origin,
     load_result,
-    origin_problem,
-    restored_setup,
-    with_former_dwells,
-    without_removed,
+    restore_dwells,
+    restore_setup,
 )
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.pipeline.solving import make_model
@@ -67,25 +67,25 @@ def certify(
     cache: VerdictCache | None = None,
     saved_tables: SavedTables = lambda result, task: {},
 ) -> Certificate:
-    """Verify a result of search-optimal without trusting what made it.
+    """Verify a result of search-optimal without trusting the solver that made it.
 
     Parameters
     ----------
     path
         A document ``skillplan.result/1``, or the folder that holds it as result.json.
     task_file
-        The task; by default the file that the result names, from here or beside the result.
+        The task file; by default as the result names it, from the current folder or the result's.
     stop
-        When to give up second proofs; by default never.
+        Limits of the second proofs; none by default.
     cache
-        Kept verdicts to use; by default none, so that back ends are asked about everything.
+        Kept verdicts; by default none, so that back ends are queried about everything.
     saved_tables
-        What the tables beside the result should hold.
+        Returns the expected tables of the result folder.
 
     Raises
     ------
     OptionError
-        If the file is no result, claims nothing, is of another task, or demands too much.
+        If the file is not a result, claims nothing, is for another task, or demands too much.
     TaskError
         If the task file is wrong.
     PluginError
@@ -101,14 +101,14 @@ def certify(
             f"{path}: cannot be verified: replans is {stored.replans}, and at most {MOST_REPLANS} "
             "are followed."
         )
-    origin, removed = without_removed(found_origin(path, stored, task_file))
-    problem, difference = origin_problem(path, stored, origin, named=task_file is not None)
+    origin, removed = drop_removed_options(find_origin(path, stored, task_file))
+    problem, difference = load_origin(path, stored, origin, named=task_file is not None)
     if difference is not None:
         raise OptionError(f"{path}: cannot be verified: {difference}. Name its own by --task.")
     notes: list[str] = []
     if stored.dwells_from is None:
-        setup = restored_setup(origin, stored.collision, problem.tasks[-1])
-        problem, sentence = with_former_dwells(path, problem, setup, removed)
+        setup = restore_setup(origin, stored.collision, problem.tasks[-1])
+        problem, sentence = restore_dwells(path, problem, setup, removed)
         notes += filter(None, [sentence])
     if stored.is_chain and origin.part is not None:
         raise OptionError(f"{path}: is damaged: it is of the whole chain and of {origin.part!r}.")
@@ -122,7 +122,7 @@ def certify(
     if misfit is None:
         claims += record.claims(document, check.replayed, saved_tables)
     unchecked = dict(UNCHECKED)
-    if not all(one.task.deterministic for one in check.replayed.values()):
+    if not all(part.task.deterministic for part in check.replayed.values()):
         unchecked["steps"] = UNDER_CHANCE
     return Certificate(
         path,
@@ -139,7 +139,7 @@ def certify(
 
 
 def _shape_fault(stored: StoredResult, problem: Problem, origin: Origin) -> str | None:
-    """Return in words why a result cannot be of this file: single or chain, or without parts."""
+    """Return the reason why a result cannot belong to this file; None if it can."""
     whole = problem.is_chain and origin.part is None
     if stored.is_chain and not problem.is_chain:
         return f"it has the parts of a chain, and {problem.name} is a single task"
@@ -154,14 +154,14 @@ _OUTCOMES = {True: Outcome.HOLDS, False: Outcome.FAILS, None: Outcome.NOT_CHECKE
 
 
 class _Check:
-    """What checking the tasks of one result shares.
+    """The state shared by the checks of the tasks of one result.
 
     Attributes
     ----------
     replayed
         The tasks so far, by name.
     asked
-        The back ends that were queried, by what distinguishes them.
+        The queried back ends, by name, version and options.
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class _Check:
         self.stored = stored
         self.problem = problem
         self.origin = origin
-        self.setup = restored_setup(origin, stored.collision, problem.tasks[-1])
+        self.setup = restore_setup(origin, stored.collision, problem.tasks[-1])
         self.stop = stop
         self.warm = cache is not None
         self.cache = VerdictCache() if cache is None else cache
@@ -193,9 +193,9 @@ class _Check:
             yield self._given_up("plan")
 
     def chain(self) -> Iterator[Claim]:
-        """Yield the claims of every task of a chain, grounded as it was when that was solved.
+        """Yield the claims of each task of a chain, grounded as it was when it was solved.
 
-        All plans are replayed before anything is proved, which may take the time that there is.
+        All plans are replayed before the proofs, which may use up the time limit.
         """
         grounded: list[tuple[StoredPart, Task]] = []
         ending = self._replay_chain(grounded)
@@ -205,12 +205,12 @@ class _Check:
         if ending is not None:
             yield ending
         whole = ending is not None and ending.outcome is Outcome.HOLDS
-        if whole and all(one.sound for one in self.replayed.values()):
+        if whole and all(replayed.sound for replayed in self.replayed.values()):
             yield from self._sum_claims(self.stored.sequences or [])
             yield from self._domain_claims()
 
     def _replay_chain(self, grounded: list[tuple[StoredPart, Task]]) -> Claim | None:
-        """Replay part after part.
+        """Replay the parts in turn.
 
         Returns
         -------
@@ -241,18 +241,18 @@ class _Check:
             if not self._replay(part, tasks[index]):
                 return self._given_up(f"{part.name}: plan")
             grounded.append((part, tasks[index]))
-            one = self.replayed[part.name]
-            if not one.sound:
-                # Nothing can be grounded on a plan that does not hold.
+            replayed = self.replayed[part.name]
+            if not replayed.sound:
+                # Later parts cannot be grounded on a plan that does not hold.
                 return None
-            if one.walked is not None:
-                plans[part.name] = tuple(step.skill for step in one.walked.steps)
+            if replayed.walked is not None:
+                plans[part.name] = tuple(step.skill for step in replayed.walked.steps)
         return self._parts_claim(parts, plans)
 
     def _parts_claim(
         self, parts: Sequence[StoredPart], plans: Mapping[str, Sequence[str]]
     ) -> Claim:
-        """Return the claim that the parts are those of the chain, as far as it can be solved."""
+        """Return the claim that the parts are the tasks of the chain."""
         last = parts[-1].name
         if last not in plans:
             words = f"{len(parts)}; the chain ends with {last}, which has no plan"
@@ -271,7 +271,7 @@ class _Check:
         return Claim("parts", Outcome.FAILS, words, "grounding")
 
     def _domain_claims(self) -> Iterator[Claim]:
-        """Yield properties that the kind of task requires of a chain that is planned to its end."""
+        """Yield the claims that the kind of task requires of a complete chain."""
         plans = {name: tuple(replayed.stored.skills) for name, replayed in self.replayed.items()}
         if self.stored.cost is None and self.stored.status is not Status.INFEASIBLE:
             return
@@ -281,29 +281,29 @@ class _Check:
             yield Claim(check.claim, outcome, check.detail, check.method)
 
     def _given_up(self, claim: str) -> Claim:
-        words = "interrupted" if self.stop.interrupted else stopped_words(self.stop)
+        words = "interrupted" if self.stop.interrupted else explain_stop(self.stop)
         return Claim(claim, Outcome.NOT_CHECKED, words, REPLAY, open=False)
 
     def model(self, task: Task, cache: VerdictCache | None = None) -> SkillModel:
-        """Return a model of a task, and note which back ends it queries."""
+        """Return a model of a task, and record the back ends that it queries."""
         kept = self.cache if cache is None else cache
         model = make_model(task, self.setup, kept, self.stop.overdue)
         for back_end in model.feasibility.back_ends:
             options = back_end.options.model_dump(mode="json")
-            one = Asked(back_end.name, back_end.version, options)
-            self.asked.setdefault(repr(one), one)
+            queried = Asked(back_end.name, back_end.version, options)
+            self.asked.setdefault(repr(queried), queried)
         return model
 
     def _replay(self, stored: StoredResult | StoredPart, task: Task) -> bool:
-        """Replay a plan; return whether there was time for it."""
+        """Replay a plan; return False if the time limit ended it."""
         if self.stop.interrupted:
             return False
-        # A verdict of one state does not answer for another where the plan is replayed.
+        # In the replay each state has a verdict of its own.
         fresh = self.cache if self.warm else AskingCache(self.cache)
         try:
             model = self.model(task, fresh)
             with closing(model.feasibility):
-                walked = walked_plan(stored, model)
+                walked = replay_plan(stored, model)
                 expected = self._expected(task, model)
         except SearchStopped:
             return False
@@ -314,28 +314,28 @@ class _Check:
     def _task_claims(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:
         self.stop.renew()
         self.stop.decimals = task.metric.decimals
-        one = self.replayed[task.name]
+        replayed = self.replayed[task.name]
         model = self.model(task)
         with closing(model.feasibility):
-            yield from checked_claims(
-                stored, one.walked, model, self.stop, one.expected, self.problem.domain
+            yield from check_claims(
+                stored, replayed.walked, model, self.stop, replayed.expected, self.problem.domain
             )
-        if one.walked is not None:
+        if replayed.walked is not None:
             yield from self._later_detector_claims(stored, task)
 
     def _later_detector_claims(
         self, stored: StoredResult | StoredPart, task: Task
     ) -> Iterator[Claim]:
-        """Yield whether a plan holds under detectors that defaults of its version left out.
+        """Yield the claim that a plan holds under detectors that were no default of its version.
 
-        If it does, what was proved of more plans is true of those that all detectors allow.
+        If it does, a proof about more plans also holds for the plans that all detectors allow.
         """
         origin = self.origin
         today = Setup(DEFAULT_PHYSICS, origin.collision, origin.options)
         names = [choice.name for choice in today.named_collision_choices(task)]
         used = [choice.name for choice in self.setup.named_collision_choices(task)]
         missing = [name for name in names if name not in used]
-        # Another detector of collisions than today's is a choice, none at all is an omission.
+        # Another geometric detector is a choice of the user, none at all is an omission.
         if set(used) - {CHART}:
             missing = [name for name in missing if name == CHART]
         if not missing:
@@ -345,9 +345,9 @@ class _Check:
         try:
             model = make_model(task, setup, overdue=self.stop.overdue)
             with closing(model.feasibility):
-                walked = walked_plan(stored, model)
+                walked = replay_plan(stored, model)
         except (OptionError, SearchStopped) as error:
-            words = str(error) if isinstance(error, OptionError) else stopped_words(self.stop)
+            words = str(error) if isinstance(error, OptionError) else explain_stop(self.stop)
             yield Claim(claim, Outcome.NOT_CHECKED, words, REPLAY, open=False)
             return
         by = f"{', '.join(missing)}, which the result was not checked by"
@@ -359,7 +359,7 @@ class _Check:
             yield Claim(claim, Outcome.FAILS, words, REPLAY)
 
     def _expected(self, task: Task, model: SkillModel) -> PolicyValue | None:
-        """Return what the policy beside the result is worth, of a task with chance."""
+        """Return the value of the stored policy, for a task with chance."""
         path = file_beside(self.path, POLICIES)
         if task.deterministic or path is None:
             return None
@@ -372,7 +372,7 @@ class _Check:
             return None
 
     def _sum_claims(self, main: list[StoredPart]) -> Iterator[Claim]:
-        """Yield what is claimed of the whole: the sum, and what is proved of it."""
+        """Yield the claims about the whole chain: the sum of costs, and the proof."""
         stored = self.stored
         costs = [part.cost for part in main if part.cost is not None]
         if stored.cost is not None:
@@ -381,13 +381,17 @@ class _Check:
             outcome = Outcome.HOLDS if holds else Outcome.FAILS
             words = f"the parts cost {total:.10g}, claimed {stored.cost:.10g}"
             yield Claim("cost", outcome, words, ARITHMETIC)
-        yield from calculated_claims(stored)
+        yield from check_arithmetic(stored)
         bounds = [part.lower_bound for part in main if part.lower_bound is not None]
         if stored.lower_bound is None:
             return
         added = sum(bounds)
         whole = len(bounds) == len(main) and not stored.stages
-        plans = {name: one.stored.skills for name, one in self.replayed.items() if one.walked}
+        plans = {
+            name: replayed.stored.skills
+            for name, replayed in self.replayed.items()
+            if replayed.walked
+        }
         account = self.problem.account(plans, stored.replans).lower_bound
         if whole and stored.lower_bound <= added + tolerance(added):
             words = f"those of the parts add up to {added:.10g}"
@@ -404,31 +408,31 @@ REFEREES = (NAME,)
 
 
 def check_referee(name: str) -> None:
-    """See that there is a referee of a name.
+    """Check that a referee is known and installed.
 
     Raises
     ------
     OptionError
-        If there is none, or it is not installed.
+        If it is not.
     """
     if name not in REFEREES:
         raise OptionError(f"--with {name}: no such referee. {name_hint(name, REFEREES)}")
-    driver()
+    find_driver()
 
 
 def referee_claims(path: str, task_file: str | None, limit_s: float, stop: Stop) -> Iterator[Claim]:
-    """Yield what Fast Downward says of a result, task by task.
+    """Yield the claims of a result as Fast Downward judges them, task by task.
 
     Parameters
     ----------
     path
         The result.
     task_file
-        The task; None for the file that the result names.
+        The task file; None for the file that the result names.
     limit_s
-        How long it may take for one task [s], > 0.
+        Time limit for each task [s], > 0.
     stop
-        Whether somebody has interrupted.
+        Ends the check if it is interrupted.
 
     Raises
     ------
@@ -448,8 +452,8 @@ def referee_claims(path: str, task_file: str | None, limit_s: float, stop: Stop)
         clock = Stop(time_limit_s=limit_s)
         model = make_model(task, loaded.setup, overdue=partial(_is_over, stop, clock))
         with closing(model.feasibility):
-            by_chart = charted(model, loaded.setup)
-            for claim in planner_claims(claims, model, limit_s, charted=by_chart):
+            by_chart = is_charted(model, loaded.setup)
+            for claim in check_with_planner(claims, model, limit_s, charted=by_chart):
                 prefix = f"{task.name}: " if stored.is_chain else ""
                 yield replace(claim, claim=f"{prefix}{claim.claim}")
 

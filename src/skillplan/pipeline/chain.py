@@ -20,11 +20,11 @@ from skillplan.pipeline.solving import (
     SearchOutcome,
     SearchRequest,
     describe_failure,
+    find_stage,
     grade,
-    made_for,
     make_solver,
+    map_solvers,
     search,
-    solvers_by_stage,
 )
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
@@ -33,7 +33,7 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
-# Time limit of the exact search whose optimum stands beside a solver's plan [s].
+# Time limit of the exact search whose optimum is shown with a solver's plan [s].
 _REFERENCE_S = 5.0
 
 
@@ -52,7 +52,7 @@ def solve_chain(
 
     A task whose plan the domain has by a rule of its own is not searched, unless the solver is
     made for its stage. Exact search solves the other stages of such a solver. If the solver fails,
-    it may request finer plans of the levels above, as often as its ``replans`` says. A policy
+    it may request finer plans of the levels above, at most ``replans`` times. A policy
     answers later tasks with the same goal without planning again. Beside each plan stands the
     optimum that exact search proves.
 
@@ -88,17 +88,17 @@ class Chain:
     problem
         A loaded file of one or several tasks.
     request
-        The request for each search; its task is replaced, and its solver, which is a name or one
-        for each stage as in `solve_chain`.
+        The request for each search. Its task is replaced. Its solver is one name, or one for each
+        stage as in `solve_chain`.
     spare
-        Back ends constructed already; those that are used are taken out.
+        Back ends constructed already; a back end is taken out when it is used.
 
     Attributes
     ----------
     tasks
         The tasks, grounded with the plans so far.
     parts
-        The tasks that are solved, with their results.
+        The solved tasks with their results.
     plans
         Names of skills by the name of the task that they solve.
     replans
@@ -117,14 +117,14 @@ class Chain:
         stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
         assert isinstance(request.solver, str)
         self.solver = request.solver
-        self.solvers = solvers_by_stage(self.solver, dict.fromkeys(stages))
+        self.solvers = map_solvers(self.solver, dict.fromkeys(stages))
         # A solver that is made for a stage searches even the tasks that have a plan by rule.
-        self.searched = {stage for stage, name in self.solvers.items() if made_for(name) == stage}
+        self.searched = {stage for stage, name in self.solvers.items() if find_stage(name) == stage}
         self.policies: dict[tuple[object, ...], SearchOutcome] = {}
         self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
 
     def run(self) -> ChainResult:
-        """Solve the tasks; errors are those of `solve_chain`."""
+        """Solve the tasks; raises the errors of `solve_chain`."""
         while len(self.parts) < len(self.tasks):
             task = self.tasks[len(self.parts)]
             if self.parts and task.stage != self.parts[-1].task.stage:
@@ -172,7 +172,7 @@ class Chain:
         )
 
     def _finer(self, stage: str, replans: int) -> tuple[Task, ...]:
-        """Return the chain on finer plans of the upper levels; empty where there is none."""
+        """Return the chain on finer plans of the upper levels; empty if there is none."""
         name = self.solvers[stage]
         most = make_solver(name, self.setup.options.get(name, {})).replans
         if replans >= most or self.stop():
@@ -228,7 +228,7 @@ class Chain:
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
             result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
-        # An interruption outside of the part's own search is in no result yet.
+        # The result of a search lacks an interruption that came after it.
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 
@@ -257,11 +257,11 @@ class Chain:
 
 
 def policy_key(task: Task) -> tuple[object, ...]:
-    """Return the properties of a task on which a policy depends, without its start."""
+    """Return the properties of a task that determine a policy; its start is not one of them."""
     return (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
 
 
 def _answers(solution: Solution, task: Task) -> bool:
-    """Whether a stored policy knows what to do at the start of a task with the same goal."""
+    """Return whether a stored policy covers the start of a task with the same goal."""
     policy = solution.policy
     return policy is not None and (task.goal.holds(task.initial) or task.initial in policy)

@@ -22,9 +22,9 @@ from skillplan.pipeline.solving import (
     check_solver,
     describe_failure,
     grade,
+    list_solvers,
+    open_warm_cache,
     search,
-    solver_names,
-    warm_cache,
 )
 from skillplan.plugins.blame import debugging, traceback_text
 from skillplan.records.chain_result import ChainResult
@@ -83,7 +83,7 @@ def compare_solvers(
     make_stop
         Returns the stop of a solver, given its name.
     warm
-        Whether verdicts kept on disk may be used; otherwise each solver starts with a cold cache.
+        True if verdicts kept on disk may be used; otherwise each solver starts with a cold cache.
     jobs
         Number of processes in which solvers run at once, >= 1. With fewer solvers, number of
         processes for expensive back ends and parallel solvers.
@@ -104,7 +104,7 @@ def compare_solvers(
     OptionError, PluginError
         If a plugin or option is wrong; before any solver runs.
     """
-    for name in dict.fromkeys(each for spec in solvers for each in solver_names(spec)):
+    for name in dict.fromkeys(each for spec in solvers for each in list_solvers(spec)):
         check_solver(name, setup.options.get(name, {}))
     limits = {} if limits is None else limits
     if _can_run_at_once(solvers, jobs, limits):
@@ -149,11 +149,11 @@ def solve_all(
 ) -> list[Result]:
     """Solve a task with several solvers in turn and compare their claims.
 
-    Parameters are those of `compare_solvers`, except the task.
+    The parameters are documented at `compare_solvers`.
     """
     results = []
     for name in solvers:
-        stop, cache = make_stop(name), warm_cache() if warm else VerdictCache()
+        stop, cache = make_stop(name), open_warm_cache() if warm else VerdictCache()
         request = SearchRequest(task, name, setup, seed, stop, cache, jobs, audit=audit)
         results.append(_make_row(request))
         if stop.interrupted:
@@ -174,11 +174,11 @@ def solve_chain_with_all(
 ) -> list[ChainResult]:
     """Solve a chain with several solvers in turn, each with a cache and a stop of its own.
 
-    Parameters are those of `compare_solvers`.
+    The parameters are documented at `compare_solvers`.
     """
     first, results = problem.tasks[0], []
     for name in solvers:
-        stop, cache = make_stop(name), warm_cache() if warm else VerdictCache()
+        stop, cache = make_stop(name), open_warm_cache() if warm else VerdictCache()
         request = SearchRequest(first, name, setup, seed, stop, cache, jobs, audit=audit)
         results.append(_make_chain_row(problem, request))
         if stop.interrupted:
@@ -192,7 +192,7 @@ def _can_run_at_once(solvers: Sequence[str], jobs: int, limits: Mapping[str, Any
         return False
     if all(limit is None for limit in limits.values()):
         return True
-    names = {each for spec in solvers for each in solver_names(spec)}
+    names = {each for spec in solvers for each in list_solvers(spec)}
     return all(registry.load("solver", name).polls for name in names)
 
 
@@ -238,7 +238,7 @@ class Terms:
     seed
         Seed of all random numbers.
     warm
-        Whether verdicts kept on disk may be used.
+        True if verdicts kept on disk may be used.
     audit
         As in `SearchRequest`.
     """
@@ -250,7 +250,7 @@ class Terms:
     audit: int | None = None
 
     def row(self, solver: str, stop: Stop) -> Row:
-        """Run a solver; one that raises, or whose back ends do, makes a failed row.
+        """Run a solver and return its row, a failed one if a solver or back end raises.
 
         Raises
         ------
@@ -272,7 +272,7 @@ class Terms:
         return describe_failure(request, error)
 
     def _request(self, solver: str, stop: Stop) -> SearchRequest:
-        cache = warm_cache() if self.warm and shares_files() else VerdictCache()
+        cache = open_warm_cache() if self.warm and shares_files() else VerdictCache()
         task = self.problem.tasks[0]
         return SearchRequest(task, solver, self.setup, self.seed, stop, cache, audit=self.audit)
 
@@ -349,14 +349,14 @@ def _outcomes(
     waiting = [(index, _STARTS) for index in range(len(solvers))]
     at: dict[Worker, tuple[int, int]] = {}
     idle: list[Worker] = []
-    asked = False
+    is_stopping = False
     while at or waiting:
-        if stop.interrupted and not asked:
-            asked, waiting = True, []
+        if stop.interrupted and not is_stopping:
+            is_stopping, waiting = True, []
             for worker in at:
                 worker.ask_to_stop()
         while waiting and len(at) < executor.slots:
-            # A process that has answered is used again; imports and compiled code are no verdicts.
+            # A process that has answered is used again.
             worker = idle.pop() if idle else executor.start(_prepare, content, _PURPOSE)
             at[worker] = waiting.pop(0)
             worker.take(solvers[at[worker][0]])
@@ -370,7 +370,7 @@ def _outcomes(
                 yield index, answer.content
                 continue
             worker.end()
-            if answer.exit_code is None and starts > 1 and not asked:
+            if answer.exit_code is None and starts > 1 and not is_stopping:
                 waiting.insert(0, (index, starts - 1))
             elif not answer.started and not answer.killed:
                 raise worker.not_started()

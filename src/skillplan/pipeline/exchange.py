@@ -38,38 +38,38 @@ def make_exporter(name: str, options: Mapping[str, Any]) -> Exporter:
     """
     plugin = registry.load("exporter", name)
     validated = registry.make_options("exporter", name, plugin, options)
-    made: Exporter = _blamed(plugin, lambda: plugin(validated))
-    return made
+    exporter: Exporter = _blamed(plugin, lambda: plugin(validated))
+    return exporter
 
 
-def handed_over(model: SkillModel, setup: Setup, plan: Replay | None) -> Handover:
-    """Return what an exporter is given.
+def make_handover(model: SkillModel, setup: Setup, plan: Replay | None) -> Handover:
+    """Return the input of an exporter.
 
     Parameters
     ----------
     model
-        Of the task.
+        Model of the task.
     setup
-        The back ends that it queries.
+        Back ends that the model queries.
     plan
-        Replayed on it; None for the task alone.
+        A plan replayed on the model; None for the task alone.
     """
-    return Handover(model, plan, charted(model, setup))
+    return Handover(model, plan, is_charted(model, setup))
 
 
-def charted(model: SkillModel, setup: Setup) -> bool:
-    """Return whether the hand-made chart is all that skills are judged by, but for reach."""
+def is_charted(model: SkillModel, setup: Setup) -> bool:
+    """Return whether the chart of the task file is the only check except reach."""
     detectors = [choice.name for choice in setup.collision_choices(model.task)]
     return detectors == [CHART] and setup.physics_choice(model.task).name == DEFAULT_PHYSICS
 
 
-def exported(exporter: Exporter, handover: Handover) -> Mapping[str, str | bytes]:
-    """Return what an exporter makes of a task or a plan, by the names of files.
+def export_files(exporter: Exporter, handover: Handover) -> Mapping[str, str | bytes]:
+    """Return the files that an exporter makes of a task or a plan, by name.
 
     Raises
     ------
     OptionError
-        If the exporter refuses, or there is no plan and it needs one.
+        If the exporter refuses, or needs a plan and has none.
     PluginError
         If it fails.
     """
@@ -90,8 +90,8 @@ def exported(exporter: Exporter, handover: Handover) -> Mapping[str, str | bytes
     return files
 
 
-def notes_of(exporter: Exporter, handover: Handover) -> tuple[str, ...]:
-    """Return what an exporter has to say about what it made.
+def list_notes(exporter: Exporter, handover: Handover) -> tuple[str, ...]:
+    """Return the notes of an exporter on its files.
 
     Raises
     ------
@@ -109,40 +109,40 @@ def _blamed(plugin: type[Any], call: Callable[[], _Said]) -> _Said:
         blame(error, plugin, lambda raised: f"The exporter {name!r} failed: {raised}.", PluginError)
 
 
-def given_start(text: str, problem: Problem, part: str | None) -> Plan:
+def read_start(text: str, problem: Problem, part: str | None) -> Plan:
     """Return the plan that a search starts from.
 
     Parameters
     ----------
     text
-        A result, or a plan as `given_plan` reads it.
+        A result, or a plan as in `read_given_plan`.
     problem, part
         The task to solve.
 
     Raises
     ------
     OptionError
-        As for `start_plan` and `given_plan`.
+        As in `start_plan` and `read_given_plan`.
     """
     if text.strip().startswith("@") or ("," in text and not os.path.exists(text)):
-        return Plan(tuple(skill.name for skill in given_plan(text, problem.part(part))))
+        return Plan(tuple(skill.name for skill in read_given_plan(text, problem.part(part))))
     return start_plan(text, problem, part)
 
 
-def given_plan(text: str, task: Task) -> tuple[Skill, ...]:
+def read_given_plan(text: str, task: Task) -> tuple[Skill, ...]:
     """Return the skills of a plan.
 
     Parameters
     ----------
     text
-        Action numbers or names of skills with commas; or ``@`` and a file.
+        Action numbers or names of skills, separated by commas; or ``@`` and a file.
     task
-        Whose skills are meant.
+        The task of the plan.
 
     Raises
     ------
     OptionError
-        If it is empty or names something unknown, or the file holds no plan.
+        If it is empty or has an unknown name, or the file holds no plan.
     """
     if not text.strip().startswith("@"):
         return task.parse_sequence(text)

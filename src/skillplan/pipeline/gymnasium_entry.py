@@ -1,4 +1,4 @@
-"""What Gymnasium calls to make ``skillplan/Task-v0``: from a task file to an environment."""
+"""Entry points that Gymnasium calls to make ``skillplan/Task-v0`` from a task file."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def make_env(
     task
         A task file, or a task.
     physics, collision
-        The engine and the detectors that are queried, the latter as a sequence or with commas
-        between; by default those that the task file chooses.
+        Names of engine and detectors, the latter as a sequence or separated by commas; by default
+        as the task file chooses.
     options
         Plugin name to option values, such as ``{"aabb": {"clearance_m": 0.002}}``.
     observation, mask, objective, render_mode
-        As of `SkillEnv`.
+        As in `SkillEnv`.
 
     Raises
     ------
@@ -71,16 +71,16 @@ def make_vector_env(
     mask: str = "applicable",
     objective: str = "reward",
 ) -> SkillVectorEnv:
-    """Return the environment of a task that is done at several places.
+    """Return a vector environment, in which several episodes of a task run side by side.
 
     Parameters
     ----------
     num_envs
-        How many places, >= 1.
+        Number of episodes, >= 1.
     task, physics, collision, options
-        As of `make_env`, which see for what is raised, too.
+        As in `make_env`, which raises the same errors.
     observation, mask, objective
-        As of `SkillVectorEnv`.
+        As in `SkillVectorEnv`.
     """
     return SkillVectorEnv(
         _model(task, physics, collision, options),

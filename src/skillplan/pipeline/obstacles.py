@@ -27,25 +27,25 @@ from skillplan.records.questions import DerivedOrder, Preview
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
-# Whether the arm gets there does not depend on where it comes from, which is dearest to check.
+# The reach of the arm does not depend on its travel, which is the most expensive check.
 _SHORT = {SCREEN: {"check_travel": False}}
 
 
-def never_feasible(
+def warn_never_feasible(
     problem: Problem, task: Task, order: DerivedOrder, known: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return what a derived order says of skills that are never feasible.
+    """Return messages about skills that a derived order proves never feasible.
 
-    Parts too wide for jaws are left out: the file's own checks report them.
+    Parts too wide for jaws are left out, because the checks of the file report them.
 
     Parameters
     ----------
     problem
-        The file.
+        The loaded file.
     task
         One of its tasks.
     order
-        Of the task.
+        Derived order of the task.
     known
         Skills that are reported already.
     """
@@ -67,31 +67,31 @@ def never_feasible(
     )
 
 
-def unreachable(problem: Problem, task: Task) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return messages about what the arm can do in no state, with places in the file; and skills.
+def warn_unreachable(problem: Problem, task: Task) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return messages about skills that the arm reaches in no state, and the names of the skills.
 
     Parameters
     ----------
     problem
-        The file.
+        The loaded file.
     task
         One of its tasks, which the geometric detector serves.
     """
     try:
-        found = list(_unreachable(task))
+        failures = list(_unreachable(task))
     except (PluginError, BackEndError) as error:
         return (f"{problem.source}: what the arm reaches was not checked: {error}",), ()
     by_key: dict[tuple[str | int, ...], list[tuple[str, Verdict]]] = {}
-    for skill, verdict in found:
+    for skill, verdict in failures:
         path = problem.domain.locate_skill(problem.config, skill, reach=True)
         by_key.setdefault(path, []).append((skill, verdict))
-    messages = problem.told(Issue(_words(said), path) for path, said in by_key.items())
-    return messages, tuple(skill for skill, _ in found)
+    messages = problem.told(Issue(_words(group), path) for path, group in by_key.items())
+    return messages, tuple(skill for skill, _ in failures)
 
 
-def _words(said: Sequence[tuple[str, Verdict]]) -> str:
-    """Return what fails by one key: all skills, and why the first of them does."""
-    (first, verdict), *others = said
+def _words(group: Sequence[tuple[str, Verdict]]) -> str:
+    """Return a message for the skills of one key, with the reason of the first."""
+    (first, verdict), *others = group
     names = " and ".join([first, *(skill for skill, _ in others)])
     verb = "are" if others else "is"
     return f"by {SCREEN} {names} {verb} never feasible: {verdict.reason}. {_instead(first)}"
@@ -104,14 +104,14 @@ def _instead(skill: str) -> str:
 
 
 def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
-    """Yield the skills, with the verdict where nothing else is done."""
+    """Yield the skills that fail with nothing else in place, with their verdicts."""
     setup = Setup(DEFAULT_PHYSICS, (SCREEN,), _SHORT, with_chart=False)
     hypothetical = HypotheticalStates(task)
     queries = [
         PrecedenceQuery(hypothetical, component, skill)
         for component in task.operations
         for skill in hypothetical.chain(component)
-        # What is too wide for jaws, the file's own checks say.
+        # The checks of the file report parts too wide for jaws.
         if too_wide(task.scene, task.scene.robots[0], skill) is None
     ]
     queries = [query for query in queries if not _surely_reached(task, query)]
@@ -119,19 +119,19 @@ def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
         return
     feasibility = make_feasibility(task, setup, None)
     with closing(feasibility):
-        said = run_queries(feasibility, [_never(query) for query in queries])
-    for query, verdict in zip(queries, said, strict=True):
+        verdicts = run_queries(feasibility, [_never(query) for query in queries])
+    for query, verdict in zip(queries, verdicts, strict=True):
         if verdict is not None and not verdict.is_feasible:
             yield query.skill.name, verdict
 
 
 def _surely_reached(task: Task, query: PrecedenceQuery) -> bool:
-    """Whether no arm model is needed to say that the arm gets there: loading one takes long."""
+    """Return whether the arm surely reaches a skill; its model, which loads slowly, is not used."""
     return surely_reached(task, query.skill, query.hypothetical.before(query.skill, ()))
 
 
 def _never(query: PrecedenceQuery) -> CheckSteps[Verdict]:
-    """Return why a skill fails in a state that nothing else could better; else that it does not."""
+    """Return the verdict of a skill if no other state could improve it, or else a feasible one."""
     verdict = yield from query.check(frozenset())
     if verdict.is_feasible or query.hypothetical.components(verdict) - {query.component}:
         return Verdict.feasible()
@@ -145,29 +145,28 @@ MOST_COMPONENTS = 100
 """A relation of more components is derived only where a back end is named."""
 
 
-def preview(
+def preview_problem(
     problem: Problem,
     physics: str | None = None,
     collision: tuple[str, ...] = (),
     options: Mapping[str, Mapping[str, Any]] | None = None,
     cache: VerdictCache | None = None,
 ) -> Preview:
-    """Return what is known of a valid file: warnings, derived orders, what its kind shows.
+    """Check a valid file before any search: warnings, derived orders, overview.
 
     Parameters
     ----------
     problem
         The loaded file.
     physics
-        The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
-        is instant.
+        Name of the engine; None for ``kinematic``, because a preview is instant.
     collision
-        Detectors that are queried; empty for the default one, whatever the file chooses. Of hollow
-        parts and many components no order is derived by itself.
+        Names of the detectors; empty for the default one. No order is derived by default for
+        hollow parts or many components.
     options
         Plugin name to option values.
     cache
-        Where verdicts are kept; None for a fresh one in memory.
+        Verdict cache; None for a new one in memory.
 
     Raises
     ------
@@ -178,7 +177,7 @@ def preview(
     BackEndError
         If a back end fails.
     """
-    # An order derived from the chart would say nothing of it.
+    # An order derived from the chart would only repeat it.
     geometric = tuple(name for name in collision if name != CHART)
     setup = Setup(physics or DEFAULT_PHYSICS, geometric, options or {}, with_chart=False)
     named = physics is not None or bool(collision)
@@ -192,8 +191,8 @@ def preview(
         messages: tuple[str, ...] = ()
         skills: tuple[str, ...] = ()
         if not named and order.never and SCREEN in order.back_ends:
-            messages, skills = unreachable(problem, task)
-        warnings += [*messages, *never_feasible(problem, task, order, skills)]
+            messages, skills = warn_unreachable(problem, task)
+        warnings += [*messages, *warn_never_feasible(problem, task, order, skills)]
         warnings += [f"{problem.source}: {line}" for line in order.lines]
         issues = (
             Issue(line.removeprefix("chart: "), ("chart",), at_key=True)
@@ -228,10 +227,10 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
 
 
 def _too_expensive(task: Task) -> str:
-    """Return what makes an order of a task expensive to derive, in words; empty for nothing.
+    """Return the reason why an order is too expensive to derive; empty without one.
 
-    A box about a hollow part fills what another goes into, and of true meshes a relation takes
-    minutes.
+    A box about a hollow part fills the space that another part goes into, and an order of true
+    meshes takes minutes.
     """
     if any(body.surfaces for body in task.scene.bodies):
         return "hollow parts"
@@ -239,7 +238,7 @@ def _too_expensive(task: Task) -> str:
 
 
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
-    """Yield why no order can exist, in words."""
+    """Yield messages about the reason why no order exists."""
     by = f"by {', '.join(names)}"
     first, *rest = conflict_lines(task, chart.relations) or ("",)
     if first:
@@ -255,7 +254,7 @@ def explain_infeasible(model: SkillModel, *, charted: bool) -> str:
     model
         A model of the task, which has no plan.
     charted
-        Whether a chart may be derived, which queries states that the search did not meet.
+        True if a chart may be derived, which queries states that the search did not meet.
     """
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:

@@ -1,4 +1,4 @@
-"""Plans performed by an engine or by a planner of paths, and the relation that geometry gives."""
+"""Performing plans with an engine or a motion planner, and deriving a chart from geometry."""
 
 from __future__ import annotations
 
@@ -32,63 +32,63 @@ from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
 
-def by_ways(
+def choose_variants(
     task: Task,
     skills: Sequence[Skill],
     back_ends: Sequence[BackEnd],
     named: Sequence[str | None] = (),
     stopped: Callable[[], bool] = lambda: False,
 ) -> list[Skill]:
-    """Return the skills of a plan, those with several ways by the one that is taken.
+    """Return the skills of a plan, each as the variant that is taken.
 
     Parameters
     ----------
     task
-        Whose skills.
+        The task of the plan.
     skills
-        The plan, each applicable when its turn comes.
+        The plan, each skill applicable in its turn.
     back_ends
-        Asked for the way of each skill that has several and for which none is named.
+        Back ends that choose a variant if none is named.
     named
-        The ways in words, as far as they are known, by step; None where a skill has but one.
+        Labels of the variants by step; None for a skill with a single variant.
     stopped
-        Whether to stop asking; then first ways are taken.
+        Once it returns True, first variants are taken.
 
     Raises
     ------
     OptionError
-        If a way is named that a skill does not have.
+        If a skill has no variant of that label.
     BackEndError
         If a back end fails.
     """
     if not any(skill.ways for skill in skills):
         return list(skills)
     feasibility = Feasibility(task, back_ends)
-    state, found = task.initial, []
+    state, variants = task.initial, []
     for index, skill in enumerate(skills):
         label = named[index] if index < len(named) else None
         if not skill.ways:
-            found.append(skill)
+            variants.append(skill)
         elif label is not None:
             labels = [way.label for way in skill.ways]
             if label not in labels:
                 hint = name_hint(label, labels)
                 raise OptionError(f"Step {index + 1}: {skill.name} has no way {label!r}. {hint}")
-            found.append(feasibility.variants.by_label(skill, label))
+            variants.append(feasibility.variants.by_label(skill, label))
         elif stopped():
-            found.append(skill.by(skill.ways[0]))
+            variants.append(skill.by(skill.ways[0]))
         else:
-            found.append(feasibility.taken(skill, state))
+            variants.append(feasibility.taken(skill, state))
         state = skill.prediction_in(state).apply(state)
-    return found
+    return variants
 
 
 ANY_DETECTOR = "aabb"
 """A detector that always serves, and that is not queried."""
 
 
-def performing_engine() -> str | None:
-    """Return the installed engine that performs plans where none is chosen; None without one."""
+def find_performing_engine() -> str | None:
+    """Return the installed engine that performs plans; None without one."""
     known = registry.names("physics")
     able = (name for name in PREFERRED if name in known)
     return next(
@@ -96,31 +96,31 @@ def performing_engine() -> str | None:
     )
 
 
-def looks_of_arm(task: Task, performed_by: str | None) -> Sequence[Path | None]:
-    """Return what base and links of an arm look like, as far as an installed engine has meshes.
+def find_arm_meshes(task: Task, performed_by: str | None) -> Sequence[Path | None]:
+    """Return the meshes of base and links of an arm, if an installed engine has them.
 
     Parameters
     ----------
     task
-        The arm is that of its robot.
+        A task with the arm as its robot.
     performed_by
-        The engine that moved it, which is asked first; None for none.
+        The engine that moved the arm, which is queried first; None for none.
     """
     arm, known = task.scene.robots[0].model, registry.names("physics")
     for name in sorted(set(PREFERRED) & set(known), key=lambda name: name != performed_by):
         try:
             engine = registry.load("physics", name)
         except PluginError:
-            # Another engine that is broken takes no page down: links look like what they hit with.
+            # A broken engine must not prevent a page; links are drawn by their collision shapes.
             continue
-        found = engine.looks(arm) if issubclass(engine, Performer) else ()
-        if any(found):
-            return found
+        looks = engine.looks(arm) if issubclass(engine, Performer) else ()
+        if any(looks):
+            return looks
     return ()
 
 
-def contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
-    """Return the detectors that rule on contacts: of those chosen, or else the engine's first."""
+def find_contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
+    """Return the chosen detectors that judge contacts of an engine, or else its first detector."""
     known = getattr(registry.load("physics", engine), "contact_detectors", ())
     able = [name for name in known if name in registry.names("collision")]
     return [name for name in able if name in chosen] or able[:1]
@@ -128,16 +128,16 @@ def contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Performed:
-    """A plan that was performed.
+    """A plan that an engine has performed.
 
     Parameters
     ----------
     engine
-        The engine's name.
+        Name of the engine.
     performance
-        What was measured.
+        The measurements.
     samples
-        The rows of the trace; none of a plan that is too long to be played.
+        Rows of the trace; empty for a plan that is too long to be played.
     back_end
         The engine.
     """
@@ -154,25 +154,25 @@ def perform_plan(
     skills: Sequence[Skill],
     ways: Sequence[str | None] = (),
     *,
-    begun: Callable[[str], None] = lambda _: None,
+    on_begin: Callable[[str], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Performed | str:
-    """Perform a plan and return what was measured, or say in words why it is not.
+    """Perform a plan; return the measurements, or the reason why it cannot be performed.
 
     Parameters
     ----------
     task
-        Whose plan it is.
+        The task of the plan.
     setup
-        Its engine is taken if it moves bodies; else that of `performing_engine`.
+        Its engine is used if it moves bodies, or else that of `find_performing_engine`.
     skills
-        The plan, each applicable when its turn comes.
+        The plan, each skill applicable in its turn.
     ways
-        As in `by_ways`.
-    begun
+        As in `choose_variants`.
+    on_begin
         Called with the name of each skill that begins.
     stopped
-        Called often; once true, the plan ends after the current skill.
+        Polled; once it returns True, the plan ends after the current skill.
 
     Raises
     ------
@@ -181,18 +181,18 @@ def perform_plan(
     """
     named = setup.physics_choice(task).name
     performs = issubclass(registry.load("physics", named), Performer)
-    engine = named if performs else performing_engine()
+    engine = named if performs else find_performing_engine()
     if engine is None:
         known = " or ".join(f"skillplan-{name}" for name in PREFERRED)
         return f"no engine that moves bodies is installed: pip install {known}"
     chosen = [choice.name for choice in setup.named_collision_choices(task)]
-    detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
+    detectors = tuple(find_contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
     taking = replace(setup, physics=engine, collision=detectors, screening=False, with_chart=False)
     try:
-        made = introduce(taking.back_ends(task))
+        back_ends = introduce(taking.back_ends(task))
     except OptionError as error:
         return str(error)
-    performer = _performer(made)
+    performer = _performer(back_ends)
     samples: list[Sample] = []
     under_way = [""]
 
@@ -201,9 +201,9 @@ def perform_plan(
             samples.append(sample)
         if sample.skill and sample.skill != under_way[0]:
             under_way[0] = sample.skill
-            begun(sample.skill)
+            on_begin(sample.skill)
 
-    taken = by_ways(task, skills, made, ways, stopped)
+    taken = choose_variants(task, skills, back_ends, ways, stopped)
     try:
         performance = performer.perform(taken, note=note, stopped=stopped)
     except BaseException as error:
@@ -217,8 +217,8 @@ def perform_plan(
     return Performed(engine, performance, kept, performer)
 
 
-def _performer(made: Sequence[BackEnd]) -> Performer:
-    return next(one for one in made if isinstance(one, Performer))
+def _performer(back_ends: Sequence[BackEnd]) -> Performer:
+    return next(back_end for back_end in back_ends if isinstance(back_end, Performer))
 
 
 def plan_motion(
@@ -229,39 +229,39 @@ def plan_motion(
     *,
     frames_per_s: int,
 ) -> PlannedMotion | str:
-    """Return where arm and parts are in a plan, or say in words why nobody knows.
+    """Return the poses of arm and parts during a plan, or the reason why they are unknown.
 
     Parameters
     ----------
     task
-        Whose plan it is.
+        The task of the plan.
     setup
-        Has the options of what plans paths.
+        Holds the options of the motion planner.
     skills
-        The plan, each applicable when its turn comes.
+        The plan, each skill applicable in its turn.
     ways
-        As in `by_ways`.
+        As in `choose_variants`.
     frames_per_s
-        How many samples there are to a second, >= 1.
+        Number of samples per second, >= 1.
 
     Raises
     ------
     BackEndError
-        If what plans paths fails.
+        If the motion planner fails.
     """
     if SCREEN not in registry.names("collision"):
         return "nothing that plans paths is installed: pip install skillplan-pinocchio"
-    asked = replace(
+    planning = replace(
         setup, physics=DEFAULT_PHYSICS, collision=(SCREEN,), screening=False, with_chart=False
     )
     try:
-        made = introduce(asked.back_ends(task))
+        back_ends = introduce(planning.back_ends(task))
     except OptionError as error:
         return str(error)
-    plans = next((one for one in made if isinstance(one, MotionPlans)), None)
+    plans = next((back_end for back_end in back_ends if isinstance(back_end, MotionPlans)), None)
     if plans is None:
         return f"{SCREEN} tells no paths of whole plans"
-    taken = by_ways(task, skills, made, ways)
+    taken = choose_variants(task, skills, back_ends, ways)
     try:
         return plans.planned_motion(taken, frames_per_s)
     except ValueError as error:
@@ -275,24 +275,25 @@ def plan_motion(
         )
 
 
-def planned_times(
+def plan_times(
     task: Task,
     skills: Sequence[Skill],
     timed_by: str,
     options: Mapping[str, Mapping[str, Any]],
 ) -> PlannedTimes | None:
-    """Return how long the skills of a plan take as planned; None if an engine planned them.
+    """Return the planned durations of the skills of a plan; None if an engine planned them.
 
     Parameters
     ----------
     task
-        Whose plan it is.
+        The task of the plan.
     skills
-        The plan, each applicable when its turn comes, and with one motion at most.
+        The plan, each skill applicable in its turn and with one motion at most.
     timed_by
-        Names of the detectors that plan trajectories, by commas; empty for travel by the task.
+        Names of the detectors that plan trajectories, separated by commas; empty for travel by
+        the figures of the task.
     options
-        Option values by plugin.
+        Plugin name to option values.
 
     Raises
     ------
@@ -313,25 +314,25 @@ def planned_times(
     return PlannedTimes(durations_s, timed_by)
 
 
-def geometric_chart(
+def derive_geometric_chart(
     task: Task, setup: Setup, cache: VerdictCache | None = None
 ) -> tuple[DerivedChart, tuple[str, ...]]:
-    """Return the relation that detectors of collisions give, and the names of the back ends.
+    """Return the precedence relation that geometry gives, and the names of the back ends.
 
     Parameters
     ----------
     task
-        With bodies.
+        A task with bodies.
     setup
-        Its detectors are queried where it names any; else the swept motions, or boxes where those
-        are not installed or do not serve the task. No engine executes anything unless it is named.
+        Its detectors are queried if it names any, or else ``swept``, or ``aabb`` if that is not
+        installed or does not serve the task. No engine is queried unless it is named.
     cache
-        Where verdicts are kept; a fresh one in memory by default.
+        Verdict cache; by default a new one in memory.
 
     Raises
     ------
     OptionError
-        If a detector that was named refuses the task.
+        If a named detector refuses the task.
     BackEndError
         If a back end fails.
     """
@@ -343,12 +344,12 @@ def geometric_chart(
         tried = [(BOXES,)]
     for names in tried:
         try:
-            made = replace(chosen, collision=names).back_ends(task)
+            back_ends = replace(chosen, collision=names).back_ends(task)
             break
         except OptionError:
             if names == tried[-1]:
                 raise
     kept = VerdictCache() if cache is None else cache
-    with closing(make_feasibility(task, chosen, kept, back_ends=made)) as feasibility:
+    with closing(make_feasibility(task, chosen, kept, back_ends=back_ends)) as feasibility:
         chart = derive_chart(feasibility)
         return chart, tuple(back_end.name for back_end in feasibility.back_ends)

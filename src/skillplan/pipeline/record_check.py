@@ -1,4 +1,4 @@
-"""The figures of a stored result and the files beside it, compared with what its plans give.
+"""The figures and files of a stored result, compared with figures derived from its plans.
 
 Everything is derived again from the plans, except what only the search knew.
 """
@@ -13,7 +13,7 @@ from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, PluginError, SearchStopped, format_path
 from skillplan.files.regular_file import read_bytes
-from skillplan.judge.claim_check import ARITHMETIC, stopped_words
+from skillplan.judge.claim_check import ARITHMETIC, explain_stop
 from skillplan.model.policy_value import PolicyValue, roll_out
 from skillplan.model.replay import Replay
 from skillplan.model.skill_model import SkillModel
@@ -42,26 +42,26 @@ UNCHECKED = {
     "origin": "which file, changes and options were given: they are used, and what was queried is "
     "listed; the task must have the hash that the result names",
 }
-"""What cannot be told from a plan, by key, and why."""
+"""Reasons why figures cannot be derived from a plan, by key."""
 UNDER_CHANCE = "steps and time are those of the nominal outcomes; expected time is not worked out"
 
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A task of a result, with what is claimed of it.
+    """A task of a result, with its claims and its replayed plan.
 
     Parameters
     ----------
     task
-        As it was grounded.
+        The task, grounded as it was when it was solved.
     stored
-        What is claimed.
+        Claims of the result.
     walked
-        The plan, replayed; None without one.
+        The replayed plan; None without a plan.
     expected
-        Under chance, what the policy that was stored beside is worth; None without one.
+        Under chance, the value of the stored policy; None without one.
     not_checked
-        Sentences of the back ends about what they leave unchecked of the task.
+        Sentences of the back ends about unchecked properties of the task.
     """
 
     task: Task
@@ -72,29 +72,29 @@ class Replayed:
 
     @property
     def sound(self) -> bool:
-        """Whether there is no plan, or it leads to the goal at the claimed cost."""
+        """True if the plan leads to the goal at the claimed cost, or no plan is claimed."""
         planned = self.stored.cost is not None
         return planned == (self.walked is not None and self.walked.complete)
 
 
-def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin | None) -> Result:
-    """Return the row of one task as it should be.
+def derive_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin | None) -> Result:
+    """Return the result of one task, derived from its plan.
 
     Parameters
     ----------
     replayed
-        The task; its plan must be sound.
+        The task, with a sound plan.
     setup
         Back ends that were queried.
     solver
-        Who solved it.
+        Name of the solver.
     origin
-        Where the task is from; None for a part of a chain.
+        Task file and how it was read; None for a part of a chain.
 
     Raises
     ------
     ValueError
-        If what is claimed does not go together.
+        If the claims contradict each other.
     """
     task, stored, walked = replayed.task, replayed.stored, replayed.walked
     cost, makespan_s = stored.cost, stored.makespan_s
@@ -104,7 +104,7 @@ def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin
         cost, makespan_s = replayed.expected.cost, replayed.expected.duration_s
     bound = stored.lower_bound
     if cost is not None and bound is not None:
-        # By rounding the bound may lie above the cost.
+        # Rounding may put the bound above the cost.
         bound = cost if 0 < bound - cost <= 1e-9 * max(1.0, cost) else bound
     return Result(
         task=task.name,
@@ -136,49 +136,51 @@ def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin
     )
 
 
-def derived_chain(
+def derive_chain(
     problem: Problem,
     stored: StoredResult,
     replayed: Sequence[Replayed],
     setup: Setup,
     origin: Origin | None,
 ) -> ChainResult:
-    """Return the rows of a chain as they should be.
+    """Return the result of a chain, derived from its plans.
 
     Parameters
     ----------
     problem
-        What the file describes.
+        The loaded task file.
     stored
-        What is claimed.
+        Claims of the result.
     replayed
-        Its parts, whose plans must be sound.
+        The parts, with sound plans.
     setup
         Back ends that were queried.
     origin
-        Where the tasks are from.
+        Task file and how it was read.
 
     Raises
     ------
     ValueError
-        If what is claimed does not go together.
+        If the claims contradict each other.
     """
     solvers = _solvers(problem, stored, setup)
     parts = []
     kept_policies = set()
-    for one in replayed:
-        claims = one.stored
+    for part in replayed:
+        claims = part.stored
         assert isinstance(claims, StoredPart)
-        solver = solvers(one.task) if solvers is not None else claims.solver
+        solver = solvers(part.task) if solvers is not None else claims.solver
         claims = claims.model_copy(update={"seed": stored.seed})
-        result = derived_result(replace(one, stored=claims), setup, solver, None)
+        result = derive_result(replace(part, stored=claims), setup, solver, None)
         optimum = _optimum(claims, result)
-        key = policy_key(one.task)
+        key = policy_key(part.task)
         # A policy can only be reused after an earlier task with the same goal and skills.
         reused = claims.reused_policy and key in kept_policies
         kept_policies.add(key)
-        parts.append(ChainPart(one.task, result, optimum, reused))
-    plans = {one.task.name: tuple(one.stored.skills) for one in replayed if one.walked is not None}
+        parts.append(ChainPart(part.task, result, optimum, reused))
+    plans = {
+        part.task.name: tuple(part.stored.skills) for part in replayed if part.walked is not None
+    }
     tasks = problem.follow({}, stored.replans) if stored.replans else problem.tasks
     broken = ""
     account: Any
@@ -204,7 +206,7 @@ def derived_chain(
 
 
 def _solvers(problem: Problem, stored: StoredResult, setup: Setup) -> Any:
-    """Return who solves a task of a chain by the name of the whole; None where that is unknown."""
+    """Return a function from a task of a chain to its solver; None if that is unknown."""
     try:
         request = SearchRequest(problem.tasks[0], stored.solver, setup, stored.seed)
         chain = Chain(problem, request, spare=[])
@@ -219,65 +221,64 @@ def _solvers(problem: Problem, stored: StoredResult, setup: Setup) -> Any:
 
 
 def _optimum(claims: StoredPart, result: Result) -> float | None:
-    """Return what must stand beside a part as its optimum: it is its cost, or gave its bound."""
+    """Return the optimum of a part, which is its cost or has given its bound."""
     if result.status is Status.OPTIMAL:
         return result.cost
     if claims.optimum is None or result.cost is None or result.lower_bound is None:
         return None
-    # By rounding alone the proved optimum lies above the cost of a plan.
+    # Only rounding puts the proved optimum above the cost of a plan.
     close = abs(claims.optimum - result.lower_bound) <= 1e-9 * max(1.0, abs(claims.optimum))
     return claims.optimum if close else result.lower_bound
 
 
-# Figures may differ by rounding; times in s come from engines, which round otherwise.
+# Tolerances of figures, and of times [s], which engines round differently.
 _ROUNDING = 1e-9
 _SAME_TIME_S = 1e-6
-_MOST_SHOWN = 80
+_MOST_CHARACTERS = 80
 _Path = tuple[str | int, ...]
 
 
-def differences(claimed: Any, derived: Any, path: _Path = ()) -> Iterator[str]:
-    """Yield in words every leaf that a document has otherwise than it should, with its path.
+def list_differences(claimed: Any, derived: Any, path: _Path = ()) -> Iterator[str]:
+    """Yield a message for each leaf by which a document differs from the derived one.
 
     Parameters
     ----------
-    claimed
-        What it says, as JSON values.
-    derived
-        What it should say.
+    claimed, derived
+        The document and the derived one, as JSON values.
     path
-        Where in the document both stand.
+        Place of both in the whole document.
     """
     if isinstance(claimed, Mapping) and isinstance(derived, Mapping):
         for key, value in derived.items():
             if key in claimed:
-                yield from differences(claimed[key], value, (*path, key))
+                yield from list_differences(claimed[key], value, (*path, key))
             else:
                 yield f"{format_path((*path, key))} is missing"
         for key in claimed:
             if key not in derived:
                 yield f"{format_path((*path, key))} does not belong there"
     elif isinstance(claimed, list) and isinstance(derived, list | tuple):
-        for index, (one, other) in enumerate(zip(claimed, derived, strict=False)):
-            yield from differences(one, other, (*path, index))
+        for index, (claimed_item, other) in enumerate(zip(claimed, derived, strict=False)):
+            yield from list_differences(claimed_item, other, (*path, index))
         if len(claimed) != len(derived):
             yield f"{format_path(path)} has {len(claimed)} entries, not {len(derived)}"
     elif not _same(claimed, derived, path):
         yield f"{format_path(path)} is {_shown(derived)}, claimed {_shown(claimed)}"
 
 
-def leaves(value: Any) -> int:
-    """Return how many values a document holds that hold no others."""
+def count_leaves(value: Any) -> int:
+    """Return the number of values of a document that contain no others."""
     if isinstance(value, Mapping):
-        return sum(map(leaves, value.values()))
+        return sum(map(count_leaves, value.values()))
     if isinstance(value, list | tuple):
-        return sum(map(leaves, value))
+        return sum(map(count_leaves, value))
     return 1
 
 
 def _same(claimed: Any, derived: Any, path: _Path) -> bool:
     numbers = all(
-        isinstance(one, int | float) and not isinstance(one, bool) for one in (claimed, derived)
+        isinstance(value, int | float) and not isinstance(value, bool)
+        for value in (claimed, derived)
     )
     if numbers:
         timed = bool(path) and str(path[-1]).endswith("_s")
@@ -288,31 +289,31 @@ def _same(claimed: Any, derived: Any, path: _Path) -> bool:
 
 def _shown(value: Any) -> str:
     text = f"{value:.10g}" if isinstance(value, float) else repr(value)
-    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
 
 
-def policies_fault(
+def find_policy_fault(
     document: Mapping[str, Any],
     header: Mapping[str, str],
     replayed: Mapping[str, Replayed],
     model_of: Callable[[Task], SkillModel],
     stop: Stop,
 ) -> str:
-    """Return in words the first thing that is wrong with policies; empty where nothing is.
+    """Return a message about the first fault of some policies; empty without one.
 
-    A policy must be of a task of the result, take the way of its plan, and choose in every state
-    a skill that can be executed there. Whether choices off that way are good, it does not claim.
+    A policy must be for a task of the result, follow its plan, and choose in each state a skill
+    that can be executed there. Choices off the plan need not be good.
 
     Parameters
     ----------
     document
         A document ``skillplan.policy/1``.
     header
-        What must stand above the policies.
+        Expected header of the document.
     replayed
         The tasks of the result, by name.
     model_of
-        Makes a fresh model of a task.
+        Returns a fresh model of a task.
     stop
         Polled between states.
 
@@ -321,10 +322,10 @@ def policies_fault(
     BackEndError
         If a back end fails.
     TimeoutError
-        If the stop is over before back ends were asked about all choices, and the rest is right.
+        If the stop ends the check of the choices and no fault was found before.
     """
     own = {key: value for key, value in document.items() if key not in ("schema", "policies")}
-    for words in differences(own, dict(header)):
+    for words in list_differences(own, dict(header)):
         return words
     holders = [entry.get("task", "") for entry in document["policies"]]
     for name in holders:
@@ -337,19 +338,21 @@ def policies_fault(
         if part.stored.policy is False and name in holders:
             return f"holds a policy of {name!r}, and the result names none"
     for entry in document["policies"]:
-        one = replayed.get(entry.get("task", ""))
-        if one is None:
+        replayed_task = replayed.get(entry.get("task", ""))
+        if replayed_task is None:
             return f"holds a policy of {entry.get('task')!r}, which is no task of the result"
         expected = {
-            "task": one.task.name,
-            "fingerprint": fingerprint(one.task),
-            "goal": list(one.task.goal.requires),
+            "task": replayed_task.task.name,
+            "fingerprint": fingerprint(replayed_task.task),
+            "goal": list(replayed_task.task.goal.requires),
         }
         claimed = {key: value for key, value in entry.items() if key != "choices"}
-        fault = next(iter(differences(claimed, expected)), "")
-        fault = fault or _choices_fault(entry["choices"], one, model_of(one.task), stop)
+        fault = next(iter(list_differences(claimed, expected)), "")
+        fault = fault or _choices_fault(
+            entry["choices"], replayed_task, model_of(replayed_task.task), stop
+        )
         if fault:
-            return f"{one.task.name}: {fault}"
+            return f"{replayed_task.task.name}: {fault}"
     return ""
 
 
@@ -384,10 +387,10 @@ def _choices_fault(
         at = next(
             (
                 index
-                for index, (one, other) in enumerate(
+                for index, (taken_name, other) in enumerate(
                     zip(taken, replayed.stored.skills, strict=False)
                 )
-                if one != other
+                if taken_name != other
             ),
             min(len(taken), len(replayed.stored.skills)),
         )
@@ -397,7 +400,7 @@ def _choices_fault(
     return ""
 
 
-_MOST_SHOWN_RECORD_CHECK = 5
+_MOST_FAULTS = 5
 _LATER_KEYS = (
     *("proved_by", "simulation", "not_checked", "policy", "dwells_from"),
     *("reachable", "relax", "sampling"),
@@ -406,26 +409,26 @@ MISSING = "is missing beside the result"
 _MOST_BYTES = 64 * 1024 * 1024
 
 SavedTables = Callable[[Result | ChainResult, Task], Mapping[str, str]]
-"""Returns the text of the tables that lie beside a result, by the name of the file."""
+"""Returns the expected tables of a result folder, by file name."""
 
 
 class RecordCheck:
-    """Checks all that a result says beyond its plans, once these have been replayed.
+    """Checks the figures and files of a result after its plans were replayed.
 
     Parameters
     ----------
     path
-        Where the result is.
+        Path of the result.
     stored
-        The result.
+        Content of the result.
     problem
-        What it solves.
+        The loaded task file.
     setup
-        The back ends that it names.
+        Back ends and options of the result.
     model
-        Returns a model of a task, for what policies choose.
+        Returns a model of a task, to check the choices of policies.
     stop
-        When to give up.
+        Limits of the check.
     """
 
     def __init__(
@@ -450,23 +453,23 @@ class RecordCheck:
         replayed: Mapping[str, Replayed],
         tables: SavedTables,
     ) -> Iterator[Claim]:
-        """Yield whether every figure of the document, and of the files beside, is as it should be.
+        """Yield a claim for the document, and one for each file in its folder.
 
         Parameters
         ----------
         document
-            The result, as it was read.
+            The result as JSON values.
         replayed
             Its tasks with their plans, by name.
         tables
-            Returns what the tables beside it should hold.
+            Returns the expected tables of the result folder.
         """
         if self._stop.interrupted:
             yield Claim("record", Outcome.NOT_CHECKED, "interrupted", ARITHMETIC, open=False)
             return
         expected = len([*self._stored.stages, *(self._stored.sequences or ())]) or 1
         parts = list(replayed.values())
-        if len(parts) < expected or not all(one.sound for one in parts):
+        if len(parts) < expected or not all(part.sound for part in parts):
             words = "follows from the plans, and those do not hold"
             yield Claim("record", Outcome.NOT_CHECKED, words, ARITHMETIC, open=False)
             return
@@ -481,22 +484,18 @@ class RecordCheck:
         if origin is None and "origin" not in document:
             should.pop("origin")
         _fit_to_version(should, document)
-        amiss = list(differences(document, should))
-        words = "; ".join(amiss[:_MOST_SHOWN_RECORD_CHECK])
-        words += (
-            f"; and {len(amiss) - _MOST_SHOWN} more"
-            if len(amiss) > _MOST_SHOWN_RECORD_CHECK
-            else ""
-        )
+        amiss = list(list_differences(document, should))
+        words = "; ".join(amiss[:_MOST_FAULTS])
+        words += f"; and {len(amiss) - _MOST_FAULTS} more" if len(amiss) > _MOST_FAULTS else ""
         outcome = Outcome.FAILS if amiss else Outcome.HOLDS
-        yield Claim("record", outcome, words or f"{leaves(should)} entries", ARITHMETIC)
+        yield Claim("record", outcome, words or f"{count_leaves(should)} entries", ARITHMETIC)
         yield from self._table_claims(tables(derived, parts[-1].task))
         yield from self._policy_claims(replayed)
 
     def _derived(self, replayed: list[Replayed], origin: Origin | None) -> Result | ChainResult:
         if self._stored.is_chain:
-            return derived_chain(self._problem, self._stored, replayed, self._setup, origin)
-        return derived_result(replayed[0], self._setup, self._stored.solver, origin)
+            return derive_chain(self._problem, self._stored, replayed, self._setup, origin)
+        return derive_result(replayed[0], self._setup, self._stored.solver, origin)
 
     def _table_claims(self, tables: Mapping[str, str]) -> Iterator[Claim]:
         for name, text in tables.items():
@@ -506,19 +505,19 @@ class RecordCheck:
                     yield Claim(name, Outcome.NOT_CHECKED, MISSING, ARITHMETIC)
                 continue
             try:
-                found = read_bytes(path, _MOST_BYTES, within=path.parent).decode("utf-8")
+                text_found = read_bytes(path, _MOST_BYTES, within=path.parent).decode("utf-8")
             except (OSError, UnicodeDecodeError) as error:
                 words = f"cannot be read: {getattr(error, 'strerror', None) or 'it is no text'}"
                 yield Claim(name, Outcome.FAILS, words, ARITHMETIC)
                 continue
-            fault = _line_fault(found.splitlines(), text.splitlines())
+            fault = _line_fault(text_found.splitlines(), text.splitlines())
             outcome = Outcome.FAILS if fault else Outcome.HOLDS
             yield Claim(name, outcome, fault or "as the result says", ARITHMETIC)
 
     def _missing_policies(self, replayed: Mapping[str, Replayed]) -> Iterator[Claim]:
-        """Yield the claim of policies that are missing; essential if outcomes are uncertain."""
-        planned = [one for one in replayed.values() if one.walked is not None]
-        if not all(one.task.deterministic for one in planned):
+        """Yield the claim of missing policies, which are essential if outcomes are uncertain."""
+        planned = [part for part in replayed.values() if part.walked is not None]
+        if not all(part.task.deterministic for part in planned):
             words = f"{MISSING}: the plan shows nominal outcomes, the policy decides on the others"
             yield Claim(POLICIES, Outcome.NOT_CHECKED, words, ARITHMETIC, open=False)
         elif self._stored.policy:
@@ -531,7 +530,7 @@ class RecordCheck:
             return
         header = {"sha256": self._problem.sha256, "solver": self._stored.solver}
         try:
-            fault = policies_fault(
+            fault = find_policy_fault(
                 read_policies(str(path), within=str(path.parent)),
                 header,
                 replayed,
@@ -541,7 +540,7 @@ class RecordCheck:
         except OptionError as error:
             fault = str(error)
         except (SearchStopped, TimeoutError):
-            words = stopped_words(self._stop)
+            words = explain_stop(self._stop)
             yield Claim(POLICIES, Outcome.NOT_CHECKED, words, ARITHMETIC)
             return
         outcome = Outcome.FAILS if fault else Outcome.HOLDS
@@ -565,10 +564,10 @@ def _fit_to_version(should: dict[str, Any], document: Mapping[str, Any]) -> None
             _fit_to_version(part, own)
 
 
-def _line_fault(found: list[str], should: list[str]) -> str:
-    for number, (one, other) in enumerate(zip(found, should, strict=False), start=1):
-        if one != other:
-            return f"line {number} is {other!r}, claimed {one!r}"
-    if len(found) != len(should):
-        return f"has {len(found)} lines, not {len(should)}"
+def _line_fault(lines: list[str], should: list[str]) -> str:
+    for number, (line, other) in enumerate(zip(lines, should, strict=False), start=1):
+        if line != other:
+            return f"line {number} is {other!r}, claimed {line!r}"
+    if len(lines) != len(should):
+        return f"has {len(lines)} lines, not {len(should)}"
     return ""

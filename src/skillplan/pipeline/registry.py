@@ -1,7 +1,7 @@
 """Plugins by kind and name, found through entry points and imported only when used.
 
-Built-ins register like anybody's. What is broken is reported where it is queried
-for, and by ``skillplan plugins``; it never takes the tool down.
+Built-ins register in the same way. A broken plugin is reported when it is used, and by
+``skillplan plugins``; it never prevents the use of other plugins.
 """
 
 from __future__ import annotations
@@ -34,14 +34,12 @@ class PluginInfo:
 
     Parameters
     ----------
-    kind, name
-        What it is and what it is called.
     distribution, version
-        Who provides it.
+        The distribution that provides the plugin.
     summary
-        First line of its docstring; empty where it is broken.
+        First line of its docstring; empty if it is broken.
     problem
-        Why it cannot be used, or None.
+        Reason why it cannot be used, or None.
     """
 
     kind: str
@@ -82,7 +80,7 @@ KINDS = {
     "sampler": "skillplan.sweep.sampler:Sampler",
 }
 
-# Words that users try, to the plugin that they mean where no name is near.
+# Words that users try, to the plugin that they mean.
 _MEANT = {
     "solver": {
         "optimal": "exact",
@@ -111,7 +109,7 @@ _MEANT = {
 }
 
 
-# Distributions of this project, by the kind and name of what they provide.
+# Distributions of this project, by the kind and name of the plugins that they provide.
 _DISTRIBUTIONS = {
     ("collision", "contact-force"): "skillplan-pybullet",
     ("collision", "contact-pairs"): "skillplan-simulation",
@@ -134,7 +132,7 @@ _DISTRIBUTIONS = {
 
 
 class InstalledDomains(Mapping[str, Domain]):
-    """The installed domains by kind, sorted; one is imported when it is looked up.
+    """The installed domains by kind, sorted; a domain is imported when it is looked up.
 
     A look-up raises `PluginError` as `load` does, also for a domain of this project that is not
     installed.
@@ -154,7 +152,7 @@ class InstalledDomains(Mapping[str, Domain]):
 
 
 def names(kind: str) -> list[str]:
-    """Return the names of the installed plugins of a kind, sorted; imports none of them."""
+    """Return the names of the installed plugins of a kind, sorted, without importing them."""
     return sorted(_providers(kind))
 
 
@@ -170,25 +168,25 @@ def missing_words(kind: str, name: str) -> str:
 
 
 def load(kind: str, name: str) -> type[Any]:
-    """Import a plugin's class.
+    """Import the class of a plugin.
 
     Raises
     ------
     PluginError
-        If the name is unknown, provided by two distributions, cannot be imported, or is not
-        what its kind demands; the message says which, and by whom.
+        If the name is unknown or provided by two distributions, or the class cannot be imported
+        or has the wrong base class; the message names plugin and distribution.
     """
-    found = _providers(kind).get(name)
-    if not found:
+    providers = _providers(kind).get(name)
+    if not providers:
         meant = _MEANT.get(kind, {}).get(name.casefold(), name)
         words = missing_words(kind, meant)
         if words:
             raise PluginError(words)
         raise PluginError(f"Unknown {kind} {name!r}. {name_hint(meant, names(kind))}")
-    if len(found) > 1:
-        owners = " and ".join(_owner(entry) for entry in found)
+    if len(providers) > 1:
+        owners = " and ".join(_owner(entry) for entry in providers)
         raise PluginError(f"The {kind} {name!r} is provided by {owners}. Uninstall one of them.")
-    entry = found[0]
+    entry = providers[0]
     limit_s = import_limit_s()
     activity = f"the import of the {kind} {name!r} of {_owner(entry)} ({entry.value})"
     try:
@@ -245,7 +243,7 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
 
 
 def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue]:
-    """Return what is wrong with a plugin and options that a task file chooses.
+    """Return the faults of a plugin and options that a task file chooses.
 
     Paths begin with the plugin's name.
     """
@@ -257,17 +255,17 @@ def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue
     except PluginError as error:
         return [Issue(str(error), (name,), at_key=True)]
     model: type[BaseModel] = plugin.Options
-    found = []
+    issues = []
     for key in values:
         if key not in model.model_fields:
             hint = _removed_hint(plugin, key) or name_hint(key, model.model_fields)
             message = f"{name!r} has no option {shown(key)}. {hint}"
-            found.append(Issue(message, (name, key), at_key=True))
+            issues.append(Issue(message, (name, key), at_key=True))
     try:
         model.model_validate({k: v for k, v in values.items() if k in model.model_fields})
     except ValidationError as error:
-        found += [issue.under(name) for issue in schema_issues(error, model)]
-    return found
+        issues += [issue.under(name) for issue in schema_issues(error, model)]
+    return issues
 
 
 def _removed_hint(plugin: type[Any], option: str) -> str:
@@ -279,7 +277,7 @@ def _removed_hint(plugin: type[Any], option: str) -> str:
 
 
 def describe(kind: str) -> list[PluginInfo]:
-    """Return every installed plugin of a kind, the broken ones with the reason."""
+    """Return all installed plugins of a kind, broken ones with the reason."""
     infos = []
     for name, entries in sorted(_providers(kind).items()):
         for entry in entries:
@@ -303,7 +301,7 @@ def describe_unreadable() -> list[PluginInfo]:
 
 
 def refresh() -> None:
-    """Look for plugins anew, so that those installed since the first look-up are found."""
+    """Look for plugins again, to find those installed since the first look-up."""
     _providers.cache_clear()
     installed.refresh()
 
@@ -316,13 +314,13 @@ def _providers(kind: str) -> dict[str, list[EntryPoint]]:
             if kind in _providers(known):
                 hint = f"Did you mean '{known} {kind}'?"
         raise PluginError(f"Unknown kind of plugin {kind!r}. {hint}")
-    found: dict[str, list[EntryPoint]] = {}
+    providers: dict[str, list[EntryPoint]] = {}
     for entry in installed.registered(kind):
-        others = found.setdefault(entry.name, [])
-        # One distribution may be on the path twice; that is no second provider.
+        others = providers.setdefault(entry.name, [])
+        # A distribution may be on the path twice and is still one provider.
         if not others or _owner(entry) not in map(_owner, others):
             others.append(entry)
-    return found
+    return providers
 
 
 def _base_class(kind: str) -> type[Any]:

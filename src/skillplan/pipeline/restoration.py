@@ -1,7 +1,7 @@
 """Stored results: finding and loading their task, restoring their setup, and judging their plans.
 
-A result may come from anybody and may name any file of the reader. So a task file that the user did
-not name is not quoted in messages, unless it lies beside the result or in the current folder.
+A result may come from anyone and may name any file of the reader. So messages quote a task file
+only if the user named it, or if it is in the current folder or near the result.
 
 Results of versions in which back ends had dwell times of their own are checked by the rule of their
 time: a back end that planned times added its own dwells. Without one, dwells were added once a
@@ -49,27 +49,27 @@ from skillplan.task.task import BackEndChoice, Task
 
 @contextmanager
 def unquoted(document: str, file: str) -> Iterator[None]:
-    """Word what is wrong with a file so that nothing of its content is told.
+    """Replace errors about a file by errors that quote none of its content.
 
     Parameters
     ----------
     document
-        What names the file.
+        The document that names the file, for messages.
     file
         The file.
 
     Raises
     ------
     TaskError
-        If anything within raises one: the same file and place, without what stands there.
+        In place of a `TaskError`, with the same place in the file.
     OptionError
-        Likewise.
+        In place of an `OptionError`.
     """
     try:
         yield
     except TaskError as error:
         if isinstance(error.__cause__, PluginError):
-            raise  # it quotes the kind alone, which is a known one
+            raise  # quotes only the kind, which is a known one
         first = error.issues[0]
         message = (
             f"is no sound task file here. {document} names it, so it is not quoted: see "
@@ -84,15 +84,7 @@ def unquoted(document: str, file: str) -> Iterator[None]:
 
 
 def is_near(file: str, document_folder: Path) -> bool:
-    """Whether a file lies in the current folder, or in the one that holds a document's folder.
-
-    Parameters
-    ----------
-    file
-        The file.
-    document_folder
-        The folder of the document that names it.
-    """
+    """Return whether a file is in the current folder or in the parent folder of the document's."""
     real = Path(os.path.realpath(file))
     beside = os.path.realpath(document_folder / os.pardir)
     try:
@@ -102,44 +94,43 @@ def is_near(file: str, document_folder: Path) -> bool:
     return real.is_relative_to(beside) or real.is_relative_to(here)
 
 
-def origin_problem(
+def load_origin(
     path: str, stored: StoredResult, origin: Origin, *, named: bool
 ) -> tuple[Problem, str | None]:
-    """Load the task of a result; return it, and in words how it is another than was solved.
+    """Load the task of a result; return it, and its difference from the task that was solved.
 
     Parameters
     ----------
     path
-        Of the result.
+        The result, for messages.
     stored
-        What it says.
+        Content of the result.
     origin
-        How its task is loaded.
+        Task file and how it is read.
     named
-        Whether the user named the task file; of others nothing is told that they hold, unless
-        they lie near.
+        True if the user named the task file. Other files are quoted only if they lie near.
 
     Raises
     ------
     OptionError
-        If the file is far off, another task, and not named by the user.
+        If the file holds another task, lies far off, and was not named by the user.
     TaskError
         If the task file is wrong.
     """
-    queried, former = named_back_ends(origin), stored.dwells_from is None
+    queried, former = list_back_ends(origin), stored.dwells_from is None
     with nullcontext() if named else unquoted(path, origin.file):
         problem = load_problem(origin.file, queried, origin.changes, former=former)
-    told = named or is_near(origin.file, result_path(path).parent)
-    difference = other_task(stored, problem, quoted=told)
+    is_quotable = named or is_near(origin.file, result_path(path).parent)
+    difference = other_task(stored, problem, quoted=is_quotable)
     if difference is not None and former:
         was_solved = _with_former_defaults(stored, origin, problem)
         if was_solved is not None:
             return was_solved, None
-    if difference is None or told:
+    if difference is None or is_quotable:
         return problem, difference
     before = {} if stored.origin is None else stored.origin.changes
     if before != origin.changes:
-        # The user changes something; what counts is whether the file is the one that was solved.
+        # The user changes something, so compare the file without changes with the solved task.
         with unquoted(path, origin.file):
             was = load_problem(origin.file, queried, before, former=former)
         if other_task(stored, was) is None:
@@ -148,37 +139,39 @@ def origin_problem(
 
 
 def _with_former_defaults(stored: StoredResult, origin: Origin, problem: Problem) -> Problem | None:
-    """Return a file's task with the defaults of earlier versions; None if that is another task.
+    """Load a file with the defaults of earlier versions; return None if that is another task.
 
-    Equal hashes show that it is the task that was solved, so nothing else is taken for it.
+    Equal hashes prove that it is the task that was solved.
     """
     changes = {**problem.domain.former_defaults, **origin.changes}
     if changes == origin.changes:
         return None
     try:
-        former = load_problem(origin.file, named_back_ends(origin), changes, former=True)
+        former = load_problem(origin.file, list_back_ends(origin), changes, former=True)
     except TaskError:
-        # The file gives a key that excludes the default, which did not count then.
+        # The file has a key that excludes the default.
         return None
     return former if other_task(stored, former) is None else None
 
 
-def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
-    """Return how to load a result's task; by the names of its back ends where no more is known.
+def find_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
+    """Return the task file of a result and the way to read it.
+
+    A result of an early version has no origin, only the names of its back ends.
 
     Parameters
     ----------
     path
-        Of the result, beside which the task file is looked for.
+        The result. Its folder is searched for the task file, too.
     stored
-        What it says.
+        Content of the result.
     task_file
-        The task file, if it is not to be looked for.
+        The task file; None for the file that the result names.
 
     Raises
     ------
     OptionError
-        If the task file is not said, or not found.
+        If the result names no task file, or it is not found.
     """
     if stored.origin is not None:
         origin = stored.origin.origin()
@@ -199,19 +192,19 @@ def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Orig
     )
 
 
-def restored_setup(origin: Origin, collision: str, task: Task) -> Setup:
+def restore_setup(origin: Origin, collision: str, task: Task) -> Setup:
     """Return the setup under which a stored result was made.
 
-    A result whose origin names no detectors was made under the defaults of its version, which may
-    not be those of this one. Its `collision` key says which they were: older versions checked a
-    chart alone by default, or no chart if the task file chose a detector.
+    A result whose origin names no detectors was made under the defaults of its version. Its
+    `collision` key has their names: older versions checked a chart alone by default, or no chart
+    if the task file chose a detector.
 
     Parameters
     ----------
     origin
-        How its task was read.
+        Task file and how it is read.
     collision
-        Names of the detectors that it claims, with commas.
+        Names of the detectors in the result, separated by commas.
     task
         The task, or one of the chain.
     """
@@ -229,7 +222,7 @@ def restored_setup(origin: Origin, collision: str, task: Task) -> Setup:
     return setup
 
 
-def named_back_ends(origin: Origin) -> Mapping[str, list[str]]:
+def list_back_ends(origin: Origin) -> Mapping[str, list[str]]:
     """Return the names of the back ends that an origin chooses, by kind."""
     named = {"physics": [] if origin.physics is None else [origin.physics]}
     named["collision"] = list(origin.collision)
@@ -239,8 +232,8 @@ def named_back_ends(origin: Origin) -> Mapping[str, list[str]]:
 Options = Mapping[str, Mapping[str, Any]]
 
 
-def without_removed(origin: Origin) -> tuple[Origin, Options]:
-    """Return an origin without options that were removed since, and these, by plugin."""
+def drop_removed_options(origin: Origin) -> tuple[Origin, Options]:
+    """Return an origin without removed options, and the removed options by plugin."""
     kept, removed = {}, {}
     for plugin, values in origin.options.items():
         known = _removed_options(plugin)
@@ -249,7 +242,7 @@ def without_removed(origin: Origin) -> tuple[Origin, Options]:
     return replace(origin, options=kept), removed
 
 
-def with_former_dwells(
+def restore_dwells(
     path: str, problem: Problem, setup: Setup, removed: Options
 ) -> tuple[Problem, str]:
     """Return a problem with the dwell times of earlier versions, and a sentence about them.
@@ -259,11 +252,11 @@ def with_former_dwells(
     path
         The result, for messages.
     problem
-        As it is loaded now; its hash stays.
+        The loaded problem, whose hash stays.
     setup
-        The back ends under which the result was made.
+        Setup under which the result was made.
     removed
-        The removed options that the result names, by plugin.
+        Removed options that the result names, by plugin.
 
     Raises
     ------
@@ -279,9 +272,11 @@ def with_former_dwells(
         chosen = {choice.name: choice.options for choice in task.collision}
         given = {**chosen.get(timer, {}), **removed.get(timer, {})}
         known = _removed_options(timer)
-        dwells_s = {one.event: _time_s(path, key, given, one) for key, one in known.items()}
+        dwells_s = {
+            option.event: _time_s(path, key, given, option) for key, option in known.items()
+        }
         tasks.append(_with_dwells(task, dwells_s))
-        words = ", ".join(f"{key} {dwells_s[one.event]:g} s" for key, one in known.items())
+        words = ", ".join(f"{key} {dwells_s[option.event]:g} s" for key, option in known.items())
         words = f"the options of {timer} at that time ({words})" if known else "one dwell a skill"
         sentences.append(
             f"today's durations_s: the result is of an earlier version, and its times are those "
@@ -362,26 +357,26 @@ def _redwelt(skill: Skill, dwell_s: Callable[[Visit, Visit], float], *, bare_bit
     )
 
 
-# So many tasks are named in a message.
+# Number of tasks that a message names.
 _MOST_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """What goes before what a result says of its origin.
+    """Choices of the user that override the origin of a result.
 
     Parameters
     ----------
     file
-        The task file; None for that of the result.
+        The task file; None to keep it.
     part
-        The task meant, of a chain; None for that of the result.
+        Name of one task of a chain; None to keep it.
     changes
-        Key path to YAML value, beside those of the result.
+        Key path to YAML value, in addition to the changes of the origin.
     physics, collision
-        Names of back ends; None and empty for those of the result.
+        Names of back ends; None and empty to keep them.
     options
-        Plugin name to option values, beside those of the result.
+        Plugin name to option values, in addition to the options of the origin.
     """
 
     file: str | None = None
@@ -392,7 +387,7 @@ class Override:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def over(self, origin: Origin) -> Origin:
-        """Return an origin with what is overridden."""
+        """Return an origin with these choices."""
         named = {**origin.options, **self.options}
         return Origin(
             origin.file if self.file is None else self.file,
@@ -410,22 +405,22 @@ class Override:
 
 @dataclass(frozen=True)
 class LoadedResult:
-    """A stored result and what it is of.
+    """A stored result with its task.
 
     Parameters
     ----------
     path
-        As the user named it.
+        Path as the user typed it.
     stored
-        What it claims.
+        Content of the result.
     origin
-        The task file and how it was read.
+        Task file and how it was read.
     problem
-        What the file describes.
+        The loaded task file.
     setup
-        The back ends and options.
+        Back ends and options.
     times_note
-        Sentence on the times of a result of an earlier version; empty for others.
+        Sentence about the times of a result of an earlier version; empty for others.
     """
 
     path: str
@@ -441,12 +436,12 @@ class LoadedResult:
         Raises
         ------
         OptionError
-            If it holds no plan, or is of a chain of several tasks none of which is named.
+            If the result holds no plan, or has several tasks and none is named.
         """
-        found = [(task, tuple(claims.skills)) for task, claims in self.plans()]
-        names = [task.name for task, _ in found]
+        plans = [(task, tuple(claims.skills)) for task, claims in self.plans()]
+        names = [task.name for task, _ in plans]
         if not self.stored.is_chain or (self.origin.part is None and len(names) == 1):
-            return found[0]
+            return plans[0]
         if self.origin.part is None:
             named = ", ".join(
                 [*names[:_MOST_NAMED], *(["..."] if len(names) > _MOST_NAMED else [])]
@@ -457,10 +452,10 @@ class LoadedResult:
         if self.origin.part not in names:
             hint = name_hint(self.origin.part, names)
             raise OptionError(f"{self.path}: has no task {self.origin.part!r}. {hint}")
-        return found[names.index(self.origin.part)]
+        return plans[names.index(self.origin.part)]
 
     def taken_ways(self) -> tuple[str | None, ...]:
-        """Return by step of the plan that is meant the way that it takes; None for the only one.
+        """Return the variant of each step of the plan; None for a skill with a single variant.
 
         Raises
         ------
@@ -468,16 +463,16 @@ class LoadedResult:
             As `planned`.
         """
         task, _ = self.planned()
-        claims = next(claims for one, claims in self.plans() if one.name == task.name)
+        claims = next(claims for own, claims in self.plans() if own.name == task.name)
         return tuple(step.way for step in claims.steps)
 
     def plans(self) -> Iterator[tuple[Task, StoredClaims]]:
-        """Yield every task, grounded as it was when it was solved, with what is claimed of it.
+        """Yield each task, grounded as it was when it was solved, with its claims.
 
         Raises
         ------
         OptionError
-            If a task holds no plan, or one does not follow from those before it.
+            If a task has no plan, or a plan does not follow from the plans before it.
         """
         if not self.stored.is_chain:
             only = self.origin.part if self.problem.is_chain else None
@@ -499,10 +494,7 @@ class LoadedResult:
             plans[part.name] = tuple(part.skills)
 
     def answer_for(self, task: Task | None) -> Result | ChainResult | None:
-        """Return what the result holds of a task, or of the whole where it is None.
-
-        None where it holds nothing of it.
-        """
+        """Return the result of one task, or of the whole chain for None; None if it is missing."""
         if task is None:
             return self.answer() if self.stored.is_chain else None
         for own, claims in self.plans():
@@ -511,17 +503,17 @@ class LoadedResult:
         return None
 
     def answer(self, cache: VerdictCache | None = None) -> Result | ChainResult:
-        """Return the result as the referee grants it now, without a search.
+        """Return the result as the referee grades it now, without a search.
 
         Parameters
         ----------
         cache
-            Where verdicts are kept; a fresh one in memory by default.
+            Verdict cache; by default a new one in memory.
 
         Raises
         ------
         OptionError
-            If it holds no plan.
+            If the result holds no plan.
         """
         cache = VerdictCache() if cache is None else cache
         parts = []
@@ -529,7 +521,7 @@ class LoadedResult:
             parts.append(ChainPart(task, self._judged(task, claims, cache)))
         if not self.stored.is_chain:
             return parts[0].result
-        plans = {one.task.name: tuple(step.skill for step in one.result.steps) for one in parts}
+        plans = {part.task.name: tuple(step.skill for step in part.result.steps) for part in parts}
         return ChainResult(
             self.problem.name,
             self.problem.kind,
@@ -556,7 +548,7 @@ class LoadedResult:
         return claims
 
     def _policy(self, task: Task) -> Policy | None:
-        """Return the policy that was stored beside the result, if there is one for the task."""
+        """Return the stored policy for the task, or None."""
         folder = str(result_path(self.path).parent)
         with suppress(OptionError):
             return read_policy(policies_path(folder), task, within=folder).policy
@@ -566,44 +558,44 @@ class LoadedResult:
 def load_result(
     path: str, override: Override = Override(), *, changed_task: bool = False
 ) -> LoadedResult:
-    """Load a result and the task that it is of, as it was read and with the same back ends.
+    """Load a result, its task and its back ends, as they were when it was made.
 
     Parameters
     ----------
     path
         A document ``skillplan.result/1``, or the folder that holds it as result.json.
     override
-        What is to be otherwise.
+        Choices of the user that override the origin.
     changed_task
-        Whether the task may be another one than was solved.
+        True if the task may differ from the task that was solved.
 
     Raises
     ------
     OptionError
-        If the file is no result, claims nothing, or is of another task.
+        If the file is not a result, claims nothing, or is for another task.
     TaskError
         If the task file is wrong.
     """
     stored = read_result(path)
     if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
-    own, removed = without_removed(found_origin(path, stored, override.file))
+    own, removed = drop_removed_options(find_origin(path, stored, override.file))
     origin = override.over(own)
-    problem, difference = origin_problem(path, stored, origin, named=override.file is not None)
+    problem, difference = load_origin(path, stored, origin, named=override.file is not None)
     if difference is not None and not changed_task:
         raise OptionError(f"{path}: is of another task: {difference}.")
-    # Detectors that the user names are those of this version.
+    # Names of detectors on the command line are names of this version.
     collision = "" if override.collision else stored.collision
-    setup = restored_setup(origin, collision, problem.tasks[-1])
+    setup = restore_setup(origin, collision, problem.tasks[-1])
     times_note = ""
     if stored.dwells_from is None and not override.changes:
-        former = restored_setup(own, stored.collision, problem.tasks[-1])
-        problem, times_note = with_former_dwells(path, problem, former, removed)
+        former = restore_setup(own, stored.collision, problem.tasks[-1])
+        problem, times_note = restore_dwells(path, problem, former, removed)
     return LoadedResult(path, stored, origin, problem, setup, times_note)
 
 
 class _Stored(Solver):
-    """Answers with what is stored, so that the referee can judge it."""
+    """A solver that returns a stored plan or policy, so that the referee can judge it."""
 
     name = "stored"
 
@@ -612,8 +604,8 @@ class _Stored(Solver):
         self._claims, self._policy = claims, policy
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Return the stored plan, or the policy that it is from, and what was claimed."""
+        """Return the stored answer with its claims."""
         claims = self._claims
-        found: Plan | Policy = self._policy or Plan(tuple(claims.skills), claims.cost)
+        plan: Plan | Policy = self._policy or Plan(tuple(claims.skills), claims.cost)
         proved = claims.status is Status.OPTIMAL and self._policy is None
-        return Solution(found, claims.lower_bound, proved=proved, trace=claims.trace)
+        return Solution(plan, claims.lower_bound, proved=proved, trace=claims.trace)

@@ -49,7 +49,7 @@ from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.processes import resident_bytes_of
 
 _PURPOSE = "the search"
-# Time that the process may take to return after it was asked to stop [s].
+# Time that the process may take to return after a request to stop [s].
 GRACE_S = 1.0
 # Number of messages that are read from a process that has to be ended.
 _MOST_LAST = 100
@@ -94,7 +94,7 @@ class Failure:
     Parameters
     ----------
     back_end
-        Whether a back end failed, and not the solver.
+        True if a back end failed, and not the solver.
     """
 
     message: str
@@ -103,7 +103,7 @@ class Failure:
 
 
 def is_possible() -> bool:
-    """Return whether this process can start another; one that does jobs itself cannot."""
+    """Return whether this process can start another; a worker process cannot."""
     return not LocalProcesses(1).refusal
 
 

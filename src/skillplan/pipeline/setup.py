@@ -1,4 +1,4 @@
-"""Task files and back ends by name: what has to be there before anything is solved."""
+"""Loading task files, and constructing their back ends by name."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ BACK_END_KINDS = ("physics", "collision")
 
 @dataclass(frozen=True)
 class Setup:
-    """Which back ends are queried, and the options given for plugins by name.
+    """The back ends that are queried, and the options of plugins.
 
     Parameters
     ----------
     physics
-        An engine's name; None for the task file's choice, or else ``kinematic``. ``auto`` becomes
-        the name of the engine that executes skills, as `engine_named` has it.
+        Name of an engine; None for the choice of the task file, or else ``kinematic``. ``auto`` is
+        replaced by the installed engine that executes skills.
     collision
-        Names of detectors; empty for the task file's choice, or else ``swept``, or ``aabb`` if that
-        is not installed or several robots move. A chart of the task file is checked in addition.
+        Names of detectors; empty for the choice of the task file, or else ``swept``, or ``aabb``
+        without ``swept`` or with several robots. A chart of the file is checked in addition.
         Names that include ``precedence`` are used as they are: alone it leaves geometry unchecked.
     options
-        Plugin name to option values; they go before the task file's.
+        Plugin name to option values. They override the options in the task file.
     screening
-        Whether an installed geometric detector is queried before an engine that executes skills,
-        and what it refuses is not executed.
+        True if an installed geometric detector is queried before an engine that executes skills.
+        The engine does not execute the skills that it refuses.
     executor
-        Where jobs are done; nothing that comes out depends on it.
+        Executor of the jobs. Results do not depend on it.
     with_chart
-        Whether a chart of the task file is checked although `collision` does not name it.
+        True if a chart of the task file is checked although `collision` does not name it.
     """
 
     physics: str | None = None
@@ -63,7 +63,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         if self.physics is not None:
-            object.__setattr__(self, "physics", engine_named(self.physics))
+            object.__setattr__(self, "physics", resolve_engine(self.physics))
 
     def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
@@ -73,8 +73,7 @@ class Setup:
         task
             The task whose skills are checked.
         spare
-            Back ends constructed already. One that fits is taken out of the list instead of
-            constructing another.
+            Back ends constructed already. A fitting one is taken out of the list and used.
 
         Raises
         ------
@@ -88,26 +87,26 @@ class Setup:
         choices = [("physics", self.physics_choice(task))]
         choices += [("collision", choice) for choice in self.collision_choices(task)]
         spare = [] if spare is None else spare
-        made = [self._make(kind, choice, task, spare) for kind, choice in choices]
+        constructed = [self._make(kind, choice, task, spare) for kind, choice in choices]
         if self.screens(task):
-            next(one for one in made if one.name == SCREEN).screens = True
-        return made
+            next(back_end for back_end in constructed if back_end.name == SCREEN).screens = True
+        return constructed
 
     @property
     def in_worker(self) -> Setup:
-        """The same for what runs in a worker, which starts no others."""
+        """The setup for a worker process, which starts no others."""
         return replace(self, executor=ExecutorChoice())
 
     @property
     def make_executor(self) -> MakeExecutor | None:
-        """What makes executors of so many slots; None for processes of this machine."""
+        """Returns an executor for a number of slots; None for processes of this machine."""
         return None if self.executor.is_default else self._executor
 
     def _executor(self, slots: int) -> Executor:
         return make_executor(self.executor, slots)
 
     def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
-        """Return what a result says of where it comes from."""
+        """Return the origin of a result: the task file and how it was read."""
         return Origin(
             file, part, changes, self.physics, self.collision, self.options, self.screening
         )
@@ -129,13 +128,13 @@ class Setup:
         return ",".join(choice.name for choice in self.collision_choices(task))
 
     def named_collision_choices(self, task: Task) -> list[BackEndChoice]:
-        """Return the detectors that will be queried but for a screen."""
+        """Return the detectors that will be queried, except a screen."""
         declared = _declared(task)
         named = dict.fromkeys(self._detectors(task))
         return [declared.get(name, BackEndChoice(name)) for name in named]
 
     def screens(self, task: Task) -> bool:
-        """Return whether a detector that nobody named rules out what need not be executed.
+        """Return whether a detector that no user named rules out skills before they are executed.
 
         Raises
         ------
@@ -149,7 +148,7 @@ class Setup:
         return bool(registry.load("physics", self.physics_choice(task).name).expensive)
 
     def timed_by(self, task: Task) -> str:
-        """Return the back ends that tell how long skills take, by commas; empty without any.
+        """Return the names of the back ends that plan times, separated by commas; may be empty.
 
         Raises
         ------
@@ -177,7 +176,7 @@ class Setup:
         return SCREEN if self.has_screen(task) else BOXES
 
     def warnings(self, task: Task, domain: Domain) -> Iterator[Issue]:
-        """Yield warnings of the back ends on a task, with the paths of their keys.
+        """Yield warnings of the back ends about a task, with the paths of their keys.
 
         Raises
         ------
@@ -189,7 +188,7 @@ class Setup:
             yield from _located(kind, back_end, back_end.warnings, domain)
 
     def has_screen(self, task: Task) -> bool:
-        """Return whether the geometric detector is installed and serves as many robots."""
+        """Return whether the geometric detector is installed and serves the robots of a task."""
         return SCREEN in registry.names("collision") and len(task.scene.robots) == 1
 
     def _make(self, kind: str, choice: BackEndChoice, task: Task, spare: list[BackEnd]) -> BackEnd:
@@ -200,8 +199,8 @@ class Setup:
         return back_end
 
 
-def engine_named(name: str) -> str:
-    """Return the name of an engine; of ``auto`` that of pybullet if installed, else of mujoco.
+def resolve_engine(name: str) -> str:
+    """Return the name of an engine; ``auto`` is pybullet if it is installed, or else mujoco.
 
     Raises
     ------
@@ -210,20 +209,20 @@ def engine_named(name: str) -> str:
     """
     if name != AUTO:
         return name
-    found = installed_simulator()
-    if found is None:
+    installed = installed_simulator()
+    if installed is None:
         known = " or ".join(f"skillplan-{engine}" for engine in PREFERRED)
         raise OptionError(f"physics 'auto' finds no engine that moves bodies: pip install {known}.")
-    return found
+    return installed
 
 
 def make_executor(choice: ExecutorChoice, slots: int) -> Executor:
-    """Return an executor of so many slots, which has started nothing.
+    """Return an executor with some slots, which has started no process yet.
 
     Raises
     ------
     OptionError
-        If an option is wrong, or there is an address and it takes none.
+        If an option is wrong, or the executor takes no address.
     PluginError
         If the executor is unknown or broken.
     """
@@ -244,14 +243,14 @@ def _make_back_end(
     task: Task,
     spare: list[BackEnd] | None = None,
 ) -> tuple[BackEnd, str | None]:
-    """Return a back end for a task, one of the `spare` ones if it fits, and why it refuses."""
+    """Return a back end for a task, a `spare` one if it fits, and the reason why it refuses."""
     plugin = registry.load(kind, name)
     options = registry.make_options(kind, name, plugin, values)
-    for made in spare or ():
-        if type(made) is plugin and made.task is task and made.options == options:
+    for candidate in spare or ():
+        if type(candidate) is plugin and candidate.task is task and candidate.options == options:
             assert spare is not None
-            spare.remove(made)
-            return made, None
+            spare.remove(candidate)
+            return candidate, None
     try:
         back_end: BackEnd = plugin(task, options)
         return back_end, back_end.refuses()
@@ -262,8 +261,8 @@ def _make_back_end(
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     """Return a back end that only the command line names, if it can find faults in a file.
 
-    One that is unknown, broken or refuses the task is reported when it is constructed for queries,
-    with the options that the command line gives it.
+    A back end that is unknown or broken, or refuses the task, is reported later, when it is
+    constructed with the options of the command line.
     """
     try:
         plugin = registry.load(kind, name)
@@ -308,20 +307,18 @@ def load_problem(
     path
         The file.
     queried
-        Names of the back ends that will be queried by kind, ``physics`` or ``collision``, where
-        that is not left to the file: what else it chooses of a kind need not be installed. What
-        they find wrong with the file's bodies and skills is reported, too.
+        Names of the back ends that will be queried by kind, ``physics`` or ``collision``; kinds
+        left out are chosen by the file. Other back ends that the file names need not be installed.
+        Their faults in the file are reported, too.
     changes
-        Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
-        held.
+        Key path to YAML value, such as ``{"base.home": "C1"}``; they override the file.
     former
         True to accept and leave out options that were removed since, for stored results.
 
     Raises
     ------
     TaskError
-        With every fault of the file, also of the back ends that it chooses, and those that the
-        back ends that will be queried find in it.
+        With all faults of the file, including faults that its back ends find.
     BackEndError
         If a back end fails to start.
     """
@@ -331,13 +328,11 @@ def load_problem(
 
 
 class _BackEndChecks(FileChecks):
-    """What the back ends that will be queried find wrong with a file.
+    """The checks of a file by the back ends that will be queried.
 
     Parameters
     ----------
-    queried
-        As in `load_problem`.
-    former
+    queried, former
         As in `load_problem`.
 
     Attributes
@@ -362,10 +357,14 @@ class _BackEndChecks(FileChecks):
                         yield issue.under(kind)
 
     def task_issues(self, task: Task, domain: Domain) -> Iterator[Issue]:
-        """Yield why back ends refuse a task, and what they find wrong with its bodies."""
+        """Yield reasons why back ends refuse a task, and faults that they find in its bodies."""
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
         for kind in BACK_END_KINDS:
-            for choice in (one for one in chosen[kind] if self._serves(kind, one.name)):
+            for choice in (
+                declared_choice
+                for declared_choice in chosen[kind]
+                if self._serves(kind, declared_choice.name)
+            ):
                 options = self._kept(kind, choice.name, choice.options)
                 back_end, refusal = _make_back_end(kind, choice.name, options, task)
                 if refusal is not None:
@@ -374,7 +373,7 @@ class _BackEndChecks(FileChecks):
                 else:
                     self.made.append(back_end)
                     yield from _located(kind, back_end, back_end.faults, domain)
-            declared = {one.name for one in chosen[kind]}
+            declared = {declared_choice.name for declared_choice in chosen[kind]}
             for name in dict.fromkeys(self._queried.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
@@ -388,5 +387,5 @@ class _BackEndChecks(FileChecks):
         return {key: value for key, value in options.items() if key not in removed}
 
     def _serves(self, kind: str, name: str) -> bool:
-        """Whether a back end that the file chooses will be queried."""
+        """Return whether a back end that the file chooses will be queried."""
         return kind not in self._queried or name in self._queried[kind]

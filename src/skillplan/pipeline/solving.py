@@ -117,7 +117,7 @@ class SearchOutcome:
     back_ends
         The back ends that were queried.
     not_checked
-        Sentences of the back ends about what they leave unchecked of the task.
+        Sentences of the back ends about unchecked properties of the task.
     doubt
         Reason why a claimed proof is not granted; empty without one.
     """
@@ -238,7 +238,7 @@ def solve(
 
 
 def search(request: SearchRequest) -> SearchOutcome:
-    """Run the solver of a request and return its claims; errors are those of `solve`."""
+    """Run the solver of a request and return its claims; raises the errors of `solve`."""
     setup, stop = request.setup, request.stop
     if isinstance(request.solver, str):
         solver = make_solver(request.solver, setup.options.get(request.solver, {}), stop)
@@ -318,9 +318,9 @@ def _choose_process(
 def _search_from(
     request: SearchRequest, model: SkillModel, solver: Solver, run: Callable[[], SearchOutcome]
 ) -> SearchOutcome:
-    """Replay a known plan, hand it to the solver, and return nothing that costs more.
+    """Replay a known plan, pass it to the solver, and keep it if the solver finds no cheaper plan.
 
-    A plan that fails on the model is not used. The trace says under ``start`` how it was used.
+    A plan that fails on the model is not used. The entry ``start`` of the trace reports this.
     """
     task, start, stop = request.task, request.start, request.stop
     assert start is not None
@@ -328,7 +328,7 @@ def _search_from(
         raise OptionError(f"A plan to start from is of no use under chance, as in {task.name}.")
     back_ends = model.feasibility.back_ends
     # Verdicts of expensive back ends on the start plan serve the search, too.
-    kept = request.cache if expensive(back_ends) else None
+    kept = request.cache if list_expensive(back_ends) else None
     fresh = SkillModel(Feasibility(task, back_ends, kept, jobs=request.jobs))
     with closing(fresh.feasibility), blame_solver(type(solver)):
         replayed = replay(fresh, [task.skill(name) for name in start.skills])
@@ -351,7 +351,7 @@ def _search_from(
 
 
 def _costs_less(known: float, solution: Solution, model: SkillModel) -> bool:
-    """Return whether a known cost is below a solution's, or the solution is no complete plan."""
+    """Return whether a known cost is below a solution's, or the solution lacks a complete plan."""
     plan, policy, task = solution.plan, solution.policy, model.task
 
     def choose(state: State) -> Skill | None:
@@ -422,7 +422,7 @@ def make_feasibility(
     on_check: Callable[[CheckCount], None] | None = None,
     back_ends: Sequence[BackEnd] | None = None,
 ) -> Feasibility:
-    """Return the chain of checks for a task; parameters are those of `make_model`."""
+    """Return the chain of checks for a task, with the parameters of `make_model`."""
     chain = setup.back_ends(task) if back_ends is None else back_ends
     return Feasibility(
         task, chain, cache, jobs=jobs, make_executor=setup.make_executor, on_check=on_check
@@ -496,7 +496,7 @@ def check_solver(name: str, options: Mapping[str, Any]) -> None:
     registry.make_options("solver", name, registry.load("solver", name), options)
 
 
-def solvers_by_stage(spec: str, stages: Iterable[str]) -> dict[str, str]:
+def map_solvers(spec: str, stages: Iterable[str]) -> dict[str, str]:
     """Return the solver of every stage.
 
     Parameters
@@ -515,7 +515,7 @@ def solvers_by_stage(spec: str, stages: Iterable[str]) -> dict[str, str]:
     """
     stages = list(stages)
     if "=" not in spec:
-        only = made_for(spec)
+        only = find_stage(spec)
         return {stage: spec if only in (None, stage) else REFERENCE for stage in stages}
     chosen = dict.fromkeys(stages, REFERENCE)
     named: set[str] = set()
@@ -526,12 +526,12 @@ def solvers_by_stage(spec: str, stages: Iterable[str]) -> dict[str, str]:
         named.add(stage)
         if stage not in chosen:
             raise OptionError(f"No stage {stage!r} in this task. {name_hint(stage, stages)}")
-        made_for(name)
+        find_stage(name)
         chosen[stage] = name
     return chosen
 
 
-def solver_names(spec: str) -> tuple[str, ...]:
+def list_solvers(spec: str) -> tuple[str, ...]:
     """Return the solvers that a choice of solvers names."""
     if "=" not in spec:
         return (spec,)
@@ -542,7 +542,7 @@ def _entries(spec: str) -> list[str]:
     return [entry.strip() for entry in spec.replace("+", ",").split(",") if entry.strip()]
 
 
-def made_for(name: str) -> str | None:
+def find_stage(name: str) -> str | None:
     """Return the only stage that a solver searches, or None."""
     plugin: type[Solver] = registry.load("solver", name)
     return plugin.stage
@@ -578,7 +578,7 @@ def grade(request: SearchRequest, outcome: SearchOutcome) -> Result:
         return replace(ungraded, status=Status.REFUSED, reason=outcome.refusal)
     back_ends = outcome.back_ends_for(task) or setup.back_ends(task)
     # Verdicts of expensive back ends do not depend on the solver and are used again.
-    kept = expensive(back_ends)
+    kept = list_expensive(back_ends)
     fresh = make_model(
         task, setup, request.cache.only(kept), jobs=request.jobs, back_ends=back_ends
     )
@@ -669,11 +669,11 @@ def _read_count(trace: Mapping[str, Any], *names: str) -> int | None:
     return None
 
 
-def expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
+def list_expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
     """Return the back ends whose verdicts are worth keeping."""
     return tuple(back_end for back_end in back_ends if back_end.expensive)
 
 
-def warm_cache() -> DiskVerdictCache:
+def open_warm_cache() -> DiskVerdictCache:
     """Return the cache that is kept between runs."""
     return DiskVerdictCache(cache_folder() / "verdicts")

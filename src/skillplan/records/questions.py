@@ -150,14 +150,14 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
         "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
         "alternatives": [
             {
-                "component": one.component,
-                "skill": one.skill,
+                "component": alternative.component,
+                "skill": alternative.skill,
                 "any_of": [
                     [{"before": before, "after": after} for before, after in pairs]
-                    for pairs in one.any_of
+                    for pairs in alternative.any_of
                 ],
             }
-            for one in chart.alternatives
+            for alternative in chart.alternatives
         ],
     }
 
@@ -340,7 +340,7 @@ class Freedom:
     @property
     def blockers(self) -> tuple[str, ...]:
         """The parts that are in its way in some direction, each once."""
-        found = (one.part for way in self.ways for one in way.obstacles)
+        found = (obstacle.part for way in self.ways for obstacle in way.obstacles)
         return tuple(dict.fromkeys(found))
 
     def document(self) -> dict[str, Any]:
@@ -359,13 +359,13 @@ class Freedom:
                     "free": not way.obstacles,
                     "blocked_by": [
                         {
-                            "part": one.part,
-                            "distance_mm": _mm(one.distance_m),
-                            "width_mm": _mm(one.width_m),
-                            "point_mm": [_mm(value) for value in one.point_m],
-                            "sensitive": one.sensitive,
+                            "part": obstacle.part,
+                            "distance_mm": _mm(obstacle.distance_m),
+                            "width_mm": _mm(obstacle.width_m),
+                            "point_mm": [_mm(value) for value in obstacle.point_m],
+                            "sensitive": obstacle.sensitive,
                         }
-                        for one in way.obstacles
+                        for obstacle in way.obstacles
                     ],
                 }
                 for way in self.ways
@@ -397,7 +397,7 @@ def freedom(
     """
     name = relation.part(part)
     others = (one for one in relation.parts if one != name)
-    present = tuple(one for one in others if state is None or in_place(task, one, state))
+    present = tuple(other for other in others if state is None or in_place(task, other, state))
     ways = tuple(
         Way(
             direction,

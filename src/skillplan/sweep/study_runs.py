@@ -9,7 +9,7 @@ from typing import Any
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solving import SearchRequest, grade, search, solve, warm_cache
+from skillplan.pipeline.solving import SearchRequest, grade, open_warm_cache, search, solve
 from skillplan.plugins.blame import ends_program
 from skillplan.records.result import Result, Status
 from skillplan.records.stored.policy_file import start_state
@@ -49,7 +49,7 @@ class StudyJob:
 
     def cache(self) -> VerdictCache:
         """Return the verdict cache of a run, empty unless the study is warm and shares files."""
-        return warm_cache() if self.warm and shares_files() else VerdictCache()
+        return open_warm_cache() if self.warm and shares_files() else VerdictCache()
 
     def optimum(self, start: str) -> float | None:
         """Return the proved optimum from a start; None if exact search does not prove it."""

@@ -17,7 +17,7 @@ from skillplan.exporters.exporter import Exporter, Handover
 from skillplan.files.json_file import json_fault
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
-from skillplan.pipeline.exchange import exported, handed_over, make_exporter, notes_of
+from skillplan.pipeline.exchange import export_files, list_notes, make_exporter, make_handover
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_model, make_solver, solve
 from skillplan.records.result import Status
@@ -175,7 +175,7 @@ class ExporterSuite:
 
     def files(self, task: Task) -> Mapping[str, str | bytes]:
         """Return the files of a task and its best plan."""
-        return exported(self.make(), self.handover(task))
+        return export_files(self.make(), self.handover(task))
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
         """The registry has it under its name, with a summary and described options."""
@@ -206,27 +206,27 @@ class ExporterSuite:
         """With the source of plans."""
         model = make_model(lid_task(), _BY_CHART)
         with closing(model.feasibility):
-            handover = handed_over(model, _BY_CHART, None)
+            handover = make_handover(model, _BY_CHART, None)
             if not self.make().needs_plan:
-                assert exported(self.make(), handover)
+                assert export_files(self.make(), handover)
                 return
             with pytest.raises(OptionError, match="hands over a plan: give a RESULT"):
-                exported(self.make(), handover)
+                export_files(self.make(), handover)
 
     def test_chance_is_handed_over_or_refused_in_words(self) -> None:
         """A grasp that may fail is reported."""
         handover = self.handover(chance_task())
         refusal = self.make().refuses(handover)
         if refusal is None:
-            assert exported(self.make(), handover)
+            assert export_files(self.make(), handover)
             return
         assert "chance" in refusal
         with pytest.raises(OptionError, match="cannot be exported"):
-            exported(self.make(), handover)
+            export_files(self.make(), handover)
 
     def test_its_notes_are_sentences(self) -> None:
         """If there are any."""
-        assert all(note.strip() for note in notes_of(self.make(), self.handover(lid_task())))
+        assert all(note.strip() for note in list_notes(self.make(), self.handover(lid_task())))
 
 
 def solved_lid(task: Task) -> Handover:
@@ -236,7 +236,7 @@ def solved_lid(task: Task) -> Handover:
     walked = replay(model, [task.skills[action] for action in _plan()])
     assert walked.complete, walked.violations
     model.feasibility.close()
-    return handed_over(model, _BY_CHART, walked)
+    return make_handover(model, _BY_CHART, walked)
 
 
 @cache

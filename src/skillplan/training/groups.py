@@ -32,7 +32,7 @@ from skillplan.errors import (
 from skillplan.files.folder import FolderLock, make_folder
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.registry import load
-from skillplan.pipeline.solving import make_model, warm_cache
+from skillplan.pipeline.solving import make_model, open_warm_cache
 from skillplan.plugins.blame import debugging, ends_program, raised_by
 from skillplan.records.training.result import GreedyRollOut
 from skillplan.records.training.run_folder import (
@@ -163,7 +163,7 @@ def make_group_cache(job: GroupJob) -> VerdictCache:
 
     A worker that does not share the files of the command keeps verdicts in memory only.
     """
-    return warm_cache() if job.plan.warm and shares_files() else VerdictCache()
+    return open_warm_cache() if job.plan.warm and shares_files() else VerdictCache()
 
 
 class GroupTraining:

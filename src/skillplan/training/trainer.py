@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
-from skillplan.pipeline.solving import warm_cache
+from skillplan.pipeline.solving import open_warm_cache
 from skillplan.records.evaluation import Optimum
 from skillplan.records.training.result import (
     RunOutcome,
@@ -73,7 +73,7 @@ class Trainer:
         self._strides = 0
         self.on_report: Callable[[GroupReport], None] = lambda report: None
         self.on_optimum: Callable[[Optimum], None] = lambda optimum: None
-        self._cache = warm_cache() if plan.warm else VerdictCache()
+        self._cache = open_warm_cache() if plan.warm else VerdictCache()
 
     def interrupt(self) -> None:
         """Stop soon: the runs are kept, and nothing more is proved."""

@@ -40,11 +40,11 @@ def show(
     from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.solving import open_warm_cache
     from skillplan.records.cache import CacheSurvey
     from skillplan.views.tables.installation import survey_table
 
-    root = warm_cache().folder
+    root = open_warm_cache().folder
     folder = VerdictFolder(root)
     if task is None:
         if back_ends != BackEnds() or reading != PartReading():
@@ -53,8 +53,8 @@ def show(
         survey = CacheSurvey(root, kept, time.time(), len(others))
     else:
         loaded, _, made = load_part(task, reading, back_ends)
-        found = folder.kept_for(introduce_back_ends(made))
-        every = [one for own in found for one in own]
+        kept_for = folder.kept_for(introduce_back_ends(made))
+        every = [one for own in kept_for for one in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
     emit(style, survey.document(), [survey_table(survey)])
     return 0
@@ -102,19 +102,19 @@ def verify(
     from skillplan.cli.interruption import counting
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
-    from skillplan.pipeline.solving import make_feasibility, warm_cache
+    from skillplan.pipeline.solving import make_feasibility, open_warm_cache
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.installation import cache_test_table
 
     loaded, setup, made = load_part(task, reading, back_ends, executor=workers.executor)
     feasibility = make_feasibility(loaded, setup, back_ends=made)
-    folder = VerdictFolder(warm_cache().folder)
+    folder = VerdictFolder(open_warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
     drawn = draw_kept(kept, sample, seed)
     chosen, states = drawn, None
     with counting("verifying", len(drawn)) as count:
         if elsewhere:
-            known = make_feasibility(loaded, setup, warm_cache(), back_ends=made)
+            known = make_feasibility(loaded, setup, open_warm_cache(), back_ends=made)
             found = sample_reachable_states(known, seed, stopped=lambda: count.interrupted)
             chosen, states = choose_other_states(loaded, drawn, found, seed)
         trials = recheck_kept(
@@ -207,12 +207,12 @@ def clear(
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
     from skillplan.pipeline.setup import load_problem
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.solving import open_warm_cache
     from skillplan.records.cache import clearing_document
     from skillplan.views.tables.installation import clearing_table
 
     problem = None if task is None else load_problem(task)
-    root = warm_cache().folder
+    root = open_warm_cache().folder
     what = "everything" if problem is None else f"what was kept for {problem.name}"
     if not yes and sys.stdin.isatty():
         # Not Typer's own prompt: part of it goes to stdout, where JSON stands alone.

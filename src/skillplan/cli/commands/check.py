@@ -27,7 +27,7 @@ def command(
 
     from skillplan.checks.single_check import introduce_back_ends, list_not_checked
     from skillplan.cli.output import emit
-    from skillplan.pipeline.obstacles import preview
+    from skillplan.pipeline.obstacles import preview_problem
     from skillplan.records.questions import Checked
     from skillplan.views.tables.questions import checked_tables
 
@@ -43,7 +43,7 @@ def command(
     first = setups[0]
     # Verdicts of what is instant are not worth a file each.
     cache = open_cache(caching) if name_back_ends(back_ends) else None
-    found = preview(problem, first.physics, first.collision, first.options, cache)
+    found = preview_problem(problem, first.physics, first.collision, first.options, cache)
     checked = Checked(problem, names, found, not_checked)
     emit(style, checked.document(), checked_tables(checked))
     return 0

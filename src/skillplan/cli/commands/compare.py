@@ -179,7 +179,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
 
     from skillplan.cli.output import emit, exit_code
     from skillplan.pipeline.comparison import compare_solvers
-    from skillplan.pipeline.solving import check_solver, solver_names
+    from skillplan.pipeline.solving import check_solver, list_solvers
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
     from skillplan.views.tables.results import comparison_tables
@@ -187,7 +187,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     names = run.names
     problem = load_file(path, reading, back_ends)
     last = problem.tasks[-1]
-    every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
+    every = tuple(dict.fromkeys(each for name in names for each in list_solvers(name)))
     setup = make_setup(
         back_ends, last, every, screening=run.screening, executor=run.workers.executor
     )

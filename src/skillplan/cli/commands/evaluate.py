@@ -200,7 +200,7 @@ def replay_on_task(
 ) -> int:
     """Replay a sequence, or follow a stored policy, on a task."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.exchange import given_plan
+    from skillplan.pipeline.exchange import read_given_plan
     from skillplan.records.stored.policy_file import read_policy, start_state
     from skillplan.records.stored.result_folder import policies_path
 
@@ -219,7 +219,7 @@ def replay_on_task(
         except OptionError as error:
             raise OptionError(f"--from {replayed.start}: {error}") from None
         task = task.replace(initial=initial, sha256=task.sha256)
-    plan = given_plan(replayed.sequence or "", task) if policy is None else policy
+    plan = read_given_plan(replayed.sequence or "", task) if policy is None else policy
     return _replay(task, setup, plan, checking, time_limit_s, style)
 
 

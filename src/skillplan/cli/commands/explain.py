@@ -122,7 +122,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
-    from skillplan.pipeline.exchange import given_plan
+    from skillplan.pipeline.exchange import read_given_plan
     from skillplan.pipeline.solving import make_model
     from skillplan.records.questions import explain, state_after
     from skillplan.views.tables.questions import explanation_tables
@@ -133,7 +133,7 @@ def command(
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
         loaded, setup, made = load_part(task, reading, back_ends)
-        before = () if after is None else given_plan(after, loaded)
+        before = () if after is None else read_given_plan(after, loaded)
     else:
         if after is not None:
             raise OptionError("Give either --after or --from: both say what was done before.")

@@ -89,7 +89,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_file, output_folder
     from skillplan.model.replay import replay
-    from skillplan.pipeline.exchange import exported, handed_over, make_exporter, notes_of
+    from skillplan.pipeline.exchange import export_files, list_notes, make_exporter, make_handover
     from skillplan.pipeline.solving import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
@@ -102,13 +102,17 @@ def command(
         with closing(model.feasibility):
             plan = None if skills is None else replay(model, skills)
             if plan is not None and not plan.complete:
-                found = plan.violations[0]
-                where = f"step {found.step + 1}, {found.skill}" if found.skill else "its end"
-                tell(f"skillplan: error: the plan does not hold: {where}: {found.reason}")
+                violation = plan.violations[0]
+                where = (
+                    f"step {violation.step + 1}, {violation.skill}"
+                    if violation.skill
+                    else "its end"
+                )
+                tell(f"skillplan: error: the plan does not hold: {where}: {violation.reason}")
                 return exit_code(solved=False)
-            handover = handed_over(model, setup, plan)
-            files = exported(exporter, handover)
-            notes = [*notes_of(exporter, handover), *([_FAMILY] if family else [])]
+            handover = make_handover(model, setup, plan)
+            files = export_files(exporter, handover)
+            notes = [*list_notes(exporter, handover), *([_FAMILY] if family else [])]
             if plan is not None:
                 back_ends_of = model.feasibility.back_ends
                 notes += [f"not checked: {one}" for one in list_not_checked(back_ends_of)]
@@ -153,9 +157,9 @@ def _read(
     setup = make_setup(back_ends, task, (to,), executor=checking.executor)
     if sequence is None:
         return task, setup, None, problem.domain.has_family(problem.config)
-    from skillplan.pipeline.exchange import given_plan
+    from skillplan.pipeline.exchange import read_given_plan
 
-    given = given_plan(sequence, task)
+    given = read_given_plan(sequence, task)
     return task, setup, given, problem.domain.has_family(problem.config)
 
 

@@ -211,7 +211,7 @@ def _importer() -> Callable[..., Any]:
     from skillplan.plugins.blame import ends_program
     from skillplan.plugins.installed import importers
 
-    found = [one for one in importers() if one.name == _NAME]
+    found = [importer for importer in importers() if importer.name == _NAME]
     if not found:
         raise PluginError(
             "import-cad is a command of the plugin skillplan-cad, which is not installed: "

@@ -358,14 +358,16 @@ def _make_chart_deriver(problem: Problem, part: str | None, back_ends: BackEnds)
 
     The detectors of ``--collision`` are queried in any case.
     """
-    from skillplan.pipeline.performing import geometric_chart
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.performing import derive_geometric_chart
+    from skillplan.pipeline.solving import open_warm_cache
 
     names = split_names(back_ends.collision or "")
     task = None if problem.is_chain and part is None else problem.part(part)
     if task is None or not task.scene.bodies or (task.chart and not names):
         return None
-    return lambda charted: geometric_chart(charted, make_setup(back_ends, charted), warm_cache())
+    return lambda charted: derive_geometric_chart(
+        charted, make_setup(back_ends, charted), open_warm_cache()
+    )
 
 
 def _solve(

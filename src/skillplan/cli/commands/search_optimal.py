@@ -88,7 +88,7 @@ def command(
 
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.writing import as_json
-    from skillplan.pipeline.solving import solve_problem, solver_names
+    from skillplan.pipeline.solving import list_solvers, solve_problem
     from skillplan.views.tables.results import solved_tables
 
     part = reading.part
@@ -98,15 +98,15 @@ def command(
     setup = make_setup(
         back_ends,
         problem.tasks[-1],
-        solver_names(solver),
+        list_solvers(solver),
         screening=not no_screening,
         executor=checking.executor,
     )
     plan = None
     if start is not None:
-        from skillplan.pipeline.exchange import given_start
+        from skillplan.pipeline.exchange import read_start
 
-        plan = given_start(start, problem, part)
+        plan = read_start(start, problem, part)
     with nullcontext() if out is None else _held(out) as folder:
         with limits.stoppable(solver, gap) as stop:
             result = solve_problem(

@@ -153,7 +153,7 @@ def command(
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.pipeline.performing import by_ways, planned_times
+    from skillplan.pipeline.performing import choose_variants, plan_times
     from skillplan.records.execution.simulation import SUFFIXES, Simulation, find_applicable_part
     from skillplan.views.tables.trials import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
@@ -175,8 +175,8 @@ def command(
         count = stack.enter_context(counting("skills", len(skills)))
         stack.enter_context(deadline.calling(count.stop))
         with blamed(engine):
-            taken = by_ways(loaded, possible, checkers, ways, lambda: count.interrupted)
-        planned = planned_times(loaded, taken, *timing)
+            taken = choose_variants(loaded, possible, checkers, ways, lambda: count.interrupted)
+        planned = plan_times(loaded, taken, *timing)
         begin_s = time.perf_counter()
         rate = fps / speed if show is not None else None
         pictures = {"frames_per_s": rate, "show": show, "angle": angle, "labels": labels}
@@ -242,8 +242,8 @@ class _Notes:
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Read task, setup and plan; the engine is the chosen one, the file's, or pybullet."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.exchange import given_plan
-    from skillplan.pipeline.performing import ANY_DETECTOR, contact_detectors
+    from skillplan.pipeline.exchange import read_given_plan
+    from skillplan.pipeline.performing import ANY_DETECTOR, find_contact_detectors
     from skillplan.pipeline.setup import Setup
     from skillplan.records.stored.result_folder import is_result
 
@@ -265,12 +265,12 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
         detectors = [choice.name for choice in task.collision]
         setup = make_setup(chosen, task)
         timing = Setup().timed_by(task), {}
-        return _Read(task, setup, given_plan(sequence or "", task), (), detectors, timing)
+        return _Read(task, setup, read_given_plan(sequence or "", task), (), detectors, timing)
 
     # Only detectors that read contacts need to be installed, and only the engine knows them.
     first = read(replace(back_ends, collision=ANY_DETECTOR, options=[]), warn=False)
     engine = _choose_engine(first)
-    collision = ",".join(contact_detectors(engine, first.detectors)) or ANY_DETECTOR
+    collision = ",".join(find_contact_detectors(engine, first.detectors)) or ANY_DETECTOR
     return read(replace(back_ends, physics=engine, collision=collision), warn=True)
 
 
@@ -288,12 +288,12 @@ class _Read(NamedTuple):
 def _choose_engine(read: _Read) -> str:
     """Return the name of the engine: the chosen one, the file's, or an installed one."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.performing import performing_engine
+    from skillplan.pipeline.performing import find_performing_engine
     from skillplan.plugins.installed import PREFERRED
 
     if read.setup.physics is not None or read.task.physics is not None:
         return read.setup.physics_choice(read.task).name
-    able = performing_engine()
+    able = find_performing_engine()
     if able is None:
         raise OptionError(
             f"simulate needs an engine that moves bodies, such as {PREFERRED[0]!r}: "

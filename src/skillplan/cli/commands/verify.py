@@ -90,13 +90,13 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import exit_code
     from skillplan.pipeline.certification import certify, check_referee, referee_claims
-    from skillplan.pipeline.solving import warm_cache
+    from skillplan.pipeline.solving import open_warm_cache
     from skillplan.views.tables.results import certificate_summary, certificate_table, csv_files
 
     if referee is not None:
         check_referee(referee)
     with stoppable(time_limit_s, label="verifying", memory_limit_bytes=memory_limit_bytes) as stop:
-        cache = warm_cache() if warm else None
+        cache = open_warm_cache() if warm else None
         certificate = certify(result, task_file, stop=stop, cache=cache, saved_tables=csv_files)
         if referee is not None:
             more = referee_claims(result, task_file, time_limit_s, stop)

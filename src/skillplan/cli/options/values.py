@@ -143,15 +143,15 @@ def memory_size(value: str | int) -> int:
     """
     if isinstance(value, int):
         return value
-    found = _SIZE.fullmatch(value)
-    factor = None if found is None else _UNITS.get(found[2].upper())
-    if found is None or factor is None:
+    match = _SIZE.fullmatch(value)
+    factor = None if match is None else _UNITS.get(match[2].upper())
+    if match is None or factor is None:
         raise typer.BadParameter(
             f"{value!r} is no size of memory. Write it as 2GiB, 512MiB, 1.5GB or in bytes."
         )
-    if len(found[1]) > 24:
+    if len(match[1]) > 24:
         raise typer.BadParameter("is more memory than any machine has.")
-    size = int(float(found[1]) * factor)
+    size = int(float(match[1]) * factor)
     if size < _LEAST_BYTES:
         raise typer.BadParameter(f"must be at least 64MiB, not {value}.")
     return size

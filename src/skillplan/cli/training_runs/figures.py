@@ -13,7 +13,7 @@ from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, TaskError, exit_code
 from skillplan.pipeline.setup import CHART, Setup, load_problem
-from skillplan.pipeline.solving import warm_cache
+from skillplan.pipeline.solving import open_warm_cache
 from skillplan.records.training.published_runs import SUCCESS_RATE, get_published_runs
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.task.task import Task
@@ -185,7 +185,7 @@ class _Training:
             with_chart=CHART in manifest.collision,
         )
         with stoppable(self._time_limit_s, label="proving the optimum") as stop:
-            return prove_optimum(task, setup, warm_cache(), stop).cost
+            return prove_optimum(task, setup, open_warm_cache(), stop).cost
 
 
 def _draw_training(training: _Training, name: str, against: Any) -> Figure:
