@@ -33,11 +33,14 @@ STRIDE_STEPS = 100
 MISSED = 1.0
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "defaults": {},
-    "no plans": {"planning": False},
-    "narrow plans": {"plan_width": 4},
-    "no imitation": {"imitation": 0.0},
+    "plans": {"planning": True},
+    "plans and imitation": {"planning": True, "imitation": 1.0},
+    "narrow plans and imitation": {"planning": True, "imitation": 1.0, "plan_width": 4},
+    "imitation": {"imitation": 1.0},
+    "distinct transitions": {"replay": "distinct"},
+    "values clipped": {"clip_values": True},
     "no random actions": {"epsilon": 0.0, "epsilon_end": 0.0},
-    "no branching": {"branching": 0.0},
+    "branching": {"branching": 0.9},
     "half an update a step": {"updates": 0.5},
     "an update a step": {"updates": 1.0},
     "lower learning rate in the end": {"learning_rate_end": 1e-6, "decay_from": 0.4},

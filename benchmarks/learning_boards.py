@@ -48,7 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     boards.add_argument("--list", choices=sorted(SEEDS), default="held-out", help="which boards")
     boards.add_argument(
         "--learners",
-        default=f"dqn,ppo,{','.join(learning_baselines.MASKS)}",
+        default=f"learned-model,dqn,ppo,{','.join(learning_baselines.MASKS)}",
         help="separated by commas",
     )
     boards.add_argument("--runs", type=int, default=10, help="of every learner on every board")

@@ -78,7 +78,7 @@ def test_what_the_mask_hid_is_counted_where_episodes_were(board):
     ("step", "end", "mask", "cause", "words"),
     [
         (20, "infeasible", "none", "exploration", "-O dqn.mask=applicable"),
-        (20, "infeasible", "applicable", "exploration", "-O dqn.mask=feasible"),
+        (20, "infeasible", "applicable", "exploration", "--solver learned-model"),
         (20, "infeasible", "feasible", "exploration", "or search-optimal"),
         (900, "infeasible", "applicable", "steps", "--steps 4000: the runs were still getting"),
         (20, "complete", "applicable", "policy", "--steps 4000: the task was completed"),
@@ -92,28 +92,18 @@ def test_the_cause_and_what_to_try_follow_from_when_progress_ended(
     assert words in found.advice
 
 
-def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board):
-    """Where exploration ended it; not where the option of its own does."""
+@pytest.mark.parametrize("solver", ["dqn", "ppo", "learned-model"])
+@pytest.mark.parametrize("planning", [False, True])
+def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board, solver, planning):
+    """Where exploration ended it."""
     one = episode(board, 20, "infeasible", *PCB, *FIRST)
-    for options, told in (
-        ({"mask": "applicable"}, True),
-        ({"mask": "applicable", "planning": True}, False),
-    ):
-        found = analyse_shortfall(board, "ppo", options, STEPS, {0: [one]})
-        assert found is not None
-        assert found.advice.startswith("--solver dqn, which plans") == told
-        assert "search-optimal" in found.advice
-
-
-@pytest.mark.parametrize(
-    ("observation", "words"), [("layout", "observation=markov"), ("markov", "planning=true")]
-)
-def test_a_learner_that_could_plan_is_told_how(board, observation, words):
-    options = {"mask": "applicable", "planning": False, "observation": observation}
-    one = episode(board, 20, "infeasible", *PCB, *FIRST)
-    found = analyse_shortfall(board, "dqn", options, STEPS, {0: [one]})
+    options = {"mask": "applicable", "planning": planning}
+    found = analyse_shortfall(board, solver, options, STEPS, {0: [one]})
     assert found is not None
-    assert found.advice.startswith(f"-O dqn.{words}, with which episodes are planned; or ")
+    told = solver != "learned-model" and not planning
+    assert found.advice.startswith("--solver learned-model, which plans") == told
+    assert (f"-O {solver}.mask=feasible" in found.advice) == (not told)
+    assert "search-optimal" in found.advice
 
 
 def test_of_no_run_and_under_chance_nothing_is_said(board):
@@ -137,7 +127,7 @@ def test_it_is_told_below_the_table_and_in_the_document(board):
         "dead ends  3 of 3 episodes entered one: 1 state in which every applicable skill failed",
         "of 16 skills on average, and left ",
         "cause      exploration: nothing further was reached after step 20 of 1,000",
-        "try        --steps 4000; or -O dqn.mask=feasible",
+        "try        --solver learned-model, which plans with action schemas that it learns; or",
     ):
         assert words in told
     document = result.document()["shortfall"]

@@ -32,7 +32,7 @@ def trained(sizes, seeds, steps=20):
     adam = BatchedAdam(made.parameters)
     seen = observed(sizes, seeds)
     for _ in range(steps):
-        adam.step((made(seen) - 1.0).square().mean((1, 2)).sum(), 1e-2)
+        adam.minimise((made(seen) - 1.0).square().mean((1, 2)).sum(), 1e-2)
     return made, adam
 
 
@@ -52,7 +52,7 @@ class TestBatchedNetwork:
         outputs = made(seen).detach().numpy()
         for i in range(seen.shape[1]):
             np.testing.assert_allclose(
-                made.of_one(seen[:, i].numpy()), outputs[:, i], rtol=1e-4, atol=1e-5
+                made.evaluate(seen[:, i].numpy()), outputs[:, i], rtol=1e-4, atol=1e-5
             )
 
     @pytest.mark.parametrize("sizes", SHAPES)
@@ -62,7 +62,7 @@ class TestBatchedNetwork:
         for run in (0, runs - 1):
             alone, _ = trained(sizes, [run])
             one = observed(sizes, range(runs), 1)[:, 0].numpy()
-            assert (alone.of_one(one[[run]])[0] == together.of_one(one)[run]).all()
+            assert (alone.evaluate(one[[run]])[0] == together.evaluate(one)[run]).all()
             for mine, ours in zip(alone.parameters, together.parameters, strict=True):
                 assert (mine[0] == ours[run]).all()
 
@@ -78,11 +78,11 @@ class TestBatchedNetwork:
 
     def test_a_copy_goes_its_own_way(self):
         made, _ = trained(SHAPES[0], [0])
-        twin, before = made.copy(), made.of_one(np.ones((1, 17), dtype=np.float32))
+        twin, before = made.copy(), made.evaluate(np.ones((1, 17), dtype=np.float32))
         with torch.no_grad():
             made.parameters[0].add_(1.0)
-        assert (twin.of_one(np.ones((1, 17), dtype=np.float32)) == before).all()
-        assert (made.of_one(np.ones((1, 17), dtype=np.float32)) != before).any()
+        assert (twin.evaluate(np.ones((1, 17), dtype=np.float32)) == before).all()
+        assert (made.evaluate(np.ones((1, 17), dtype=np.float32)) != before).any()
 
     def test_it_approaches_another_by_a_share_of_the_way(self):
         made, other = network([2, 32], [0]), network([2, 32], [1])
@@ -95,10 +95,10 @@ class TestBatchedNetwork:
     @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
     def test_a_run_with_a_figure_that_is_not_finite_is_named(self, wrong):
         made = network(SHAPES[0], [0, 1, 2])
-        assert made.is_sane().tolist() == [True, True, True]
+        assert made.is_finite().tolist() == [True, True, True]
         with torch.no_grad():
             made.parameters[-1][1, 0, 3] = wrong
-        assert made.is_sane().tolist() == [True, False, True]
+        assert made.is_finite().tolist() == [True, False, True]
         with pytest.raises(ValueError, match="finite"):
             made.policy(1, 16)
         assert made.policy(2, 16).actions == 16
@@ -126,7 +126,7 @@ class TestBatchedAdam:
             spread = 0.999 * spread + 0.001 * gradient**2
             root = np.sqrt(spread / (1 - 0.999**step))
             theirs -= 3e-3 * mean / (1 - 0.9**step) / (root + 1e-8)
-            adam.step(loss, 3e-3)
+            adam.minimise(loss, 3e-3)
         np.testing.assert_allclose(weight.detach().numpy(), theirs, rtol=1e-4, atol=1e-6)
 
     @pytest.mark.slow(reason="what the library loads for it; by the formula in every run")
@@ -136,7 +136,7 @@ class TestBatchedAdam:
         reference = torch.optim.Adam(theirs.parameters, lr=3e-3)
         seen = observed([5], [0, 1])
         for _ in range(30):
-            adam.step((mine(seen) - 2.0).square().mean(), 3e-3)
+            adam.minimise((mine(seen) - 2.0).square().mean(), 3e-3)
             reference.zero_grad()
             (theirs(seen) - 2.0).square().mean().backward()
             reference.step()
@@ -147,8 +147,8 @@ class TestBatchedAdam:
         made, seen = network(SHAPES[0], [0, 1]), observed(SHAPES[0], [0, 1])
         adam = BatchedAdam(made.parameters)
         weights = torch.tensor([1.0, torch.nan])[:, None, None]
-        adam.step((made(seen) * weights).mean((1, 2)).sum(), 1e-3)
-        assert made.is_sane().tolist() == [True, False]
+        adam.minimise((made(seen) * weights).mean((1, 2)).sum(), 1e-3)
+        assert made.is_finite().tolist() == [True, False]
 
 
 class TestGoingOn:
@@ -161,7 +161,7 @@ class TestGoingOn:
         other.read("a", arrays)
         theirs.read("b", arrays)
         for one, its in ((made, adam), (other, theirs)):
-            its.step(one(seen).square().mean(), 1e-3)
+            its.minimise(one(seen).square().mean(), 1e-3)
         for mine, ours in zip(other.parameters, made.parameters, strict=True):
             assert (mine == ours).all()
 
@@ -169,7 +169,7 @@ class TestGoingOn:
         made, adam = trained(SHAPES[0], [0])
         arrays = made.arrays("a") | adam.arrays("b")
         before = {name: array.copy() for name, array in arrays.items()}
-        adam.step(made(observed(SHAPES[0], [0])).sum(), 1e-3)
+        adam.minimise(made(observed(SHAPES[0], [0])).sum(), 1e-3)
         assert all((array == before[name]).all() for name, array in arrays.items())
 
     def test_arrays_of_another_network_are_refused(self):

@@ -244,7 +244,7 @@ class TestAdvantages:
         np.testing.assert_allclose(found, [[1.0, -2.0, 1.0, 1.0]])
 
     def test_steps_that_were_not_drawn_count_for_nothing(self, roll_out):
-        found = roll_out.normalised(np.array([[1.0, 2.0, 100.0, 3.0]], dtype=np.float32))
+        found = roll_out.normalise(np.array([[1.0, 2.0, 100.0, 3.0]], dtype=np.float32))
         np.testing.assert_allclose(found, [[-1.2247449, 0.0, 0.0, 1.2247449]], rtol=1e-5)
 
 

@@ -71,7 +71,7 @@ def expected(plain):
 
 
 def rebuilt(memory, runs, capacity):
-    other = ReplayMemory(runs, capacity)
+    other = ReplayMemory(runs, capacity, distinct=True)
     other.read("m", memory.arrays("m"))
     return other
 
@@ -80,7 +80,7 @@ class TestWhatIsRemembered:
     @settings(max_examples=examples(150))
     @given(HAPPENINGS, st.integers(1, 12), st.integers(0, 60))
     def test_it_is_what_a_list_would_hold(self, happenings, capacity, cut):
-        memory = ReplayMemory(2, capacity)
+        memory = ReplayMemory(2, capacity, distinct=True)
         plain = [PlainMemory(capacity) for _ in range(2)]
         for i, (run, (observation, action, following, end, reward)) in enumerate(happenings):
             if i == cut:
@@ -95,7 +95,7 @@ class TestWhatIsRemembered:
                 )
 
     def test_there_is_room_for_more_than_at_first(self):
-        memory = ReplayMemory(2, 100_000)
+        memory = ReplayMemory(2, 100_000, distinct=True)
         for i in range(5_000):
             memory.add(0, i, i % 7, -float(i), 0, i + 1)
         memory.add(1, 4, 2, -1.0, 1, 0)
@@ -110,7 +110,7 @@ class TestWhatIsRemembered:
 
 class TestWhatIsDrawn:
     def test_every_transition_is_as_likely_however_often_it_was_seen(self):
-        memory = ReplayMemory(2, 10)
+        memory = ReplayMemory(2, 10, distinct=True)
         for i in (0, 1, 1, 1, 2, 3):
             memory.add(0, i, 0, 0.0, 0, 0)
         memory.add(1, 0, 0, 0.0, 0, 0)
@@ -120,7 +120,7 @@ class TestWhatIsDrawn:
         assert (weights == 1.0).all()
 
     def test_outcomes_of_a_choice_count_as_often_as_they_were_seen(self):
-        memory = ReplayMemory(1, 10)
+        memory = ReplayMemory(1, 10, distinct=True)
         for following in (5, 5, 6, 5):
             memory.add(0, 1, 2, 0.0, 0, following)
         memory.add(0, 1, 3, 0.0, 0, 5)
@@ -129,7 +129,7 @@ class TestWhatIsDrawn:
         assert weights.tolist() == [[0.75, 0.25, 1.0]]
 
     def test_what_was_forgotten_no_longer_counts(self):
-        memory = ReplayMemory(1, 2)
+        memory = ReplayMemory(1, 2, distinct=True)
         for following in (5, 6, 7):
             memory.add(0, 1, 2, 0.0, 0, following)
         slots, weights = memory.draw([Uniforms([0.1, 0.9])], 2)
@@ -139,7 +139,7 @@ class TestWhatIsDrawn:
 
 class TestGoingOn:
     def test_what_was_read_draws_and_forgets_alike(self):
-        memory, generator = ReplayMemory(2, 30), np.random.default_rng(0)
+        memory, generator = ReplayMemory(2, 30, distinct=True), np.random.default_rng(0)
 
         def happens(one, seed):
             chance = np.random.default_rng(seed)
@@ -164,21 +164,23 @@ class TestGoingOn:
             ReplayMemory(3, 30).read("m", memory.arrays("m"))
 
 
-def test_how_likely_an_outcome_is_is_worked_out_over_all_observations():
-    """Of an action that failed once in four tries here, and once in two there."""
-    memory = ReplayMemory(1, 100)
-    # Where it is taken, then whether it succeeded.
-    observations = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
-    for before, after, times in ((0, 1, 3), (0, 0, 1), (2, 3, 1), (2, 2, 1)):
-        for _ in range(times):
-            memory.add(0, before, 7, 0.0, 0, after)
-    memory.pool(0, observations)
-    likely = dict(zip(memory.next_observation[0, :4].tolist(), memory.share[0, :4], strict=True))
-    assert likely == pytest.approx({1: 4 / 6, 0: 2 / 6, 3: 4 / 6, 2: 2 / 6})
+class TestFirstInFirstOut:
+    def test_every_transition_is_stored_and_the_oldest_are_overwritten(self):
+        memory = ReplayMemory(1, 4)
+        for reward in (-1.0, -2.0, -3.0, -4.0, -5.0):
+            memory.add(0, 1, 2, reward, 0, 3)
+        assert memory.size(0) == 4
+        assert sorted(memory.reward[0, :4].tolist()) == [-5.0, -4.0, -3.0, -2.0]
+        slots, weights = memory.draw([Uniforms([0.0, 0.3, 0.6, 0.9])], 4)
+        assert slots.tolist() == [[0, 1, 2, 3]]
+        assert weights.tolist() == [[1.0] * 4]
 
-
-def test_of_an_action_with_one_outcome_nothing_is_pooled():
-    memory = ReplayMemory(1, 100)
-    memory.add(0, 0, 7, 0.0, 0, 1)
-    memory.pool(0, np.zeros((2, 1), dtype=np.float32))
-    assert np.isnan(memory.share[0, 0])
+    def test_it_resumes_from_its_arrays(self):
+        memory, other = ReplayMemory(2, 4), ReplayMemory(2, 4)
+        for step in range(6):
+            memory.add(step % 2, step, 0, -float(step), 0, step + 1)
+        other.read("m", memory.arrays("m"))
+        for one in (memory, other):
+            one.add(0, 9, 1, -9.0, 1, 9)
+        mine, theirs = memory.arrays("m"), other.arrays("m")
+        assert all(mine[name].tobytes() == theirs[name].tobytes() for name in mine)

@@ -29,6 +29,7 @@ from skillplan.files.folder import HeldFolder
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
+from skillplan.pipeline import registry
 from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.task_difference import differences, resolved_config, what_changed
@@ -45,7 +46,7 @@ from skillplan.records.training.run_folder import (
     get_run_path,
     read_metrics_lines,
 )
-from skillplan.solvers.learning.learner import STRIDE_STEPS
+from skillplan.solvers.learning.learner import STRIDE_STEPS, LearnerOptions
 from skillplan.training.run_files import writing
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.workers.processes import output_of
@@ -73,6 +74,30 @@ def keep_schedules(existing: RunManifest, requested: RunManifest) -> RunManifest
     if known is None and requested.steps > existing.steps:
         known = existing.steps
     return requested.model_copy(update={"options": {**requested.options, SCHEDULE: known}})
+
+
+def adopt_options(existing: RunManifest, requested: RunManifest) -> tuple[RunManifest, RunManifest]:
+    """Return both manifests with all options of a training that an earlier version began.
+
+    Options that the request leaves at their defaults get the values of the existing training.
+
+    Parameters
+    ----------
+    existing, requested
+        Manifest of the training that exists, and of the request.
+    """
+    fields: type[LearnerOptions] = registry.load("solver", requested.solver).Options
+    stored = fields.upgrade(existing.options)
+    if stored == existing.options or existing.solver != requested.solver:
+        return existing, requested
+    options = dict(requested.options)
+    for name, field in fields.model_fields.items():
+        if name in stored and options.get(name) == field.default:
+            options[name] = stored[name]
+    return (
+        existing.model_copy(update={"options": stored}),
+        requested.model_copy(update={"options": options}),
+    )
 
 
 def set_steps(manifest: RunManifest, steps: int) -> RunManifest:
@@ -232,12 +257,13 @@ class TrainingFolder(HeldFolder):
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
-            requested = keep_schedules(stored.manifest, requested)
-            longer = stored.manifest.steps < requested.steps
-            kept = set_steps(stored.manifest, requested.steps) if longer else stored.manifest
+            existing, requested = adopt_options(stored.manifest, requested)
+            requested = keep_schedules(existing, requested)
+            longer = existing.steps < requested.steps
+            kept = set_steps(existing, requested.steps) if longer else existing
             self._compare(stored, kept, requested, problem)
             if longer:
-                check_extension(self.path, stored.manifest, requested.steps, requested=steps_said)
+                check_extension(self.path, existing, requested.steps, requested=steps_said)
                 write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
                 self.extended = describe_extension(kept)
             runs = [get_run_path(self.path, run) for run in range(len(stored.manifest.seeds))]

@@ -1,10 +1,11 @@
-from .batched_adam import BatchedAdam as BatchedAdam
-from .batched_network import BatchedNetwork as BatchedNetwork
-from .batched_network import padded as padded
-from .dqn.replay_memory import ReplayMemory as ReplayMemory
-from .dqn.solver import DqnSolver as DqnSolver
-from .ppo.rollout_buffer import RolloutBuffer as RolloutBuffer
-from .ppo.solver import PpoSolver as PpoSolver
+from .dqn.learner import DqnSolver as DqnSolver
+from .dqn.update import ReplayMemory as ReplayMemory
+from .network_learner import RewardScaling as RewardScaling
+from .networks import BatchedAdam as BatchedAdam
+from .networks import BatchedNetwork as BatchedNetwork
+from .networks import padded as padded
+from .ppo.learner import PpoSolver as PpoSolver
+from .ppo.update import RolloutBuffer as RolloutBuffer
 from .relational.elements import ELEMENT_FEATURES as ELEMENT_FEATURES
 from .relational.elements import ElementOrder as ElementOrder
 from .relational.elements import ElementPaths as ElementPaths
@@ -18,7 +19,6 @@ from .relational.network import NetworkSize as NetworkSize
 from .relational.network import RelationalNetwork as RelationalNetwork
 from .relational.solver import RelationalOptions as RelationalOptions
 from .relational.solver import RelationalSolver as RelationalSolver
-from .reward_scaling import RewardScaling as RewardScaling
 
 __version__: str
 

@@ -125,8 +125,8 @@ def command(
     solver: Annotated[
         str,
         solver_option(
-            "Learner to train; dqn and ppo plan their episodes by search in a learned model "
-            "(model-based planning), unless -O dqn.planning=false."
+            "Learner to train: dqn or ppo (skillplan-torch), or learned-model, which needs no "
+            "network."
         ),
     ] = "dqn",
     seed: Seed = 0,

@@ -21,8 +21,8 @@ Cause = Literal["steps", "exploration", "policy"]
 # If progress came in this last share of a training, more steps may bring more.
 _RECENT_SHARE = 0.25
 _MORE = 4
-# A learner that plans its episodes in its learned model.
-_PLANNING = "dqn"
+# The learner that plans its episodes with a learned model.
+_PLANNING = "learned-model"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,14 +165,10 @@ def _give_advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: i
     if mask == "none":
         return f"-O {solver}.mask=applicable: skills that cannot begin are never chosen."
     exact = "search-optimal, which needs no learning"
-    if not options.get("planning", solver == _PLANNING):
-        if solver == _PLANNING:
-            costs_seen = options.get("observation") == "layout"
-            plans = "observation=markov" if costs_seen else "planning=true"
-            return f"-O {solver}.{plans}, with which episodes are planned; or {more}; or {exact}."
+    if solver != _PLANNING and not options.get("planning"):
         return (
-            f"--solver {_PLANNING}, which plans its episodes in a learned model; or "
-            f"{more}; or {exact}."
+            f"--solver {_PLANNING}, which plans with action schemas that it learns; or {more}; or "
+            f"{exact}."
         )
     if mask == "applicable":
         feasible = f"-O {solver}.mask=feasible, which queries back ends before a choice"

@@ -219,6 +219,11 @@ class LearnerOptions(BaseModel):
         "rewards of failures [-]",
     )
 
+    @classmethod
+    def upgrade(cls, stored: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options of a stored training, those that an earlier version lacked added."""
+        return dict(stored)
+
 
 class Learner(Solver):
     """A solver that trains network policies."""

@@ -1,8 +1,5 @@
-"""Deep Q-learning, as the solver `dqn`.
+"""Deep Q-learning, as the solver `dqn`."""
 
-It holds what only this algorithm needs, and never what `ppo` needs as well.
-"""
-
-from skillplan_torch.dqn.solver import DqnSolver
+from skillplan_torch.dqn.learner import DqnSolver
 
 __all__ = ["DqnSolver"]
