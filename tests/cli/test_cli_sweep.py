@@ -123,7 +123,7 @@ class TestFolder:
             (("--seed", "1"), "the seeds: 0 there, 1 now"),
             slow_case(
                 ("--set", "bench.pitch_m=0.3"),
-                "is another one, in the task",
+                "differs in the task",
                 reason="other seeds in every run",
             ),
             slow_case(
@@ -133,7 +133,7 @@ class TestFolder:
             ),
             slow_case(
                 ("-O", "alpha=0.2"),
-                "is another one, in the fixed options",
+                "differs in the fixed options",
                 reason="other seeds in every run",
             ),
         ],

@@ -476,12 +476,12 @@ class TestFolders:
     @pytest.mark.parametrize(
         ("changes", "message"),
         [
-            ({"sha256": "f" * 64}, "is another one, in the task"),
+            ({"sha256": "f" * 64}, "differs in the task"),
             ({"seeds": (0, 1, 2)}, "the seeds: \\[0, 1\\] there, \\[0, 1, 2\\] now"),
             ({"step_limit": 5}, "the step limit: 1000 there, 5 now"),
-            ({"starts": (Start("C6"),)}, "is another one, in the starts"),
-            ({"fixed": {"sarsa": {"alpha": 0.2}}}, "is another one, in the fixed options"),
-            ({"axes": (Axis("episodes", (200,)),)}, "is another one, in the values of the options"),
+            ({"starts": (Start("C6"),)}, "differs in the starts"),
+            ({"fixed": {"sarsa": {"alpha": 0.2}}}, "differs in the fixed options"),
+            ({"axes": (Axis("episodes", (200,)),)}, "differs in the values of the options"),
         ],
     )
     def test_another_study_is_refused_in_words(self, study, tmp_path, changes, message):

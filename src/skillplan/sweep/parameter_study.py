@@ -296,7 +296,7 @@ def open_trials(out: str, plan: SampledPlan, sampler: Sampler, seed: int) -> Sha
     differs = describe_difference(trials.about, about)
     if differs is not None:
         raise OptionError(
-            f"--out {out}: the study there is another one, {differs}. Give the same values to join "
+            f"--out {out}: the study there differs {differs}. Give the same values to join "
             "it, or name a new folder."
         )
     return trials

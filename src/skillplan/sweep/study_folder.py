@@ -175,7 +175,7 @@ class StudyFolder(HeldFolder):
         differs = describe_difference(content, settings)
         if differs is not None:
             raise OptionError(
-                f"--resume: the study in {self.path} is another one, {differs}. Give the same "
+                f"--resume: the study in {self.path} differs {differs}. Give the same "
                 "values, or name a new folder."
             )
 

@@ -259,7 +259,7 @@ class GroupTraining:
         figures = training.figures()
         if training.steps != until or len(figures) != len(self._runs):
             raise SkillplanError(
-                f"The solver {plan.solver!r} was to go on to step {until} with "
+                f"The solver {plan.solver!r} should continue to step {until} with "
                 f"{len(self._runs)} runs, but is at step {training.steps} with {len(figures)}."
             )
         for index, log in enumerate(self._logs):
@@ -325,13 +325,13 @@ class GroupTraining:
             training = learner.resume(env, seeds, plan.steps, checkpoint.snapshot)
         except ValueError as error:
             raise OptionError(
-                f"{self._path / CHECKPOINT}: is none that the solver {plan.solver!r} can go on "
-                f"from: {error} Delete it, and --resume begins its runs again."
+                f"{self._path / CHECKPOINT}: the solver {plan.solver!r} cannot continue from "
+                f"it: {error} Delete it, and --resume begins its runs again."
             ) from None
         if training.steps != checkpoint.steps:
             raise SkillplanError(
-                f"The solver {plan.solver!r} goes on from step {training.steps}, not from step "
-                f"{checkpoint.steps}, at which it was kept."
+                f"The solver {plan.solver!r} continues from step {training.steps}, not from step "
+                f"{checkpoint.steps} of its checkpoint."
             )
         return training
 

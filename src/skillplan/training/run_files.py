@@ -146,7 +146,7 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
         header = parse_json(file_header["__metadata__"][_KEY])
         text = header["content"]
         if _digest(text, arrays) != header["sha256"]:
-            raise ValueError("its hash is another one")
+            raise ValueError("its hash does not match")
         content = parse_json(text)
         schema = content.pop("schema")
     except FileNotFoundError:

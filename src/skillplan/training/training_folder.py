@@ -309,7 +309,7 @@ class TrainingFolder(HeldFolder):
 
     def _refuse(self, words: str, changed: str) -> None:
         raise OptionError(
-            f"--resume: the training in {self.path} is another one, in {words}: {changed}. Give "
+            f"--resume: the training in {self.path} differs in {words}: {changed}. Give "
             "the same values, or name a new folder."
         )
 

@@ -71,7 +71,7 @@ def load_warm_start(
         raise OptionError(f"--from {error}") from None
     earlier = folder.manifest
     if learner.hidden_layers is None:
-        raise OptionError(f"--from: the solver {solver!r} begins with no networks of others.")
+        raise OptionError(f"--from: the solver {solver!r} cannot start from other networks.")
     if earlier.solver != solver:
         raise OptionError(
             f"--from {path}: has networks of {earlier.solver}, not of {solver}. Add "
@@ -92,7 +92,7 @@ def load_warm_start(
         what = "no skill" if not known_skills else "no feature"
         raise OptionError(
             f"--from {path}: {what} of {earlier.task.name} has a name of {task.name}, so there is "
-            "nothing to begin with."
+            "nothing to start from."
         )
     networks = tuple(
         NamedNetwork(
