@@ -34,6 +34,7 @@ from skillplan.views.figures.solids import (
     Bytes,
     Camera,
     Point,
+    Points,
     SolidPainter,
     best_camera,
     body_corners,
@@ -86,8 +87,8 @@ class Piece:
     pose: Pose
 
     @property
-    def corners(self) -> list[Point3]:
-        """Corners of its true shapes in the world [m]."""
+    def corners(self) -> Points:
+        """Corners of its true shapes in the world [m], shape (n, 3)."""
         return body_corners(self.part.body, self.pose)
 
     def moved(self, length_m: float) -> Piece:
@@ -180,8 +181,8 @@ def exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes
 
 def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Picture:
     solids = [(piece.part.body, piece.pose) for piece in pieces]
-    points = [corner for piece in pieces for corner in piece.corners]
-    points += [piece.part.goal.position for piece in pieces]
+    goals = np.array([piece.part.goal.position for piece in pieces])
+    points = np.concatenate([goals, *(piece.corners for piece in pieces)])
     room = width_px - 2 * _MARGIN_PX - _NAMES_PX
     area = (_MARGIN_PX, _MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * _MARGIN_PX)
     camera, inner_px = best_camera(solids).fitted(points, area, _PITCH_PX * len(pieces))
@@ -255,9 +256,10 @@ class _Film:
     def __init__(self, name: str, parts: Sequence[AddedPart], width_px: int) -> None:
         self.name, self.width_px = name, width_px
         self.pieces = [Piece(number, part, part.goal) for number, part in enumerate(parts, 1)]
-        placed = [corner for piece in self.pieces for corner in piece.corners]
-        self.away_m = _AWAY * float(np.ptp(np.array(placed), axis=0).max())
-        points = placed + [c for piece in self.pieces for c in piece.moved(self.away_m).corners]
+        placed = np.concatenate([piece.corners for piece in self.pieces])
+        self.away_m = _AWAY * float(np.ptp(placed, axis=0).max())
+        moved = [piece.moved(self.away_m).corners for piece in self.pieces]
+        points = np.concatenate([placed, *moved])
         room = width_px - 2 * _FILM_MARGIN_PX - _FILM_NAMES_PX
         area = (
             _FILM_MARGIN_PX,
@@ -371,13 +373,11 @@ def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 
     scene = freedom.task.scene
     names = [freedom.part, *(name for name in freedom.present if name in goals)]
     corners = {name: body_corners(scene.body(name), goals[name]) for name in names}
-    every = [corner for points in corners.values() for corner in points]
-    own = corners[freedom.part]
-    x, y, z = (sum(values) / len(own) for values in zip(*own, strict=True))
-    middle = (x, y, z)
-    length_m = _LENGTH * max(max(values) - min(values) for values in zip(*every, strict=True))
-    tips = [_tip(middle, way, length_m) for way in freedom.ways]
-    points = [*every, *tips]
+    every = np.concatenate(list(corners.values()))
+    middle = corners[freedom.part].mean(axis=0)
+    length_m = _LENGTH * float(np.ptp(every, axis=0).max())
+    tips = [middle + length_m * np.array(way.direction) for way in freedom.ways]
+    points = np.concatenate([every, tips])
     room = width_px - 2 * _FREEDOM_MARGIN_PX - _FREEDOM_NAMES_PX
     area = (
         _FREEDOM_MARGIN_PX,
@@ -408,12 +408,7 @@ def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 
     return picture
 
 
-def _tip(middle: Point3, way: Way, length_m: float) -> Point3:
-    x, y, z = (a + length_m * b for a, b in zip(middle, way.direction, strict=True))
-    return (x, y, z)
-
-
-def _best_camera(middle: Point3, tips: list[Point3]) -> Camera:
+def _best_camera(middle: Points, tips: Sequence[Points]) -> Camera:
     """Return the camera for which the shortest arrow in the picture is longest."""
     cameras = [Camera(math.radians(degrees)) for degrees in AZIMUTHS_DEG]
 

@@ -75,9 +75,10 @@ def faces_of(shape: Shape) -> list[tuple[int, ...]]:
     return list(shape.faces)
 
 
-def body_corners(body: Body, pose: Pose) -> list[Point3]:
-    """Return the corners of a body's true shapes in the world [m]."""
-    return [pose.apply(corner) for shape in body.exact_shapes for corner in corners_of(shape)]
+def body_corners(body: Body, pose: Pose) -> Points:
+    """Return the corners of a body's true shapes in the world [m], shape (n, 3)."""
+    corners = [corner for shape in body.exact_shapes for corner in corners_of(shape)]
+    return np.asarray(np.array(corners) @ np.array(pose.rotation).T + np.array(pose.position))
 
 
 def outlines(body: Body, pose: Pose) -> list[tuple[Point, ...]]:
@@ -143,13 +144,16 @@ class Camera:
         right, up, near = (self.scale * np.asarray(points, dtype=np.float64) @ self.axes.T).T
         return np.stack([self.left + right, self.top - up, near], axis=1)
 
-    def pixel(self, point: Point3) -> Point:
+    def pixel(self, point: Point3 | Points) -> Point:
         """Return the place of a point in the picture [px]."""
-        x, y, _ = self.project([point])[0].tolist()
+        x, y, _ = self.project(np.array([point]))[0].tolist()
         return (x, y)
 
     def fitted(
-        self, points: Sequence[Point3], room: tuple[float, float, float, float], least_px: float
+        self,
+        points: Sequence[Point3] | Points,
+        room: tuple[float, float, float, float],
+        least_px: float,
     ) -> tuple[Camera, float]:
         """Return the camera that shows points in the middle of an area, and its height.
 
@@ -218,7 +222,12 @@ class SolidPainter:
         int
             Number of pixels that the body covers without other bodies in front of it.
         """
-        corners, triangles = _triangulate(body, pose)
+        return self.add_triangles(body_corners(body, pose), _triangulate(body), colour, number)
+
+    def add_triangles(
+        self, corners: Points, triangles: NDArray[np.int64], colour: str, number: int
+    ) -> int:
+        """Draw triangles, given by indices of corners [m]; other parameters as of `add`."""
         seen = self.camera.project(corners) * OVERSAMPLING
         normals = _unit_normals(corners, triangles) @ self.camera.axes.T
         front = normals[:, 2] > 1e-9
@@ -300,16 +309,15 @@ class SolidPainter:
         return image
 
 
-def _triangulate(body: Body, pose: Pose) -> tuple[Points, NDArray[np.int64]]:
-    """Return the corners of a body in the world [m], and triangles of indices, shape (n, 3)."""
-    corners: list[Point3] = []
+def _triangulate(body: Body) -> NDArray[np.int64]:
+    """Return the triangles of a body's true shapes as indices of its corners, shape (n, 3)."""
     triangles: list[tuple[int, int, int]] = []
+    first = 0
     for shape in body.exact_shapes:
-        first = len(corners)
-        corners += [pose.apply(corner) for corner in corners_of(shape)]
         for a, *others in faces_of(shape):
             triangles += [(first + a, first + b, first + c) for b, c in pairwise(others)]
-    return np.array(corners), np.array(triangles, dtype=np.int64).reshape(-1, 3)
+        first += len(corners_of(shape))
+    return np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
 def _unit_normals(corners: Points, triangles: NDArray[np.int64]) -> Points:
@@ -322,18 +330,17 @@ def _unit_normals(corners: Points, triangles: NDArray[np.int64]) -> Points:
 
 def best_camera(solids: Sequence[tuple[Body, Pose]]) -> Camera:
     """Return the camera, not yet fitted, from which the least of some bodies is hidden."""
-    points = [corner for body, pose in solids for corner in body_corners(body, pose)]
+    meshes = [(body_corners(body, pose), _triangulate(body)) for body, pose in solids]
     cameras = [Camera(math.radians(degrees)) for degrees in AZIMUTHS_DEG]
-    return min(cameras, key=lambda camera: round(_hidden_share(camera, solids, points), 2))
+    return min(cameras, key=lambda camera: round(_hidden_share(camera, meshes), 2))
 
 
-def _hidden_share(
-    camera: Camera, solids: Sequence[tuple[Body, Pose]], points: Sequence[Point3]
-) -> float:
+def _hidden_share(camera: Camera, meshes: Sequence[tuple[Points, NDArray[np.int64]]]) -> float:
     """Return the sum over bodies of the squared share that others hide."""
+    points = np.concatenate([corners for corners, _ in meshes])
     small, _ = camera.fitted(points, (0.0, 0.0, 160.0, 160.0), 0.0)
     painter = SolidPainter(small, 160.0, 160.0)
-    covered = [painter.add(body, pose, INK, k) for k, (body, pose) in enumerate(solids)]
-    visible = np.bincount(painter.bodies.reshape(-1) + 1, minlength=len(solids) + 1)[1:]
+    covered = [painter.add_triangles(*mesh, INK, number) for number, mesh in enumerate(meshes)]
+    visible = np.bincount(painter.bodies.reshape(-1) + 1, minlength=len(meshes) + 1)[1:]
     hidden = 1 - visible / np.maximum(covered, 1)
     return float(np.square(hidden).sum())
