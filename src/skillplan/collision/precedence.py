@@ -30,7 +30,7 @@ class PrecedenceDetector(Detector):
 
         hold_back_picks: bool = Field(
             default=False,
-            description="rule out picking a part up, too, before it may be placed [-]",
+            description="forbid picking a part up before it may be placed [-]",
         )
 
     options: Options

@@ -232,7 +232,7 @@ class Domain(ABC):
         refinement
             Number of times that a finer plan of the upper stages was needed because a lower stage
             failed.
-            The result is empty if there is no finer plan.
+            The result is empty without a finer plan.
 
         Raises
         ------

@@ -258,7 +258,7 @@ class Problem:
 
 
 class FileChecks:
-    """Checks of a file beyond those of its domain; these do nothing."""
+    """Additional checks of a file; these do nothing."""
 
     def content_issues(self, content: Mapping[str, Any]) -> Iterable[Issue]:
         """Return faults of a content before validation."""
@@ -288,7 +288,7 @@ def load_task(
     checks
         Additional checks.
     changes
-        YAML values by key path that replace those of the file.
+        YAML values by key path that replace values of the file.
 
     Raises
     ------

@@ -15,8 +15,8 @@ _DECLARATIONS = """\
 VAR_INPUT
     Execute : BOOL;       // rising: begin; falling: back to the beginning
     Retry : BOOL;         // after an error: do the skill that failed again
-    SkillDone : BOOL;     // from whoever does skills: it is done
-    SkillError : BOOL;    // from whoever does skills: it has failed
+    SkillDone : BOOL;     // from the executor: it is done
+    SkillError : BOOL;    // from the executor: it has failed
 END_VAR
 VAR_OUTPUT
     Busy : BOOL;
@@ -25,7 +25,7 @@ VAR_OUTPUT
     State : STRING[80] := 'IDLE';      // as PackML names it
     StepNumber : INT := 0;             // 0 idle, 1 to LAST_STEP a skill, beyond it done
     ErrorStep : INT := 0;              // which step has failed
-    SkillExecute : BOOL;               // to whoever does skills: begin, and stay until done
+    SkillExecute : BOOL;               // to the executor: begin, and stay until done
     SkillNumber : INT := -1;           // number of the skill in the task file
     SkillName : STRING[80];
     Subject : STRING[80];

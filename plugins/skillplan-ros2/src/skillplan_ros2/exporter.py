@@ -195,8 +195,8 @@ class Ros2Exporter(Exporter):
             default=None,
             gt=0,
             le=1,
-            description="share of the joints' speed and acceleration limits that is used; that "
-            "of swept by default [-]",
+            description="share of the joints' speed and acceleration limits; default: that of "
+            "swept [-]",
         )
 
         @field_validator("topic")

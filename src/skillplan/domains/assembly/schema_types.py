@@ -86,14 +86,14 @@ class GraspConfig(Strict):
     )
     depth_m: Extent | None = Field(
         None,
-        description="how far below the part's top, seen from the hand, the fingers reach [m]; left "
-        "out: half of what they hold, 0.012 at most",
+        description="depth of the fingers below the part's top, seen from the hand [m]; left "
+        "out: half of the held height, 0.012 at most",
     )
     at_m: PlanarOrSpatial | None = Field(
         None,
         description="place of the hand's tip, x y from the centre of the part's bottom [m]; a "
         "hand that does not come from the part's top needs x y z of a point on its axis; left out: "
-        "over that centre for suction from the top, else in the middle of what is held",
+        "over that centre for suction from the top, else in the middle of the held shapes",
     )
 
 

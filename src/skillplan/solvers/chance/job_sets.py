@@ -128,7 +128,7 @@ class JobSets:
         self.sets = sum(len(layer) for layer in self.layers)
 
     def no(self, reason: str) -> NotASequencing:
-        """Return an error with the reason why there are no values."""
+        """Return an error with the reason for missing values."""
         return self._structure.no(reason)
 
     def of(self, state: State) -> tuple[int, int, int] | None:

@@ -37,14 +37,13 @@ class JobValuesSolver(Solver):
             default=1_200_000,
             ge=1,
             le=100_000_000,
-            description="up to so many sets of jobs that may be done are served: 8 bytes each for "
-            "every job [-]",
+            description="greatest number of feasible sets of jobs: 8 bytes each for every job [-]",
         )
         policy_states: int = Field(
             default=5_000,
             ge=0,
             le=1_000_000,
-            description="write the policy out in every state that it may reach, up to so many [-]",
+            description="greatest number of states in which the policy is stored [-]",
         )
 
     options: Options

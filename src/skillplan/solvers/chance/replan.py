@@ -104,7 +104,7 @@ class Replanning(Mapping[State, Skill]):
 
 
 class ReplanSolver(Solver):
-    """Plan as if skills were tried until they succeed; plan anew wherever one has failed."""
+    """Plan as if skills were tried until they succeed; plan anew after a failure."""
 
     name = "replan"
     polls = True
@@ -116,47 +116,47 @@ class ReplanSolver(Solver):
             default=2_000,
             ge=2,
             le=1_000_000,
-            description="roll-outs of which the expected cost is the mean, with its 95 % "
+            description="number of roll-outs to estimate the expected cost with its 95 % "
             "interval [-]",
         )
         policy_states: int = Field(
             default=5_000,
             ge=0,
             le=1_000_000,
-            description="work the policy out in every state that it may reach, up to so many: "
-            "beyond, states are planned for where they are met [-]",
+            description="greatest number of states in which the policy is computed in advance; "
+            "beyond, plans are made on demand [-]",
         )
         lookahead: bool = Field(
             default=True,
-            description="before a skill that may fail, weigh what new plans cost after its success "
-            "and after its failure, instead of following the plan blindly [-]",
+            description="weigh a skill that may fail by the costs of new plans after success "
+            "and failure, instead of following the plan [-]",
         )
         max_labels: int = Field(
             default=2_000_000,
             ge=1,
-            description="labels made by one search before it is given up: 0.6 to 1 kB of memory "
-            "each [-]",
+            description="greatest number of labels of one search: 0.6 to 1 kB of memory each [-]",
         )
         weight: float = Field(
             default=1.0,
             ge=1.0,
             le=100.0,
-            description="above 1, a first plan may cost so many times the least, and is found much "
-            "sooner; only where `sets` does not do: 1.2 with more than 100,000 states [-]",
+            description="factor on the bound of the search; above 1, a first plan may cost this"
+            " multiple of the least and is found much sooner; used only if `sets` "
+            "is exceeded: 1.2 with more than 100,000 states [-]",
         )
         sets: int = Field(
             default=1_200_000,
             ge=0,
             le=100_000_000,
-            description="where the task is one of putting jobs in order: up to so many sets of "
-            "jobs that may be done, what is still to pay is worked out ahead, so that plans are "
-            "found at once; 8 bytes each for every job; 0 for none [-]",
+            description="greatest number of feasible sets of jobs for which costs to go are "
+            "computed in advance, which finds plans at once; 8 bytes each for every"
+            " job; 0 for none [-]",
         )
         bound_labels: int = Field(
             default=200_000,
             ge=0,
-            description="labels of the search that proves a lower bound on every policy's "
-            "expected cost: beyond, the least of what is open bounds it; 0 for none [-]",
+            description="greatest number of labels of the search for a lower bound on every "
+            "policy; beyond, the least open cost is the bound; 0 for none [-]",
         )
 
     options: Options

@@ -233,7 +233,7 @@ def tight_rows(
 def proper_policy(
     choices: Choices, allowed: Booleans, goal: Booleans
 ) -> tuple[Integers, Integers, Booleans]:
-    """Return a policy that reaches a goal with certainty wherever allowed rows can.
+    """Return a policy that reaches a goal with certainty, if allowed rows can.
 
     States without a path to the goal by allowed rows that avoid removed states are removed
     repeatedly

@@ -109,8 +109,8 @@ class BellmanOptions(TabularOptions):
 
     objective: Literal["cost", "reward"] = Field(
         default="cost",
-        description="the least expected cost until the goal, undiscounted, then the least time; "
-        "or the largest discounted reward [-]",
+        description="objective: least expected cost until the goal, undiscounted, then least "
+        "time; or largest discounted reward [-]",
     )
     gamma: float = Field(
         default=0.999,
@@ -231,7 +231,7 @@ class BellmanSolver(TabularSolver):
     def _fastest(
         self, mdp: TabularMDP, task: Minimisation, costs: NDArray[np.float64], tie: float
     ) -> NDArray[np.int64] | None:
-        """Return a proper policy with the least expected time among those with the least costs.
+        """Return a proper policy with least costs and, among these, the least expected time.
 
         Parameters
         ----------

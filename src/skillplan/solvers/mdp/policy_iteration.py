@@ -22,7 +22,7 @@ _WORTH = 1e-13
 
 
 class PolicyIterationSolver(BellmanSolver):
-    """Improve a policy for all states until it is optimal; proves what it costs."""
+    """Improve a policy for all states until it is optimal; proves its cost."""
 
     name = "policy-iteration"
 

@@ -25,7 +25,8 @@ class TabularOptions(back_end.Options):
         default=DEFAULT_LIMIT,
         ge=1,
         le=10_000_000,
-        description="refuse tasks of which more states can be reached: about 1 kB each [-]",
+        description="greatest number of reachable states, about 1 kB each; larger tasks are "
+        "refused [-]",
     )
 
 
@@ -55,7 +56,7 @@ class TabularSolver(Solver):
         return None
 
     def mdp(self, model: SkillModel) -> TabularMDP:
-        """Return the arrays of a model; those of the last model are kept.
+        """Return the arrays of a model; the last ones are kept.
 
         Raises
         ------

@@ -20,7 +20,7 @@ from skillplan.solvers.mdp.label_setting import costs_to_go
 
 
 class ValueIterationSolver(BellmanSolver):
-    """Sweep over the values of all states until they are optimal; proves what they are."""
+    """Sweep over the values of all states until they are optimal; proves them."""
 
     name = "value-iteration"
 

@@ -41,7 +41,7 @@ class JobOrderSolver(Solver):
         try:
             self.problem(model)
         except SearchStopped:
-            # The search will end for the same reason and return what it has.
+            # The search will end for the same reason and return its results.
             return None
         except NotASequencing as error:
             if _obstacle(model) is not None:
@@ -108,8 +108,8 @@ class SequencingSolver(JobOrderSolver):
             default=None,
             ge=1,
             le=64,
-            description="the most rounds, each with twice the effort of the one before; left out: "
-            "until there is a proof [-]",
+            description="greatest number of rounds, each with twice the effort of the one "
+            "before; left out: until there is a proof [-]",
         )
 
     options: Options
@@ -227,8 +227,8 @@ class LocalSearchSolver(SequencingSolver):
             default=6,
             ge=1,
             le=64,
-            description="the most rounds, each with twice the effort of the one before; "
-            "null: until it is stopped [-]",
+            description="greatest number of rounds, each with twice the effort of the one "
+            "before; null: no limit [-]",
         )
 
 

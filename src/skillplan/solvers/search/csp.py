@@ -36,7 +36,7 @@ class _Choice:
     name
         Name of the skill; empty for the start.
     held
-        Resources of the choice; if it has none, those of the choice before.
+        Resources of the choice; if it has none, resources of the choice before.
     cost
         Cost up to and including the choice [units].
     following
@@ -63,8 +63,7 @@ class CspSolver(Solver):
             default=3,
             ge=0,
             le=20,
-            description="how often the levels above may be replanned, finer, where there is no "
-            "sequence [-]",
+            description="number of finer replans of the upper levels after a failure [-]",
         )
 
     options: Options
@@ -75,7 +74,7 @@ class CspSolver(Solver):
         return self.options.replans
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return the reason why there are no resources or outcomes are random, or None."""
+        """Return the reason if resources are missing or outcomes are random, or None."""
         if not model.task.deterministic:
             return "constraint satisfaction looks for one sequence and needs certain outcomes"
         if not any(case.occupies for skill in model.task.skills for case in skill.cases):

@@ -114,12 +114,12 @@ class ExactSolver(Solver):
         max_labels: int = Field(
             default=2_000_000,
             ge=1,
-            description="labels generated before the search ends with a bound: "
-            "0.6 to 1 kB of memory each [-]",
+            description="greatest number of labels before the search ends with a bound: 0.6 to "
+            "1 kB of memory each [-]",
         )
         dives: bool = Field(
             default=True,
-            description="search greedily in between, so that there is a plan at any time [-]",
+            description="search greedily in between to have a plan at any time [-]",
         )
 
     options: Options

@@ -68,7 +68,7 @@ def insert(
 
 @compiled
 def cost_of(order: Integers, costs: Floats) -> float:
-    """Return what an order costs."""
+    """Return the cost of an order."""
     cost = 0.0
     for i in range(len(order) - 1):
         cost += costs[order[i], order[i + 1]]
@@ -256,7 +256,7 @@ def _improved(
 ) -> int:
     """Make the first improving exchange that joins a node with a near one.
 
-    Return the number of exchanged arcs, 0 if there is no improvement; their ends are in `changed`.
+    Return the number of exchanged arcs, 0 without an improvement; their ends are in `changed`.
     """
     # Arrays are separate and not in tuples, whose references numba counts, and there is one loop:
     # tuples made it four times as slow, a function for the third arc 1.6 times.

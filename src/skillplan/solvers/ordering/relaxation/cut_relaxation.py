@@ -4,7 +4,7 @@ The assignment relaxation: every node but the last is left once, every node but 
 entered once. Cuts include subtour elimination (see `precedence_cuts`), and least numbers of
 set-ups (see `set_up_cuts`), which stay. The program is solved by column generation with the dual
 simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from dual values and hold
-whatever their errors.
+despite their errors.
 """
 
 from __future__ import annotations
@@ -125,9 +125,9 @@ class Duals:
 
 
 class Charges(NamedTuple):
-    """Reduced costs of a label for its next node besides the arc's, by its set.
+    """Additional reduced costs of a label for its next node, by its set.
 
-    They are those of pairs and triples; see `charges_of`.
+    They belong to pairs and triples; see `charges_of`.
 
     Parameters
     ----------

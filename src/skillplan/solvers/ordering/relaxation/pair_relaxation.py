@@ -416,7 +416,7 @@ class PairRelaxation:
         stop: Callable[[], bool],
         on_bound: Callable[[Duals], None],
     ) -> None:
-        """Add cuts until the work is done, the bound reaches the cutoff or nothing is gained."""
+        """Add cuts until the work is done, the bound reaches the cutoff or stops to rise."""
         most = self.work + work
         while not self.exhausted and self.work < most and not stop():
             values = self._program.solve(stop)

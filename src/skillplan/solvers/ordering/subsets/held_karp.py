@@ -98,7 +98,7 @@ class Limits(NamedTuple):
     room
         Gap at which labels are fathomed.
     width
-        Greatest number of labels; those with the least bounds are kept.
+        Greatest number of labels; the least bounds are kept.
     whole
         True to return no label if there are more.
     """
@@ -121,7 +121,7 @@ def first_layer(words: int) -> Layer:
 
 @compiled
 def _select(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
-    """Move those of the first `count` labels with the least bounds to the front.
+    """Move the best of the first `count` labels to the front, by their bounds.
 
     Return their number, their largest bound, and the least bound of the others.
     """

@@ -111,7 +111,7 @@ def backward(
     Returns
     -------
     ndarray
-        Shape (rows, memories); inf if there is no walk.
+        Shape (rows, memories); inf without a walk.
     """
     n = len(slot)
     value = np.full((slot.max() + 1, memories), np.inf)
@@ -324,7 +324,7 @@ class _End:
             return np.inf
         (before, few), (now, many) = points[-2:]
         power = _POWER
-        # The count of a tiny budget is no basis for the growth.
+        # The count of a tiny budget does not predict the growth.
         if before > self.known[0][0]:
             power = np.log(max(many, 2) / max(few, 1)) / np.log(now / before)
         return float(many * (most / now) ** max(0.0, power))
