@@ -56,8 +56,8 @@ class GeneratedFamily:
 
     Parameters
     ----------
-    least, most
-        Range of the number of parts, 1 <= least <= most.
+    low, high
+        Range of the number of parts, 1 <= low <= high.
 
     Raises
     ------
@@ -65,18 +65,18 @@ class GeneratedFamily:
         If the range is empty, or exceeds the generator's limit.
     """
 
-    least: int
-    most: int
+    low: int
+    high: int
 
     def __post_init__(self) -> None:
-        if not 1 <= self.least <= self.most <= MOST_PARTS:
+        if not 1 <= self.low <= self.high <= MOST_PARTS:
             raise OptionError(
                 f"--family {self}: parts must be LEAST-MOST with 1 <= LEAST <= MOST <= "
                 f"{MOST_PARTS}."
             )
 
     def __str__(self) -> str:
-        return f"generated:{self.least}-{self.most}"
+        return f"generated:{self.low}-{self.high}"
 
     @classmethod
     def parse(cls, text: str) -> GeneratedFamily:
@@ -103,7 +103,7 @@ class GeneratedFamily:
         """
         draw = random.Random(f"{self} {seed}").random
         for number in range(count):
-            parts = self.least + int((self.most - self.least + 1) * draw())
+            parts = self.low + int((self.high - self.low + 1) * draw())
             tools = min(parts, _TOOLS[0] + int((_TOOLS[1] - _TOOLS[0] + 1) * draw()))
             density = round(_DENSITIES[0] + (_DENSITIES[1] - _DENSITIES[0]) * draw(), 2)
             yield BoardGenerator(parts, density, tools, seed * 1_000_000 + number)

@@ -67,7 +67,7 @@ def get_published_runs(task: Task, optimum: float | None) -> tuple[PublishedRun,
     Parameters
     ----------
     optimum
-        The proved optimum of the task; without one there is no comparison.
+        The proved optimum of the task; None disables the comparison.
     """
     same_task = (
         task.name == _NAME
