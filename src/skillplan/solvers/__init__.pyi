@@ -7,14 +7,12 @@ from .learned_model.plan_search import Words as Words
 from .learned_model.planned_episodes import PlannedEpisodes as PlannedEpisodes
 from .learned_model.solver import LearnedModelSolver as LearnedModelSolver
 from .learned_model.solver import LearnedModelTraining as LearnedModelTraining
-from .learning.carried_over import NamedNetwork as NamedNetwork
 from .learning.episode_kernels import Environment as Environment
 from .learning.episode_kernels import Schedule as Schedule
 from .learning.episode_kernels import monte_carlo_episodes as monte_carlo_episodes
 from .learning.episode_kernels import random_bits as random_bits
 from .learning.episode_training import BestPolicies as BestPolicies
 from .learning.episode_training import CompletedEpisode as CompletedEpisode
-from .learning.episodic_solver import greedy_rows as greedy_rows
 from .learning.family_learner import FamilyLesson as FamilyLesson
 from .learning.learner import End as End
 from .learning.learner import Episode as Episode
@@ -27,6 +25,7 @@ from .learning.learner import is_certain as is_certain
 from .learning.learner import usual_steps as usual_steps
 from .learning.network_choice import NetworkChoice as NetworkChoice
 from .learning.network_choice import reachable_policy as reachable_policy
+from .learning.network_policy import NamedNetwork as NamedNetwork
 from .learning.network_policy import NetworkPolicy as NetworkPolicy
 from .learning.network_policy import allowed_scores as allowed_scores
 from .learning.network_policy import allowing as allowing
@@ -35,7 +34,8 @@ from .learning.network_policy import random_actions as random_actions
 from .learning.observation_counts import ObservationCounts as ObservationCounts
 from .learning.observation_counts import double_rows as double_rows
 from .learning.observation_counts import take_rows as take_rows
-from .learning.sarsa import SarsaSolver as SarsaSolver
+from .learning.tabular import SarsaSolver as SarsaSolver
+from .learning.tabular import greedy_rows as greedy_rows
 from .search.csp import CspSolver as CspSolver
 from .search.exact import ExactSolver as ExactSolver
 from .search.exhaustive import ExhaustiveSolver as ExhaustiveSolver

@@ -18,9 +18,8 @@ from skillplan.pipeline.solving import make_model, make_solver
 from skillplan.records.stored.result_folder import is_relational
 from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.records.training.run_folder import Family, RunFolder, WarmStartRecord
-from skillplan.solvers.learning.carried_over import NamedNetwork
 from skillplan.solvers.learning.learner import Learner
-from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import NamedNetwork, NetworkPolicy
 from skillplan.task.task import Task
 
 

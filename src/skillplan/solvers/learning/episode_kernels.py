@@ -1,10 +1,9 @@
 """Kernels of tabular control: TD(0) updates of SARSA and Q-learning, and first-visit Monte Carlo.
 
-The updates stand in `td_episodes` and `monte_carlo_episodes`. Sutton and Barto, "Reinforcement
-Learning: An Introduction" (2018), sections 5.3, 6.4 and 6.5; Veeramani and Muthuswamy, Table 2.
-Random numbers come from the kernels' own generator, so that a seed gives the same result with
-every version of every library. All kernels stand in one file because numba does not notice when a
-function that another file's kernel calls has changed.
+Sutton and Barto, "Reinforcement Learning: An Introduction" (2018), sections 5.3, 6.4 and 6.5;
+Veeramani and Muthuswamy, Table 2. Random numbers come from the kernels' own generator, so that a
+seed gives the same result with every version of every library. All kernels are in one file because
+numba does not notice changes in functions of other files.
 """
 
 from __future__ import annotations
@@ -186,10 +185,13 @@ def td_episodes(
                 ahead = final[following]
             else:
                 row = _explore(rows, following, best[following], epsilon, stream)
-                ahead = q[row] if rule == SARSA else q[best[following]]
-                if rule == EXPECTED_SARSA:
+                if rule == SARSA:
+                    ahead = q[row]
+                elif rule == Q_LEARNING:
+                    ahead = q[best[following]]
+                else:
                     mean = q[rows[following] : rows[following + 1]].mean()
-                    ahead = (1.0 - epsilon) * ahead + epsilon * mean
+                    ahead = (1.0 - epsilon) * q[best[following]] + epsilon * mean
             value = before + alpha * (rewards[outcome] + gamma * ahead - before)
             q[taken] = value
             # Most updates do not change the best row, so that it need not be searched for.

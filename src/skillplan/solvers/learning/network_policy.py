@@ -6,6 +6,7 @@ trained with nor code of its own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,6 +158,63 @@ def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> N
     totals = np.cumsum(allowing(masks), axis=1)
     drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
     return drawn
+
+
+@dataclass(frozen=True)
+class NamedNetwork:
+    """A network with names of its inputs and outputs.
+
+    Parameters
+    ----------
+    network
+        The network.
+    features
+        Name of every input.
+    actions
+        Skill of every output.
+    """
+
+    network: NetworkPolicy
+    features: tuple[str, ...]
+    actions: tuple[str, ...]
+
+    def carried_over(self, features: Sequence[str], actions: Sequence[str]) -> NetworkPolicy:
+        """Return a network for other features and skills.
+
+        Inputs and outputs of equal names are copied. An unknown feature has weight 0; an unknown
+        skill gets the mean score of the known ones. If all features and skills are known, the
+        greedy choice is the old one wherever unknown features are 0 and the best skill is known.
+
+        Parameters
+        ----------
+        features, actions
+            Names on the other task.
+
+        Raises
+        ------
+        ValueError
+            If no feature or no skill has a known name.
+        """
+        inputs, outputs = _places(self.features, features), _places(self.actions, actions)
+        if not (inputs >= 0).any() or not (outputs >= 0).any():
+            raise ValueError("Nothing of the network has a name that the other task knows.")
+        weights, biases = list(self.network.weights), list(self.network.biases)
+        weights[0] = np.where((inputs >= 0)[:, None], weights[0][inputs], np.float32(0.0))
+        known = outputs >= 0
+        for arrays in (weights, biases):
+            last = arrays[-1]
+            mean = last[..., outputs[known]].mean(-1, keepdims=True, dtype=np.float32)
+            arrays[-1] = np.where(known, last[..., outputs], mean)
+        return NetworkPolicy(
+            tuple(np.ascontiguousarray(weight) for weight in weights),
+            tuple(np.ascontiguousarray(bias) for bias in biases),
+        )
+
+
+def _places(known: Sequence[str], names: Sequence[str]) -> NDArray[np.int64]:
+    """Return the place of every name among the known ones; -1 if it is unknown."""
+    places = {name: place for place, name in enumerate(known)}
+    return np.array([places.get(name, -1) for name in names], dtype=np.int64)
 
 
 def lookup_network(

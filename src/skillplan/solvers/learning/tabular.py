@@ -1,4 +1,9 @@
-"""Base of tabular learners (SARSA, Q-learning, Monte Carlo): schedules and learning curves."""
+"""Tabular learners: SARSA, Q-learning and Monte Carlo control on the MDP of a task.
+
+Their updates are in `episode_kernels`, one kernel for the temporal differences and one for Monte
+Carlo. Sutton and Barto, "Reinforcement Learning: An Introduction" (2018), sections 5.3 and 6.4 to
+6.6; Veeramani and Muthuswamy, Table 2 and Eq. 10.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,14 @@ from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.solvers.learning.episode_kernels import Environment, Schedule
+from skillplan.solvers.learning import episode_kernels
+from skillplan.solvers.learning.episode_kernels import (
+    EXPECTED_SARSA,
+    Q_LEARNING,
+    SARSA,
+    Environment,
+    Schedule,
+)
 from skillplan.solvers.mdp.tabular_solver import (
     TabularOptions,
     TabularSolver,
@@ -23,6 +35,10 @@ from skillplan.solvers.solution import Policy, Solution
 
 # Episodes between two polls of the stop: about a millisecond on a small task.
 _CHUNK = 1_000
+
+Values = NDArray[np.float64]
+Stream = NDArray[np.uint64]
+Lengths = NDArray[np.int64]
 
 
 class EpisodicOptions(TabularOptions):
@@ -59,8 +75,8 @@ class EpisodicOptions(TabularOptions):
     )
     objective: Literal["reward", "cost"] = Field(
         default="reward",
-        description="learn from the task's rewards; or from minus its costs and a bonus at the "
-        "goal, as also where it has no rewards [-]",
+        description="learn from the task's rewards; or, also if it has none, from minus its costs "
+        "and a bonus at the goal [-]",
     )
     record: int = Field(
         default=0,
@@ -70,13 +86,13 @@ class EpisodicOptions(TabularOptions):
     )
     watch: str = Field(
         default="",
-        description="facts, separated by commas; the values of all skills are recorded in the "
-        "states in which one of them holds [-]",
+        description="facts, separated by commas; records the values of all skills in the states "
+        "in which one of them holds [-]",
     )
 
 
 class FallingStepOptions(EpisodicOptions):
-    """Rates of learners whose step size is large at first and falls."""
+    """Options of learners whose step size falls."""
 
     alpha: float = Field(
         default=0.5, gt=0.0, le=1.0, description="step size of an update, in the first episode [-]"
@@ -90,7 +106,7 @@ class FallingStepOptions(EpisodicOptions):
 
 
 class EpisodicSolver(TabularSolver):
-    """Learns action values from random episodes, which begin in any state."""
+    """Learns action values from random episodes that begin in any state."""
 
     Options = EpisodicOptions
     options: EpisodicOptions
@@ -101,11 +117,11 @@ class EpisodicSolver(TabularSolver):
         env: Environment,
         schedule: Schedule,
         begun: int,
-        q: NDArray[np.float64],
-        stream: NDArray[np.uint64],
-        lengths: NDArray[np.int64],
+        q: Values,
+        stream: Stream,
+        lengths: Lengths,
     ) -> None:
-        """Run `len(lengths)` episodes; see `episode_kernels.td_episodes`."""
+        """Run `len(lengths)` episodes; arguments as for `episode_kernels.td_episodes`."""
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Learn, and return the greedy policy for all states."""
@@ -118,17 +134,17 @@ class EpisodicSolver(TabularSolver):
         stream = np.array([seed % 2**64], dtype=np.uint64)
         lengths = np.zeros(self.options.episodes, dtype=np.int64)
         record = _Record(model, mdp, self.options)
-        # No episode is run; this compiles the kernel before time is measured.
+        # Compile the kernel before time is measured; no episode is run.
         self.run_episodes(env, schedule, 0, q, stream, lengths[:0])
         done, learning_s = 0, 0.0
         while done < len(lengths) and not self.stop():
-            record.at(done, q)
-            end = min(done + _CHUNK, len(lengths), record.next_after(done))
+            record.add_point(done, q)
+            end = min(done + _CHUNK, len(lengths), record.next_point(done))
             begin_s = time.perf_counter()
             self.run_episodes(env, schedule, done, q, stream, lengths[done:end])
             learning_s += time.perf_counter() - begin_s
             done = end
-        record.at(done, q)
+        record.add_point(done, q)
         trace = {**self.figures(mdp, done, learning_s), **record.trace(lengths)}
         trace["steps"] = int(lengths.sum())
         return Solution(policy_of(model, mdp, greedy_rows(mdp, q)), trace=trace)
@@ -162,7 +178,121 @@ class EpisodicSolver(TabularSolver):
         )
 
 
-def greedy_rows(mdp: TabularMDP, q: NDArray[np.float64]) -> NDArray[np.int64]:
+class SarsaSolver(EpisodicSolver):
+    """Learn a policy for all states step by step, on policy, as in the paper's Table 2."""
+
+    name = "sarsa"
+
+    class Options(EpisodicOptions):
+        """The defaults are the parameters that the paper found best."""
+
+        expected: bool = Field(
+            default=False,
+            description="update towards the mean over the next actions instead of the one "
+            "taken [-]",
+        )
+
+    options: Options
+
+    def run_episodes(
+        self,
+        env: Environment,
+        schedule: Schedule,
+        begun: int,
+        q: Values,
+        stream: Stream,
+        lengths: Lengths,
+    ) -> None:
+        """Run episodes with the target r + gamma Q(s', a') of the next action taken."""
+        rule = EXPECTED_SARSA if self.options.expected else SARSA
+        episode_kernels.td_episodes(env, schedule, rule, begun, q, stream, lengths)
+
+
+class QLearningSolver(EpisodicSolver):
+    """Learn a policy for all states step by step, off policy (Watkins, 1989)."""
+
+    name = "q-learning"
+
+    class Options(FallingStepOptions):
+        """Targets do not depend on exploration, so steps are larger than SARSA's."""
+
+        epsilon: float = Field(
+            default=0.3,
+            ge=0.0,
+            le=1.0,
+            description="probability of a random action, in the first episode [-]",
+        )
+
+    options: Options
+
+    def run_episodes(
+        self,
+        env: Environment,
+        schedule: Schedule,
+        begun: int,
+        q: Values,
+        stream: Stream,
+        lengths: Lengths,
+    ) -> None:
+        """Run episodes with the target r + gamma max Q(s', a) over the next actions."""
+        episode_kernels.td_episodes(env, schedule, Q_LEARNING, begun, q, stream, lengths)
+
+
+class MonteCarloSolver(EpisodicSolver):
+    """Learn a policy for all states from whole episodes, first-visit with exploring starts.
+
+    With a mean over all returns, those of the first policies, which wander, would weigh as much
+    as the last ones; with constant exploration, returns would measure how well the robot recovers
+    from random actions. Both keep some states from their best action. Hence updates have a step
+    size, and both rates fall linearly.
+    """
+
+    name = "monte-carlo"
+
+    class Options(FallingStepOptions):
+        """The schedules are this project's, the rest is the paper's."""
+
+        epsilon_end: float | None = Field(
+            default=0.0,
+            ge=0.0,
+            le=1.0,
+            description="probability of a random action in the last episode, approached "
+            "linearly; null for epsilon [-]",
+        )
+        max_steps: int = Field(
+            default=200,
+            ge=1,
+            le=1_000_000,
+            description="steps after which an episode is cut off, so that returns of wandering "
+            "do not outweigh the rest [-]",
+        )
+
+    options: Options
+
+    def run_episodes(
+        self,
+        env: Environment,
+        schedule: Schedule,
+        begun: int,
+        q: Values,
+        stream: Stream,
+        lengths: Lengths,
+    ) -> None:
+        """Run episodes, each followed by updates towards the returns after first visits."""
+        episode_kernels.monte_carlo_episodes(
+            env,
+            schedule,
+            begun,
+            q,
+            np.full(len(q), -1, dtype=np.int64),
+            np.empty(schedule.max_steps, dtype=np.int64),
+            np.empty(schedule.max_steps),
+            stream,
+            lengths,
+        )
+
+
+def greedy_rows(mdp: TabularMDP, q: Values) -> NDArray[np.int64]:
     """Return the row of the largest value in every state; of equals the first, -1 for none.
 
     Parameters
@@ -179,12 +309,12 @@ def greedy_rows(mdp: TabularMDP, q: NDArray[np.float64]) -> NDArray[np.int64]:
         most = np.repeat(np.maximum.reduceat(q, mdp.rows[states]), choices[states])
         rows = np.flatnonzero(q == most)
         owners = np.repeat(states, choices[states])[rows]
-        chosen[owners[::-1]] = rows[::-1]  # of several the first is written last
+        chosen[owners[::-1]] = rows[::-1]  # of equals, the first is written last
     return chosen
 
 
 class _Record:
-    """The curves of one run: steps of the episodes and values in watched states."""
+    """Learning curves of a run: steps of the episodes, and values in watched states."""
 
     def __init__(self, model: SkillModel, mdp: TabularMDP, options: EpisodicOptions) -> None:
         points = min(options.record, options.episodes)
@@ -206,19 +336,19 @@ class _Record:
                     curve = curves[model.task.skills[mdp.actions[row]].name] = []
                     self._rows.append((curve, row))
 
-    def next_after(self, done: int) -> int:
-        """Return the episode at which the next point is due."""
+    def next_point(self, done: int) -> int:
+        """Return the episode of the next point."""
         return next((mark for mark in self._marks if mark > done), done + _CHUNK)
 
-    def at(self, done: int, q: NDArray[np.float64]) -> None:
-        """Keep the values, where a point is due after so many episodes."""
+    def add_point(self, done: int, q: Values) -> None:
+        """Keep the values if there is a point after so many episodes."""
         if done in self._marks and done not in self._episodes:
             self._episodes.append(done)
             for curve, row in self._rows:
                 curve.append(float(q[row]))
 
-    def trace(self, lengths: NDArray[np.int64]) -> dict[str, Any]:
-        """Return the curves; the steps are means over the episodes since the point before."""
+    def trace(self, lengths: Lengths) -> dict[str, Any]:
+        """Return the curves; steps are means over the episodes since the previous point."""
         if not self._marks:
             return {}
         bounds = [0, *self._episodes]
