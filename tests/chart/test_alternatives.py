@@ -12,7 +12,7 @@ from skillplan.chart import derive_chart, simplest
 from skillplan.checks import Feasibility
 from skillplan.errors import NotASequencing
 from skillplan.model import SequencingProblem
-from skillplan.records import chart_document
+from skillplan.records import make_chart_document
 from skillplan.solvers import AutoSolver, ExactSolver
 from skillplan.views.tables import chart_table
 from way_boards import CLOSED, closing, drawer_task
@@ -44,7 +44,7 @@ def test_the_chart_prints_the_alternatives():
     expected = "place(drawer) leaves a choice: drawer before left, or drawer before right"
     assert expected in table.notes
     assert not any("which no order of parts" in note for note in table.notes)
-    (choice,) = chart_document(chart, task, ["closing"])["alternatives"]
+    (choice,) = make_chart_document(chart, task, ["closing"])["alternatives"]
     assert choice["any_of"] == [
         [{"before": "drawer", "after": "left"}],
         [{"before": "drawer", "after": "right"}],

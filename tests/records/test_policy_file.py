@@ -9,7 +9,7 @@ import pytest
 from skillplan.errors import OptionError
 from skillplan.model import roll_out
 from skillplan.pipeline import make_model, solve
-from skillplan.records import policy_document, read_policy, start_state
+from skillplan.records import make_policy_document, read_policy, read_start_state
 from skillplan.records.stored import policy_file
 from skillplan.solvers import Policy
 from skillplan_swarmitfix import BaseGrounding, Bench
@@ -32,7 +32,7 @@ def learned(task):
 
 @pytest.fixture
 def document(task, learned):
-    made = policy_document(HASH, "policy-iteration", [(task, learned)])
+    made = make_policy_document(HASH, "policy-iteration", [(task, learned)])
     assert made is not None
     return made
 
@@ -52,8 +52,8 @@ class TestWriting:
         assert set(entry["choices"].values()) <= {skill.name for skill in task.skills}
 
     def test_a_solver_that_gives_a_plan_has_none(self, task, learned):
-        assert policy_document(HASH, "exact", [(task, solve(task))]) is None
-        assert policy_document(HASH, "exact", [(task, replace(learned, policy=None))]) is None
+        assert make_policy_document(HASH, "exact", [(task, solve(task))]) is None
+        assert make_policy_document(HASH, "exact", [(task, replace(learned, policy=None))]) is None
 
 
 class TestReading:
@@ -69,7 +69,7 @@ class TestReading:
         """Without planning: from C20 as few swings as exact search takes."""
         path.write_text(json.dumps(document))
         stored = read_policy(str(path), task)
-        elsewhere = task.replace(initial=start_state(task, "C20"), sha256=HASH)
+        elsewhere = task.replace(initial=read_start_state(task, "C20"), sha256=HASH)
         skills = roll_out(make_model(elsewhere), stored.policy.get)
         assert solve(elsewhere).cost == len(skills)
 
@@ -172,11 +172,15 @@ class TestReading:
 
 class TestStart:
     def test_it_is_a_place_or_a_fact(self, task):
-        assert task.facts.of("at(C20)") == start_state(task, "C20") == start_state(task, "at(C20)")
+        assert (
+            task.facts.of("at(C20)")
+            == read_start_state(task, "C20")
+            == read_start_state(task, "at(C20)")
+        )
 
     def test_several_facts_stand_between_commas(self, board_task):
         facts = list(board_task.initial)
-        assert board_task.initial == start_state(board_task, " , ".join(facts))
+        assert board_task.initial == read_start_state(board_task, " , ".join(facts))
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -189,4 +193,4 @@ class TestStart:
     )
     def test_what_is_no_start_is_told(self, text, message, task):
         with pytest.raises(OptionError, match=message):
-            start_state(task, text)
+            read_start_state(task, text)

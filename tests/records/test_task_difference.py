@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from situations import CONFIGS
 from skillplan.pipeline import load_problem
-from skillplan.records import MISSING, Difference, differences, resolved_config, what_changed
+from skillplan.records import MISSING, Difference, describe_changes, differences, resolve_config
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
@@ -63,8 +63,8 @@ def test_a_key_that_is_missing_is_no_key_that_is_null():
 def test_of_a_file_what_was_set_is_what_changed():
     path = CONFIGS / "inverter_board.yaml"
     changes = {"parts.pcb.mass_kg": "0.5", "step_limit": "33"}
-    was, now = (resolved_config(load_problem(path, None, some)) for some in ({}, changes))
-    told = what_changed(was, now)
+    was, now = (resolve_config(load_problem(path, None, some)) for some in ({}, changes))
+    told = describe_changes(was, now)
     assert "parts.pcb.mass_kg: " in told
     assert "step_limit: 20 there, 33 now" in told
     assert 1 == told.count("; ")
@@ -73,12 +73,12 @@ def test_of_a_file_what_was_set_is_what_changed():
 def test_what_does_not_make_another_task_is_not_named():
     path = CONFIGS / "inverter_board.yaml"
     was, now = (
-        resolved_config(load_problem(path, None, some)) for some in ({}, {"description": "other"})
+        resolve_config(load_problem(path, None, some)) for some in ({}, {"description": "other"})
     )
-    assert "nothing that its file says" == what_changed(was, now)
+    assert "nothing that its file says" == describe_changes(was, now)
 
 
 def test_many_differences_are_counted():
-    told = what_changed({str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3)
+    told = describe_changes({str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3)
     assert told.endswith("; and 17 more")
     assert 3 == told.count(" there, ")

@@ -30,7 +30,7 @@ from skillplan.records import (
     get_copy_name,
     get_group_path,
     get_run_path,
-    resolved_config,
+    resolve_config,
     write_network,
 )
 from skillplan.solvers import Episode, NetworkPolicy
@@ -130,9 +130,7 @@ def write_runs(
     )
     (path / MANIFEST).write_text(json_text("skillplan.run/1", manifest))
     (path / get_copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
-    (path / TASK_CONFIG).write_text(
-        json_text("skillplan.resolved-task/1", resolved_config(problem))
-    )
+    (path / TASK_CONFIG).write_text(json_text("skillplan.resolved-task/1", resolve_config(problem)))
     progress = GroupProgress(
         steps=steps if done is None else done,
         failures={},

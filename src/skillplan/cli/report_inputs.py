@@ -30,7 +30,7 @@ from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate
 from skillplan.records.execution.simulation import summarise_simulation
-from skillplan.records.stored.result_folder import is_result, result_path, run_folder
+from skillplan.records.stored.result_folder import find_result_path, find_run_folder, is_result
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.views.figures.precedence_graph import PrecedenceGraph, precedence_graph
@@ -91,7 +91,7 @@ class Reporter:
         BackEndError
             If a back end fails.
         """
-        folder = run_folder(path)
+        folder = find_run_folder(path)
         if folder is not None:
             from skillplan.cli.training_runs.figures import make_training_chapter
             from skillplan.records.training.run_folder import RunFolder
@@ -100,9 +100,9 @@ class Reporter:
             return make_training_chapter(RunFolder(folder), name, limit_s)
         if not is_result(path):
             return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
-        if _schema(result_path(path)) == schemas.COMPARISON:
+        if _schema(find_result_path(path)) == schemas.COMPARISON:
             return comparison_chapter(
-                read_document(result_path(path), schemas.COMPARISON, _REMEDY), name
+                read_document(find_result_path(path), schemas.COMPARISON, _REMEDY), name
             )
         return self._of_result(path, name)
 
@@ -123,7 +123,7 @@ class Reporter:
     def _of_result(self, path: str, name: str) -> Chapter:
         loaded = load_result(path, self.reading, self.back_ends)
         certificate = verify_before_showing(path, self.deadline.share_s(_SEARCH_SHARE))
-        document = read_document(result_path(path), schemas.RESULT, _REMEDY)
+        document = read_document(find_result_path(path), schemas.RESULT, _REMEDY)
         ways: tuple[str | None, ...] = ()
         if not loaded.stored.is_chain:
             if loaded.stored.cost is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_as_one
 from skillplan.files.folder import HeldFolder
-from skillplan.records.stored.result_folder import RESULT, leftovers
+from skillplan.records.stored.result_folder import RESULT, list_leftovers
 
 
 class ResultFolder(HeldFolder):
@@ -49,7 +49,7 @@ class ResultFolder(HeldFolder):
         write_folder(self.path, {**beside, RESULT: document})
 
     def _clear(self) -> None:
-        left = leftovers(self.path)
+        left = list_leftovers(self.path)
         if left is None:
             raise OptionError(f"--out {self.path}: is not empty. Name a new folder.")
         for path in left:

@@ -50,7 +50,7 @@ from skillplan.records.stored.result_file import (
     StoredResult,
     read_with_document,
 )
-from skillplan.records.stored.result_folder import POLICIES, file_beside
+from skillplan.records.stored.result_folder import POLICIES, find_file_beside
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
@@ -360,7 +360,7 @@ class _Check:
 
     def _expected(self, task: Task, model: SkillModel) -> PolicyValue | None:
         """Return the value of the stored policy, for a task with chance."""
-        path = file_beside(self.path, POLICIES)
+        path = find_file_beside(self.path, POLICIES)
         if task.deterministic or path is None:
             return None
         try:

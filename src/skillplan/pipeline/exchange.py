@@ -18,7 +18,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import CHART, DEFAULT_PHYSICS, Setup
 from skillplan.plugins.blame import blame
-from skillplan.records.stored.result_file import start_plan
+from skillplan.records.stored.result_file import read_start_plan
 from skillplan.solvers.solution import Plan
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -122,11 +122,11 @@ def read_start(text: str, problem: Problem, part: str | None) -> Plan:
     Raises
     ------
     OptionError
-        As in `start_plan` and `read_given_plan`.
+        As in `read_start_plan` and `read_given_plan`.
     """
     if text.strip().startswith("@") or ("," in text and not os.path.exists(text)):
         return Plan(tuple(skill.name for skill in read_given_plan(text, problem.part(part))))
-    return start_plan(text, problem, part)
+    return read_start_plan(text, problem, part)
 
 
 def read_given_plan(text: str, task: Task) -> tuple[Skill, ...]:

@@ -25,7 +25,12 @@ from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Origin, Result, Status
 from skillplan.records.stored.policy_file import fingerprint, read_policies
 from skillplan.records.stored.result_file import StoredClaims, StoredPart, StoredResult
-from skillplan.records.stored.result_folder import POLICIES, RESULT, file_beside, result_path
+from skillplan.records.stored.result_folder import (
+    POLICIES,
+    RESULT,
+    find_file_beside,
+    find_result_path,
+)
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -499,9 +504,9 @@ class RecordCheck:
 
     def _table_claims(self, tables: Mapping[str, str]) -> Iterator[Claim]:
         for name, text in tables.items():
-            path = file_beside(self._path, name)
+            path = find_file_beside(self._path, name)
             if path is None:
-                if result_path(self._path).name == RESULT:
+                if find_result_path(self._path).name == RESULT:
                     yield Claim(name, Outcome.NOT_CHECKED, MISSING, ARITHMETIC)
                 continue
             try:
@@ -524,7 +529,7 @@ class RecordCheck:
             yield Claim(POLICIES, Outcome.NOT_CHECKED, MISSING, ARITHMETIC)
 
     def _policy_claims(self, replayed: Mapping[str, Replayed]) -> Iterator[Claim]:
-        path = file_beside(self._path, POLICIES)
+        path = find_file_beside(self._path, POLICIES)
         if path is None:
             yield from self._missing_policies(replayed)
             return

@@ -34,10 +34,10 @@ from skillplan.records.stored.result_file import (
     StoredClaims,
     StoredPart,
     StoredResult,
-    other_task,
+    describe_other_task,
     read_result,
 )
-from skillplan.records.stored.result_folder import policies_path, result_path
+from skillplan.records.stored.result_folder import find_policies_path, find_result_path
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task.back_end import RemovedDwell
@@ -120,8 +120,8 @@ def load_origin(
     queried, former = list_back_ends(origin), stored.dwells_from is None
     with nullcontext() if named else unquoted(path, origin.file):
         problem = load_problem(origin.file, queried, origin.changes, former=former)
-    is_quotable = named or is_near(origin.file, result_path(path).parent)
-    difference = other_task(stored, problem, quoted=is_quotable)
+    is_quotable = named or is_near(origin.file, find_result_path(path).parent)
+    difference = describe_other_task(stored, problem, quoted=is_quotable)
     if difference is not None and former:
         was_solved = _with_former_defaults(stored, origin, problem)
         if was_solved is not None:
@@ -133,7 +133,7 @@ def load_origin(
         # The user changes something, so compare the file without changes with the solved task.
         with unquoted(path, origin.file):
             was = load_problem(origin.file, queried, before, former=former)
-        if other_task(stored, was) is None:
+        if describe_other_task(stored, was) is None:
             return problem, difference
     raise OptionError(f"{path}: is of another task: {difference}. Name its own by --task.")
 
@@ -151,7 +151,7 @@ def _with_former_defaults(stored: StoredResult, origin: Origin, problem: Problem
     except TaskError:
         # The file has a key that excludes the default.
         return None
-    return former if other_task(stored, former) is None else None
+    return former if describe_other_task(stored, former) is None else None
 
 
 def find_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
@@ -183,7 +183,7 @@ def find_origin(path: str, stored: StoredResult, task_file: str | None) -> Origi
         origin = Origin(task_file, part, {}, stored.physics, collision)
     if task_file is not None:
         return replace(origin, file=task_file)
-    folder = result_path(path).parent
+    folder = find_result_path(path).parent
     for candidate in (Path(origin.file), folder / origin.file, folder / Path(origin.file).name):
         if is_regular(candidate):
             return replace(origin, file=str(candidate))
@@ -549,9 +549,9 @@ class LoadedResult:
 
     def _policy(self, task: Task) -> Policy | None:
         """Return the stored policy for the task, or None."""
-        folder = str(result_path(self.path).parent)
+        folder = str(find_result_path(self.path).parent)
         with suppress(OptionError):
-            return read_policy(policies_path(folder), task, within=folder).policy
+            return read_policy(find_policies_path(folder), task, within=folder).policy
         return None
 
 

@@ -16,16 +16,16 @@ from .interval import mean as mean
 from .interval import share as share
 from .interval import t_quantile as t_quantile
 from .questions import DerivedOrder as DerivedOrder
-from .questions import chart_document as chart_document
+from .questions import make_chart_document as make_chart_document
 from .result import Origin as Origin
 from .result import Result as Result
 from .result import SimulationOutcome as SimulationOutcome
 from .result import Status as Status
 from .result import tolerance as tolerance
 from .stored.policy_file import fingerprint as fingerprint
-from .stored.policy_file import policy_document as policy_document
+from .stored.policy_file import make_policy_document as make_policy_document
 from .stored.policy_file import read_policy as read_policy
-from .stored.policy_file import start_state as start_state
+from .stored.policy_file import read_start_state as read_start_state
 from .stored.result_file import StoredClaims as StoredClaims
 from .stored.result_folder import MANIFEST as MANIFEST
 from .stored.result_folder import check_finished as check_finished
@@ -46,9 +46,9 @@ from .sweep.result import SweepResult as SweepResult
 from .sweep.result import parse_record as parse_record
 from .task_difference import MISSING as MISSING
 from .task_difference import Difference as Difference
+from .task_difference import describe_changes as describe_changes
 from .task_difference import differences as differences
-from .task_difference import resolved_config as resolved_config
-from .task_difference import what_changed as what_changed
+from .task_difference import resolve_config as resolve_config
 from .training.network_policy_file import read_network as read_network
 from .training.network_policy_file import write_network as write_network
 from .training.published_runs import TABLE_III as TABLE_III
@@ -140,8 +140,8 @@ __all__ = [
     "TriedSetting",
     "Verdict",
     "analyse_shortfall",
-    "chart_document",
     "check_finished",
+    "describe_changes",
     "differences",
     "find_decisive",
     "fingerprint",
@@ -155,21 +155,21 @@ __all__ = [
     "is_relational",
     "is_run_folder",
     "list_wrong",
+    "make_chart_document",
     "make_detectors_document",
+    "make_policy_document",
     "mean",
     "parse_metrics",
     "parse_record",
-    "policy_document",
     "read_metrics",
     "read_network",
     "read_policy",
-    "resolved_config",
+    "read_start_state",
+    "resolve_config",
     "share",
-    "start_state",
     "summarise_training",
     "t_quantile",
     "tolerance",
-    "what_changed",
     "write_network",
     "write_relational",
 ]

@@ -1,4 +1,4 @@
-"""What is kept of verdicts, what became of a test of them, and what filling the cache came to."""
+"""Documents about kept verdicts: content of the cache, and results of testing and filling it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from skillplan.task.verdict import VerdictStatus
 
 @dataclass(frozen=True)
 class CacheSurvey:
-    """What is kept.
+    """The content of the cache.
 
     Parameters
     ----------
     folder
-        Where.
+        Folder of the cache.
     kept
-        The verdicts.
+        The kept verdicts.
     now_s
         The present time [s since 1970].
     others
-        How many files there are besides from which no verdict is read.
+        Number of other files in the folder, from which no verdict is read.
     task
-        The task whose back ends would use them all; None where all there is was looked at.
+        The task whose back ends would use the verdicts; None for all tasks.
     """
 
     folder: Path
@@ -40,10 +40,10 @@ class CacheSurvey:
     task: Task | None = None
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return what is kept by back end and task, as JSON values; ages in seconds."""
+        """Return the verdicts by back end and task, as JSON values; ages in seconds."""
         groups: dict[tuple[str, str], list[KeptVerdict]] = {}
-        for one in self.kept:
-            groups.setdefault((one.record.back_end, one.record.task), []).append(one)
+        for verdict in self.kept:
+            groups.setdefault((verdict.record.back_end, verdict.record.task), []).append(verdict)
         return [
             {
                 "back_end": back_end,
@@ -51,10 +51,10 @@ class CacheSurvey:
                 "verdicts": len(group),
                 "feasible": _count(group, VerdictStatus.FEASIBLE),
                 "infeasible": _count(group, VerdictStatus.INFEASIBLE),
-                "size_bytes": sum(one.size_bytes for one in group),
-                "newest_s": max(0.0, self.now_s - max(one.modified_s for one in group)),
-                "oldest_s": max(0.0, self.now_s - min(one.modified_s for one in group)),
-                "took_s": sum(one.record.took_s for one in group),
+                "size_bytes": sum(verdict.size_bytes for verdict in group),
+                "newest_s": max(0.0, self.now_s - max(verdict.modified_s for verdict in group)),
+                "oldest_s": max(0.0, self.now_s - min(verdict.modified_s for verdict in group)),
+                "took_s": sum(verdict.record.took_s for verdict in group),
             }
             for (back_end, task), group in sorted(groups.items())
         ]
@@ -67,7 +67,7 @@ class CacheSurvey:
             "folder": str(self.folder),
             "task": None if self.task is None else _named(self.task),
             "verdicts": len(self.kept),
-            "took_s": sum(one.record.took_s for one in self.kept),
+            "took_s": sum(verdict.record.took_s for verdict in self.kept),
             "unusable_files": self.others,
             "rows": self.rows(),
         }
@@ -75,26 +75,26 @@ class CacheSurvey:
 
 @dataclass(frozen=True)
 class CacheTest:
-    """What became of a test of kept verdicts.
+    """The result of a test of kept verdicts.
 
     Parameters
     ----------
     task
-        Whose verdicts.
+        The task of the verdicts.
     kept
-        How many there are to choose from.
+        Number of kept verdicts to choose from.
     trials
-        Those that were tried.
+        The verdicts that were computed again.
     seed
-        Governed the choice.
+        Seed of the choice.
     interrupted
-        Whether it was ended before all chosen were tried.
+        True if the test ended early.
     dropped
-        How many of those that are different have been removed.
+        Number of different verdicts that were removed.
     elsewhere
-        Whether they were tried in other states than they were made in.
+        True if the verdicts were computed in other states than before.
     nowhere_else
-        How many of those chosen apply in no other state that was found.
+        Number of chosen verdicts that apply in no other known state.
     """
 
     task: Task
@@ -108,7 +108,7 @@ class CacheTest:
 
     @property
     def different(self) -> list[Trial]:
-        """Those whose fresh verdict is another."""
+        """The trials with a different verdict."""
         return [trial for trial in self.trials if not trial.same]
 
     def document(self) -> dict[str, Any]:
@@ -144,20 +144,20 @@ class CacheTest:
 
 @dataclass(frozen=True)
 class CacheFilling:
-    """What checking everything came to.
+    """The result of checking everything.
 
     Parameters
     ----------
     task
-        What was checked.
+        The task.
     back_ends
-        Names of those queried.
+        Names of the back ends that were queried.
     counts
-        Of states, queries and checks.
+        Numbers of states, queries and checks.
     wall_s
-        Time it took [s].
+        Duration [s].
     folder
-        Where the verdicts are kept now; None where they are not.
+        Folder of the kept verdicts; None if they are not kept.
     """
 
     task: Task
@@ -188,7 +188,7 @@ class CacheFilling:
         }
 
 
-def clearing_document(folder: Path, task: str | None, removed: int) -> dict[str, Any]:
+def make_clearing_document(folder: Path, task: str | None, removed: int) -> dict[str, Any]:
     """Return the JSON document ``skillplan.cache/1`` of ``cache clear``."""
     return {
         "schema": schemas.CACHE,
@@ -208,4 +208,4 @@ def _said(status: VerdictStatus, reason: str) -> dict[str, str]:
 
 
 def _count(group: Sequence[KeptVerdict], status: VerdictStatus) -> int:
-    return sum(one.record.status is status for one in group)
+    return sum(verdict.record.status is status for verdict in group)

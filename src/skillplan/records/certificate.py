@@ -1,4 +1,4 @@
-"""What a checker found out about a result: claim by claim."""
+"""The outcome of a verification, claim by claim."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST_SHOWN = 3
 
 
 class Outcome(StrEnum):
-    """What became of checking a claim."""
+    """The outcome of checking a claim."""
 
     HOLDS = "holds"
     FAILS = "fails"
@@ -40,17 +40,17 @@ class Claim:
     Parameters
     ----------
     claim
-        What is claimed, as ``cost``; of a chain after the name of the task.
+        Name of the claim, such as ``cost``; for a chain after the name of the task.
     outcome
-        Whether it holds.
+        Outcome of the check.
     detail
-        The figures, or why it fails or was not checked.
+        The figures, or the reason why it fails or was not checked.
     method
-        How it was checked.
+        Method of the check.
     open
-        Whether the result may be confirmed although this claim was not checked.
+        True if the result may be confirmed although this claim was not checked.
     contradiction
-        Whether two proofs contradict each other: a result's, and that of another program.
+        True if a proof of another program contradicts the result's.
     """
 
     claim: str
@@ -76,10 +76,8 @@ class Asked:
 
     Parameters
     ----------
-    name, version
-        Its own.
     options
-        All of them, as JSON values.
+        All its options, as JSON values.
     """
 
     name: str
@@ -87,7 +85,7 @@ class Asked:
     options: Mapping[str, Any]
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the back end as JSON values."""
         return {"name": self.name, "version": self.version, "options": dict(self.options)}
 
 
@@ -100,17 +98,17 @@ class Certificate:
     file
         The result, as the user named it.
     name, kind, sha256
-        Its task.
+        The task of the result.
     claims
-        All of them, in the order of checking.
+        The claims, in the order of checking.
     asked
         The back ends that were queried.
     unchecked
-        Key of the result to why what stands there cannot be checked.
+        Key of the result to the reason why it cannot be checked.
     warm
-        Whether verdicts kept on disk were used.
+        True if verdicts kept on disk were used.
     not_checked
-        Sentences of the back ends about what they leave unchecked of the task.
+        Sentences of the back ends about unchecked properties of the task.
     origin
         The task file and the options that it was read with.
     """
@@ -128,7 +126,7 @@ class Certificate:
 
     @property
     def valid(self) -> bool:
-        """Whether no claim fails and every essential claim was checked."""
+        """True if no claim fails and every essential claim was checked."""
         return self.verdict is Verdict.VALID
 
     @property
@@ -155,7 +153,7 @@ class Certificate:
 
     @property
     def contradicted(self) -> bool:
-        """Whether a proof of another program contradicts a claim."""
+        """True if a proof of another program contradicts a claim."""
         return any(claim.contradiction for claim in self.claims)
 
     def unconfirmed_words(self) -> str:
@@ -176,7 +174,7 @@ class Certificate:
             "verdict": self.verdict.value,
             "valid": self.valid,
             "warm": self.warm,
-            "asked": [one.document() for one in self.asked],
+            "asked": [back_end.document() for back_end in self.asked],
             "not_checked": [
                 {"key": key, "reason": reason} for key, reason in self.unchecked.items()
             ],

@@ -1,4 +1,4 @@
-"""The referee's rows for a chain of tasks, and what they come to as a whole."""
+"""The results for a chain of tasks, and their sums for the whole chain."""
 
 from __future__ import annotations
 
@@ -24,17 +24,14 @@ _WEAKEST_FIRST = (
 
 @dataclass(frozen=True)
 class ChainPart:
-    """One task of a chain and what became of it.
+    """One task of a chain with its result.
 
     Parameters
     ----------
-    task, result
-        The task and the referee's row.
     optimum
-        The cost that exact search proved for this task; None where it was not run or found
-        no proof.
+        The cost that exact search proved for the task; None without a proof.
     reused
-        Whether a policy stored for an earlier task answered, without planning again.
+        True if a policy stored for an earlier task answered, without planning again.
     """
 
     task: Task
@@ -44,7 +41,7 @@ class ChainPart:
 
     @property
     def path(self) -> list[str]:
-        """The places from the start on; empty where the task is not one of walking."""
+        """The places from the start on; empty if the task is not about walking."""
         places = [place.name for place in self.task.places_in(self.task.initial)]
         if len(places) != 1 or self.result.cost is None:
             return []
@@ -52,7 +49,7 @@ class ChainPart:
 
     @property
     def ends(self) -> tuple[str | None, str | None]:
-        """The places where the task starts and where its goal is."""
+        """The places of start and goal."""
         first = [place.name for place in self.task.places_in(self.task.initial)]
         last = [place.name for place in self.task.places_in(self.task.goal.requires)]
         return (
@@ -62,11 +59,11 @@ class ChainPart:
 
     @property
     def keeps_policy(self) -> bool:
-        """Whether the part gave a policy of its own, which is saved beside the result."""
+        """True if the part has a new policy, which is saved with the result."""
         return self.result.policy is not None and not self.reused
 
     def document(self) -> dict[str, Any]:
-        """Return the part as JSON values: those of a result, and where it leads."""
+        """Return the part as JSON values: its result, and its start and goal."""
         start, goal = self.ends
         return {
             "name": self.task.name,
@@ -83,31 +80,29 @@ class ChainPart:
 
 @dataclass(frozen=True)
 class ChainResult:
-    """One solver on one chain.
+    """The result of one solver on one chain.
 
     Parameters
     ----------
     name, kind, sha256
-        The file's name and kind, and the hash of its content.
-    solver, seed
-        How it was solved.
+        Name and kind of the file, and the hash of its content.
     parts
-        At least one; where one was not solved, those after it are missing.
+        The solved tasks, at least one. If one was not solved, the tasks after it are missing.
     expected
-        How many parts there are in all.
+        Number of tasks in all.
     account
-        What the domain says beyond the plans.
+        Figures and sentences of the domain about the whole job.
     replans
-        How often the upper levels were planned again because a lower one had failed.
+        Number of times that the upper levels were planned again because a lower one had failed.
     broken
-        Why a stage could not be begun with what those before gave; empty where it could.
+        Reason why a stage could not begin with the plans before it; empty if it could.
     origin
-        The task file and how it was read; None where the tasks are from no file.
+        The task file and how it was read; None if the tasks are not from a file.
 
     Raises
     ------
     ValueError
-        If there is no part, or there are more than expected.
+        If there are no parts, or more than expected.
     """
 
     name: str
@@ -138,16 +133,16 @@ class ChainResult:
 
     @property
     def complete(self) -> bool:
-        """Whether every part is solved."""
+        """True if every part is solved."""
         solved = all(part.result.cost is not None for part in self.parts)
         return solved and len(self.parts) == self.expected
 
     @property
     def status(self) -> Status:
-        """What the referee grants the whole: no more than its weakest part."""
-        found = [part.result.status for part in self.parts]
+        """The status of the whole, which is that of its weakest part at best."""
+        statuses = [part.result.status for part in self.parts]
         for status in _WEAKEST_FIRST:
-            if status in found:
+            if status in statuses:
                 return status
         if not self.complete:
             return Status.UNSOLVED
@@ -164,12 +159,12 @@ class ChainResult:
 
     @property
     def back_end_failed(self) -> bool:
-        """Whether a part has failed by a back end."""
+        """True if a back end failed in a part."""
         return any(part.result.back_end_failed for part in self.parts)
 
     @property
     def reason(self) -> str:
-        """Why it is no better than the status says, and what to know before executing it."""
+        """The reason for the status, and what to know before executing the plan."""
         for part in self.parts:
             if part.result.cost is None:
                 return f"{part.task.name}: {part.result.reason}"
@@ -190,7 +185,7 @@ class ChainResult:
 
     @property
     def not_checked(self) -> tuple[str, ...]:
-        """Sentences about what back ends and file leave unchecked of any part, each once."""
+        """Sentences about unchecked properties of any part, each once."""
         sentences = chain.from_iterable(part.result.not_checked for part in self.parts)
         return tuple(dict.fromkeys((*self.account.not_checked, *sentences)))
 
@@ -208,10 +203,10 @@ class ChainResult:
 
     @property
     def lower_bound(self) -> float | None:
-        """No path through the main parts costs less, however the stages before are planned.
+        """No path through the main parts costs less, with any plans of the stages before.
 
-        None where stages before were planned and nothing is proved across them: other plans of
-        theirs, even of the same cost, may leave cheaper paths.
+        None if earlier stages were planned without a proof across them: other plans of these
+        stages, even of the same cost, may leave cheaper paths.
         """
         if not self.complete or self.account.lower_bound is not None:
             return self.account.lower_bound
@@ -228,7 +223,7 @@ class ChainResult:
 
     @property
     def bound_method(self) -> str:
-        """What proved the lower bound, in words; empty where there is none."""
+        """The method that proved the lower bound; empty without one."""
         if self.lower_bound is None:
             return ""
         if self.account.lower_bound is not None:
@@ -243,7 +238,7 @@ class ChainResult:
 
     @property
     def proved_by_level(self) -> bool:
-        """Whether every stage is proved to be the best, given the plans of those before."""
+        """True if every stage is proved to be optimal, given the plans of the stages before."""
         cost, bound = self.cost, self.bound_given
         if cost is None or bound is None or cost > bound + tolerance(cost):
             return False
@@ -251,7 +246,7 @@ class ChainResult:
 
     @property
     def gap(self) -> float | None:
-        """(cost - lower bound) / cost; None where either is missing."""
+        """(cost - lower bound) / cost; None if either is missing."""
         return relative_gap(self.cost, self.lower_bound)
 
     @property
@@ -280,7 +275,7 @@ class ChainResult:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the user stopped it."""
+        """True if the user stopped it."""
         return any(part.result.interrupted for part in self.parts)
 
     def document(self) -> dict[str, Any]:

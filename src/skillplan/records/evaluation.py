@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.model.replay import Replay
 from skillplan.records import schemas
-from skillplan.records.result import Result, Status, step_document
+from skillplan.records.result import Result, Status, make_step_document
 from skillplan.solvers.solution import deviation, relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -16,16 +16,16 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What became of a sequence.
+    """The outcome of a sequence.
 
     Parameters
     ----------
     task, skills
-        What was replayed.
+        The sequence and its task.
     walked
         The replay.
     best
-        What a solver found and proved on the same task, or None where none was run.
+        The result of a solver on the same task; None if none was run.
     """
 
     task: Task
@@ -35,23 +35,23 @@ class Evaluation:
 
     @property
     def optimum(self) -> float | None:
-        """The proved optimum; None where it is not proved."""
+        """The proved optimum; None without a proof."""
         best = self.best
         return best.cost if best is not None and best.status is Status.OPTIMAL else None
 
     @property
     def deviation(self) -> float | None:
-        """Excess over the proved optimum, as a fraction of it; None where either is missing."""
+        """Excess over the proved optimum, as a fraction of it; None if either is missing."""
         return deviation(self.walked.cost if self.walked.complete else None, self.optimum)
 
     @property
     def lower_bound(self) -> float | None:
-        """What any plan costs at least, as far as that was proved; None where nothing was."""
+        """The proved lower bound on the cost of all plans; None without one."""
         return None if self.best is None else self.best.lower_bound
 
     @property
     def gap(self) -> float | None:
-        """(cost - lower bound) / cost; None where the sequence is no plan, or nothing proved."""
+        """(cost - lower bound) / cost; None if the sequence is not a plan or has no bound."""
         cost = self.walked.cost if self.walked.complete else None
         return relative_gap(cost, self.lower_bound)
 
@@ -74,7 +74,7 @@ class Evaluation:
             "makespan_s": walked.duration_s,
             "reward": walked.total_reward,
             "actions": [task.action(skill) for skill in self.skills],
-            "steps": [step_document(step) for step in walked.steps],
+            "steps": [make_step_document(step) for step in walked.steps],
             "violations": [
                 {
                     "step": violation.step,
@@ -90,27 +90,27 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """What the task costs at least.
+    """A proved lower bound on the cost of a task, or the reason why there is none.
 
     Parameters
     ----------
     cost
-        In the task's metric, under chance expected; None where nothing was proved.
+        Cost in the task's metric, expected under chance; None if nothing was proved.
     actions
-        A sequence of that cost, by number; empty under chance, or where nothing was proved.
+        Action numbers of a sequence of that cost; empty under chance or without a proof.
     solver
-        Who proved it.
+        Name of the solver that proved it.
     reason
-        Why it is not proved; empty where it is.
+        Reason why it is not proved; empty if it is.
     wall_s
-        How long that took [s].
+        Duration of the proof [s].
     not_checked
-        What the back ends of the proof left unchecked, in sentences.
+        Sentences of the back ends about unchecked properties of the task.
 
     Raises
     ------
     ValueError
-        If there is a cost and a reason against it, or neither.
+        If both cost and reason are given, or neither.
     """
 
     cost: float | None = None

@@ -11,7 +11,7 @@ from typing import Any
 # Two-sided, 95 %.
 _TAIL = 0.975
 _NORMAL = statistics.NormalDist().inv_cdf(_TAIL)
-# Of a bootstrap: so many that another thousand changes no digit that is printed.
+# Number of resamples of a bootstrap; more of them change no printed digit.
 _RESAMPLES = 10_000
 
 
@@ -21,10 +21,8 @@ class Estimate:
 
     Parameters
     ----------
-    value
-        The figure.
     low, high
-        The interval; both None where too few runs give one.
+        The interval; None if there are too few runs.
 
     Raises
     ------
@@ -51,14 +49,14 @@ class Estimate:
 
 
 def share(count: int, total: int) -> Estimate | None:
-    """Return a share with its interval after Wilson (1927); None of nothing.
+    """Return a share with its interval after Wilson (1927); None for a total of 0.
 
-    Unlike the textbook's interval it does not shrink to a point where all or none count.
+    Unlike the textbook's interval it does not shrink to a point if all or none count.
 
     Parameters
     ----------
     count, total
-        How many of how many, 0 <= count <= total.
+        Numerator and denominator, 0 <= count <= total.
 
     Raises
     ------
@@ -79,7 +77,7 @@ def share(count: int, total: int) -> Estimate | None:
 
 
 def mean(values: Sequence[float]) -> Estimate | None:
-    """Return a mean with Student's t interval over independent runs; None of nothing.
+    """Return a mean with Student's t interval over independent runs; None without runs.
 
     One run gives no interval.
     """
@@ -102,7 +100,7 @@ def interquartile_mean(values: Sequence[float]) -> Estimate | None:
     """
     if not values:
         return None
-    # Here and not above: most figures need no arrays.
+    # Imported here because most figures need no arrays.
     import numpy as np
 
     count = len(values)
@@ -114,7 +112,7 @@ def interquartile_mean(values: Sequence[float]) -> Estimate | None:
     draws = np.random.Generator(np.random.PCG64(count)).integers(count, size=(_RESAMPLES, count))
     middles = np.sort(runs[draws], axis=1)[:, cut : count - cut].mean(axis=1)
     low, high = np.quantile(middles, [1 - _TAIL, _TAIL])
-    # Of few runs the interval of resamples may miss the figure itself.
+    # With few runs the interval of resamples may miss the figure itself.
     return Estimate(value, min(float(low), value), max(float(high), value))
 
 

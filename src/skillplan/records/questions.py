@@ -30,12 +30,10 @@ class Explanation:
 
     Parameters
     ----------
-    task, skill, state
-        What is explained.
     stages
-        One verdict a stage, cheapest first, also beyond the first that fails.
+        One verdict for each stage, cheapest first, including stages after the first failure.
     files
-        What was drawn of it, such as ``picture``, and where.
+        Kind of a drawn file, such as ``picture``, to its path.
     """
 
     task: Task
@@ -45,17 +43,17 @@ class Explanation:
     files: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def drawn(self, files: Mapping[str, str]) -> Explanation:
-        """Return the explanation with what was drawn of it."""
+        """Return the explanation with its drawn files."""
         return replace(self, files=files)
 
     @property
     def feasible(self) -> bool:
-        """Whether every stage passed."""
+        """True if every stage passed."""
         return all(verdict.is_feasible for verdict in self.stages)
 
     @property
     def prediction(self) -> Outcome:
-        """What the skill is predicted to change here."""
+        """The predicted changes by the skill."""
         skill = self.skill
         return (
             skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
@@ -63,7 +61,7 @@ class Explanation:
 
     @property
     def otherwise(self) -> tuple[Outcome, ...]:
-        """What may come of it here but is not predicted; empty where nothing is left to chance."""
+        """The outcomes that may happen but are not predicted; empty without chance."""
         skill = self.skill
         fits = not skill.cases or skill.case(self.state) is not None
         return skill.outcomes_in(self.state)[1:] if fits else ()
@@ -111,13 +109,13 @@ def explain(model: SkillModel, skill: Skill, state: State) -> Explanation:
     return Explanation(model.task, skill, state, tuple(model.feasibility.stages(skill, state)))
 
 
-def state_after(model: SkillModel, before: Sequence[Skill]) -> State:
-    """Return the state that a sequence leads to.
+def find_state_after(model: SkillModel, before: Sequence[Skill]) -> State:
+    """Return the state after a sequence.
 
     Raises
     ------
     OptionError
-        If the sequence cannot be executed; the message says where it fails.
+        If the sequence cannot be executed; the message names the step.
     """
     walked = replay(model, before)
     if not walked.feasible:
@@ -129,7 +127,9 @@ def state_after(model: SkillModel, before: Sequence[Skill]) -> State:
     return walked.state
 
 
-def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> dict[str, Any]:
+def make_chart_document(
+    chart: DerivedChart, task: Task, back_ends: Sequence[str]
+) -> dict[str, Any]:
     """Return the JSON document ``skillplan.chart/1``."""
     hand_made = chart.hand_made or ()
     return {
@@ -164,27 +164,27 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
 
 @dataclass(frozen=True)
 class DerivedOrder:
-    """The precedence relation that back ends leave to a task.
+    """The precedence relation that the back ends allow for a task.
 
     Parameters
     ----------
     task
-        The task's name.
+        Name of the task.
     back_ends
-        Names of those that were queried; empty where none was.
+        Names of the back ends that were queried; may be empty.
     pairs
-        How many pairs of components have an order.
+        Number of ordered pairs of components.
     cycle
-        Components that would have to come before each other, ending with the first; empty where
-        there is an order.
+        Components that would have to come before each other, ending with the first; empty without
+        a cycle.
     never
         Skills that are feasible in no state, with the reason.
     lines
-        Why there is no order, in words; empty where there is one, or a skill is never feasible.
+        Messages about a missing order; empty with an order, or if a skill is never feasible.
     not_derived
-        Of what no order is derived by itself, where no back end was queried.
+        Property of the task because of which no order was derived; empty if one was.
     contradictions
-        Pairs of the hand-made chart that contradict the derived order, in words.
+        Messages about pairs of the chart in the file that contradict the derived order.
     """
 
     task: str
@@ -197,7 +197,7 @@ class DerivedOrder:
     contradictions: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the order as JSON values."""
         return {
             "task": self.task,
             "back_ends": list(self.back_ends),
@@ -210,16 +210,16 @@ class DerivedOrder:
 
 @dataclass(frozen=True)
 class Preview:
-    """What ``check`` reports of a valid file besides its tasks.
+    """Results of ``check`` on a valid file, in addition to its tasks.
 
     Parameters
     ----------
     warnings
-        What is valid, but hardly meant or found out late, with its place in the file.
+        Messages with their place in the file.
     orders
-        For each task of which a relation can be derived.
+        One for each task of which an order can be derived.
     overview
-        What its kind has to show.
+        Properties that the kind of task shows.
     """
 
     warnings: tuple[str, ...] = ()
@@ -227,7 +227,7 @@ class Preview:
     overview: Overview = field(default_factory=Overview)
 
     def document(self) -> dict[str, Any]:
-        """Return the keys that it adds to ``skillplan.check/1``."""
+        """Return the additional keys of ``skillplan.check/1``."""
         return {
             **self.overview.document,
             "precedence": [order.document() for order in self.orders if order.back_ends],
@@ -242,13 +242,13 @@ class Checked:
     Parameters
     ----------
     problem
-        What was loaded.
+        The loaded file.
     back_ends
         Names of the back ends that each of its tasks will query.
     preview
-        What is known of it before anything is solved.
+        Results of the early checks.
     not_checked
-        Sentences of these back ends about what they leave unchecked.
+        Sentences of these back ends about unchecked properties.
     """
 
     problem: Problem
@@ -284,16 +284,16 @@ _MM_PER_M = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A straight move without end.
+    """A straight motion of unlimited length.
 
     Parameters
     ----------
     direction
         Unit vector in the world of the task.
     in_file
-        The same in the file of the product.
+        The same vector in the file of the product.
     obstacles
-        What is in its way, the nearest first; empty where it is free.
+        The parts that block it, the nearest first; empty if it is free.
     """
 
     direction: Point
@@ -303,22 +303,22 @@ class Way:
 
 @dataclass(frozen=True)
 class Freedom:
-    """The ways of one part among the parts that are in place.
+    """The directions of one part among the parts in place.
 
     Parameters
     ----------
     task
-        Of the product.
+        The task of the product.
     part
-        Its name in the task.
+        Name of the part in the task.
     present
         The other parts in place, in the order of the file.
     tolerance_m
-        Radius of the disc that has to be blocked before a pair is.
+        Radius of the disc that must be blocked to count [m].
     ways
-        In the order of the file.
+        The directions in the order of the file.
     files
-        What was drawn of it, such as ``picture``, and where.
+        Kind of a drawn file, such as ``picture``, to its path.
     """
 
     task: Task
@@ -329,22 +329,22 @@ class Freedom:
     files: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def drawn(self, files: Mapping[str, str]) -> Freedom:
-        """Return it with what was drawn of it."""
+        """Return the directions with their drawn files."""
         return replace(self, files=files)
 
     @property
     def free(self) -> bool:
-        """Whether at least one way is."""
+        """True if at least one direction is free."""
         return any(not way.obstacles for way in self.ways)
 
     @property
     def blockers(self) -> tuple[str, ...]:
-        """The parts that are in its way in some direction, each once."""
-        found = (obstacle.part for way in self.ways for obstacle in way.obstacles)
-        return tuple(dict.fromkeys(found))
+        """The parts that block a direction, each once."""
+        parts = (obstacle.part for way in self.ways for obstacle in way.obstacles)
+        return tuple(dict.fromkeys(parts))
 
     def document(self) -> dict[str, Any]:
-        """Return it as JSON; lengths are millimetres, directions and points the task's."""
+        """Return them as JSON; lengths in mm, directions and points in the world of the task."""
         return {
             "schema": schemas.FREEDOM,
             "task": {"name": self.task.name, "sha256": self.task.sha256},
@@ -374,21 +374,21 @@ class Freedom:
         }
 
 
-def freedom(
+def find_freedom(
     task: Task, relation: ProductRelation, part: str, state: State | None = None
 ) -> Freedom:
-    """Return in which directions a part is free.
+    """Return the directions in which a part is free.
 
     Parameters
     ----------
     task
-        That `relation` was read beside.
+        The task of the product.
     relation
-        Of the product.
+        Relation of the product, read from the folder of the task.
     part
-        Its name in the task.
+        Name of the part in the task.
     state
-        Whose parts are in place; None for the whole product.
+        State with the parts in place; None for the whole product.
 
     Raises
     ------
@@ -396,23 +396,27 @@ def freedom(
         If there is no such part.
     """
     name = relation.part(part)
-    others = (one for one in relation.parts if one != name)
-    present = tuple(other for other in others if state is None or in_place(task, other, state))
+    others = (other for other in relation.parts if other != name)
+    present = tuple(other for other in others if state is None or is_in_place(task, other, state))
     ways = tuple(
         Way(
             direction,
             in_file,
-            tuple(one for one in relation.obstacles.get((name, number), ()) if one.part in present),
+            tuple(
+                obstacle
+                for obstacle in relation.obstacles.get((name, number), ())
+                if obstacle.part in present
+            ),
         )
         for number, (direction, in_file) in enumerate(relation.directions)
     )
     return Freedom(task, name, present, relation.tolerance_m, ways)
 
 
-def in_place(task: Task, part: str, state: State) -> bool:
-    """Whether all that the goal says of a part holds in a state."""
-    wanted = [fact for fact in task.goal.requires if fact.endswith(f"({part})")]
-    return bool(wanted) and all(fact in state for fact in wanted)
+def is_in_place(task: Task, part: str, state: State) -> bool:
+    """Return whether the goal of a part is reached in a state."""
+    facts = [fact for fact in task.goal.requires if fact.endswith(f"({part})")]
+    return bool(facts) and all(fact in state for fact in facts)
 
 
 def _mm(length_m: float) -> float:

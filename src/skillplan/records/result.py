@@ -22,17 +22,17 @@ class Origin:
     Parameters
     ----------
     file
-        Its path as the user gave it.
+        Path as the user gave it.
     part
-        The task meant, of a file that describes a chain; None for the only one or all.
+        Name of one task of a chain; None for the only task or all.
     changes
-        Key path to YAML value: what the file was read as if it held.
+        Key path to YAML value; they override the file.
     physics, collision
-        Names of the back ends that the user chose; None and empty for the file's choice.
+        Names of the back ends that the user chose; None and empty for the choice of the file.
     options
         Plugin name to option values that the user gave.
     screening
-        Whether geometry was asked before anything was executed.
+        True if geometry was checked before anything was executed.
     """
 
     file: str
@@ -71,12 +71,11 @@ class Origin:
 
 
 class Status(StrEnum):
-    """What the referee grants.
+    """The verdict of the referee.
 
-    ``optimal``: a valid plan, proved to be the best. ``solved``: a valid plan.
-    ``infeasible``: proved that there is none. ``unsolved``: none found. ``refused``: the solver
-    does not serve such a task. ``wrong``: the solver claimed what does not hold. ``failed``: the
-    solver or a back end raised.
+    ``optimal``: a valid plan, proved to be the best. ``solved``: a valid plan. ``infeasible``: no
+    plan exists, proved. ``unsolved``: no plan was found. ``refused``: the solver does not serve the
+    task. ``wrong``: the solver made a false claim. ``failed``: the solver or a back end raised.
     """
 
     OPTIMAL = "optimal"
@@ -97,13 +96,13 @@ class SimulationOutcome:
     engine
         The physics engine.
     complete
-        Whether every skill succeeded and the goal was reached.
+        True if every skill succeeded and the goal was reached.
     failed_step
         Number of the first failed skill, from 1; None without one.
     skill
-        Its name.
+        Name of the first failed skill.
     reason
-        Why the simulation failed or ended early; empty if it is complete.
+        Reason why the simulation failed or ended early; empty if it is complete.
     """
 
     engine: str
@@ -125,46 +124,46 @@ class SimulationOutcome:
 
 @dataclass(frozen=True)
 class Result:
-    """One solver on one task, after the replay.
+    """The result of one solver on one task, graded by the referee.
 
     Parameters
     ----------
     task, kind, sha256
-        The task, its domain and the hash of its content.
+        Name and kind of the task, and the hash of its content.
     solver, seed, physics, collision
-        How it was solved.
+        Solver and back ends.
     status
-        What the referee grants.
+        The verdict of the referee.
     cost, cost_unit
-        Of the replayed plan, or expected under the policy; None without one.
+        Cost of the replayed plan, or expected cost of the policy; None without one.
     lower_bound
-        No plan costs less; None where nothing was proved.
+        No plan costs less; None if nothing was proved.
     bound_method
-        What proved the bound, in words; empty where there is none.
+        The method that proved the bound; empty without one.
     steps
         The replayed plan.
     makespan_s
-        Its duration [s].
+        Duration of the plan [s].
     reason
-        Why it is no better than the status says; empty for an optimal plan.
+        Reason for the status; empty for an optimal plan.
     timed_by
-        The back ends that tell how long skills take; empty where the task's own figures count.
+        Names of the back ends that plan times; empty for times of the task file.
     states, expanded, checks, cache_hits, trajectories, wall_s
-        How often the solver queried the model, and how long it took [s], the referee not counted.
+        Effort of the solver, and its duration [s] without the referee.
     trace
         Figures of the search.
     policy
-        The policy that the plan follows; None where the solver gave a plan.
+        The policy behind the plan; None if the solver gave a plan.
     origin
-        The task file and how it was read; None where the task is from no file.
+        The task file and how it was read; None if the task is not from a file.
     back_end_failed
-        Whether it has failed by a back end, and by no fault of the solver's.
+        True if a back end failed, and not the solver.
     not_checked
-        Sentences of the back ends about what they leave unchecked of the task.
+        Sentences of the back ends about unchecked properties of the task.
     simulation
         Outcome of a simulation of the whole plan; None if it was not simulated.
     dwells_from
-        Key paths of the task file that the dwell times are from.
+        Key paths of the dwell times in the task file.
 
     Raises
     ------
@@ -223,7 +222,7 @@ class Result:
 
     @property
     def gap(self) -> float | None:
-        """(cost - lower bound) / cost; None where either is missing."""
+        """(cost - lower bound) / cost; None if either is missing."""
         return relative_gap(self.cost, self.lower_bound)
 
     @property
@@ -271,7 +270,7 @@ class Result:
             "dwells_from": list(self.dwells_from),
             "skills": [step.skill for step in self.steps],
             "actions": [step.action for step in self.steps],
-            "steps": [step_document(step) for step in self.steps],
+            "steps": [make_step_document(step) for step in self.steps],
             "stats": {
                 "states": self.states,
                 "expanded": self.expanded,
@@ -285,8 +284,8 @@ class Result:
         }
 
 
-def step_document(step: Step) -> dict[str, Any]:
-    """Return a step as JSON values; the way only of a skill that has several."""
+def make_step_document(step: Step) -> dict[str, Any]:
+    """Return a step as JSON values, with the variant if the skill has several."""
     return {
         "index": step.index,
         "skill": step.skill,
@@ -300,5 +299,5 @@ def step_document(step: Step) -> dict[str, Any]:
 
 
 def tolerance(cost: float) -> float:
-    """Return how far two computations of a cost may differ by rounding."""
+    """Return the difference by which rounding may change a cost."""
     return 1e-9 * max(1.0, abs(cost))

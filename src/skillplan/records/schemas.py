@@ -1,13 +1,13 @@
-"""The names and versions of all documents and files; a name is written here and nowhere else.
+"""The names and versions of all documents and files.
 
-Keys may be added to a document, never renamed or removed: that takes a new version.
+Keys may be added to a document, but renaming or removing one takes a new version.
 """
 
 from __future__ import annotations
 
-# The store of verdicts lies on a lower floor, which may not import this one.
+# The verdict store is on a lower floor, which must not import this one.
 
-# What commands print with --format json, and save.
+# Documents that commands print with --format json and save.
 AGREEMENT = "skillplan.agreement/1"
 CACHE = "skillplan.cache/1"
 CHART = "skillplan.chart/1"
@@ -29,7 +29,7 @@ TRAINING = "skillplan.training/1"
 TRAININGS = "skillplan.trainings/1"
 VERIFICATION = "skillplan.verification/1"
 
-# Files of their own: policies, and what stands in the folder of a training or a study.
+# Files: policies, and the content of the folder of a training or a study.
 CHECKPOINT = "skillplan.checkpoint/1"
 NETWORK_POLICY = "skillplan.network-policy/1"
 POLICY = "skillplan.policy/1"

@@ -1,4 +1,4 @@
-"""What differs between two task files, key by key: what a policy was learned on, and another."""
+"""Differences between two task files, key by key."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from skillplan.domains.load import Problem
 from skillplan.errors import format_path
 
-# A value is shown up to so many characters.
+# Maximum number of characters of a value.
 _MOST_CHARACTERS = 60
-# What a reader of the task may change without making it another task is not compared.
+# Keys whose changes do not make another task.
 _NOT_COMPARED = ("description", "expect", "family")
 
 
 class _Missing:
-    """Stands where a key is not there."""
+    """The value of a missing key."""
 
     def __repr__(self) -> str:
         return "nothing"
@@ -36,7 +36,7 @@ class Difference:
     path
         The key path, such as ``parts.pcb.goal_m[0]``.
     was, now
-        Its JSON values; `MISSING` where a side lacks the key.
+        The JSON values; `MISSING` for a missing key.
     """
 
     path: str
@@ -47,8 +47,8 @@ class Difference:
         return f"{self.path}: {_text(self.was)} there, {_text(self.now)} now"
 
 
-def resolved_config(problem: Problem) -> dict[str, Any]:
-    """Return the content of a task file as its schema reads it, defaults included; JSON values."""
+def resolve_config(problem: Problem) -> dict[str, Any]:
+    """Return the content of a task file with all defaults, as JSON values."""
     content: dict[str, Any] = problem.config.model_dump(mode="json")
     return content
 
@@ -61,32 +61,32 @@ def differences(was: Any, now: Any) -> list[Difference]:
     return list(_found((), was, now))
 
 
-def what_changed(was: Mapping[str, Any], now: Mapping[str, Any], most: int = 8) -> str:
-    """Return the differences between two task files in a line, at most so many.
+def describe_changes(was: Mapping[str, Any], now: Mapping[str, Any], most: int = 8) -> str:
+    """Return a line about the differences between two task files.
 
     Parameters
     ----------
     was, now
-        What `resolved_config` returned.
+        Contents from `resolve_config`.
     most
-        How many are named, >= 1.
+        Maximum number of differences that are named, >= 1.
     """
-    pruned = [{k: v for k, v in one.items() if k not in _NOT_COMPARED} for one in (was, now)]
-    found = differences(*pruned)
-    if not found:
+    pruned = [{k: v for k, v in config.items() if k not in _NOT_COMPARED} for config in (was, now)]
+    changed = differences(*pruned)
+    if not changed:
         return "nothing that its file says"
-    rest = f"; and {len(found) - most} more" if len(found) > most else ""
-    return "; ".join(str(one) for one in found[:most]) + rest
+    rest = f"; and {len(changed) - most} more" if len(changed) > most else ""
+    return "; ".join(str(config) for config in changed[:most]) + rest
 
 
 def _found(path: tuple[str | int, ...], was: Any, now: Any) -> list[Difference]:
     if isinstance(was, Mapping) and isinstance(now, Mapping):
         keys = dict.fromkeys([*was, *now])
         pairs = [(key, was.get(key, MISSING), now.get(key, MISSING)) for key in keys]
-        return [one for key, *both in pairs for one in _found((*path, key), *both)]
+        return [change for key, *both in pairs for change in _found((*path, key), *both)]
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
         both_at = enumerate(zip(was, now, strict=True))
-        return [one for index, both in both_at for one in _found((*path, index), *both)]
+        return [change for index, both in both_at for change in _found((*path, index), *both)]
     if type(was) is type(now) and was == now:
         return []
     return [Difference(format_path(path) or "the file", was, now)]

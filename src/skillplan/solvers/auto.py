@@ -1,4 +1,4 @@
-"""Automatic choice of a solver: tries what suits a model and says which and why.
+"""Automatic choice of a solver, with the reason for the choice.
 
 Nothing heavy is imported before exact search has failed to prove its optimum quickly, so that
 small boards are solved at once.
@@ -17,14 +17,14 @@ from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task import back_end
 
-# Up to so many operations exact search is tried first, with at most so many labels.
+# Maximum numbers of operations and of labels for which exact search is tried first.
 _SMALL = 24
 _LABELS = 6_000
 
 # Solver for several agents that move at once.
 _FLEET = "fleet"
 
-# Where there are too many states for tables, replanning takes plans that are found much sooner.
+# With too many states for tables, replanning uses plans that are found much sooner.
 _WEIGHT = 1.2
 
 
@@ -35,10 +35,10 @@ class AutoSolver(Solver):
     polls = True
 
     class Options(back_end.Options):
-        """None: name a solver to set its options."""
+        """No options: name a solver to set its options."""
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Solve with what suits the model; the trace says under ``choice`` what and why."""
+        """Solve with a solver that suits the model; ``choice`` in the trace gives the reason."""
         if not model.task.deterministic:
             from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 
@@ -49,11 +49,11 @@ class AutoSolver(Solver):
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
         small = len(model.task.operations) <= _SMALL
         if small:
-            solution = self._try_exact(model, seed)
-            if solution.proved or self.stop():
-                return _because(solution, "exact, as it is small")
+            trial = self._try_exact(model, seed)
+            if trial.proved or self.stop():
+                return _because(trial, "exact, as it is small")
         else:
-            solution = Solution()
+            trial = Solution()
         from skillplan.solvers.ordering.solver import PortfolioSolver
 
         portfolio = PortfolioSolver(stop=self.stop)
@@ -63,22 +63,22 @@ class AutoSolver(Solver):
         except NotASequencing as error:
             fleet = self._fleet()
             if fleet is not None and fleet.refuses(model) is None:
-                found = self._by(fleet, model, seed, "fleet, as several agents move at once")
-                return _with_bound(found, solution)
+                solution = self._by(fleet, model, seed, "fleet, as several agents move at once")
+                return _with_bound(solution, trial)
             return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
         after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
-        found = portfolio.solve(model, seed=seed)
-        found = _with_bound(found, solution)
-        found = _because(found, f"portfolio, as it puts jobs into an order; {after}")
-        if found.plan is None and not found.proved and not self.stop():
-            # Every order found has too many skills; only exact search knows the step limit.
+        solution = portfolio.solve(model, seed=seed)
+        solution = _with_bound(solution, trial)
+        solution = _because(solution, f"portfolio, as it puts jobs into an order; {after}")
+        if solution.plan is None and not solution.proved and not self.stop():
+            # Every order has too many skills; only exact search knows the step limit.
             return self._by(
                 ExactSolver(stop=self.stop), model, seed, "exact, as the step limit binds"
             )
-        return found
+        return solution
 
     def _beyond_tables(self, model: SkillModel, seed: int, refusal: str) -> Solution:
-        """Solve under chance where there are too many states for tables."""
+        """Solve a task under chance that has too many states for tables."""
         from skillplan.solvers.chance.job_values_solver import JobValuesSolver
         from skillplan.solvers.chance.replan import ReplanSolver
 
@@ -125,7 +125,7 @@ class Trial(Stop):
         self.best = whole.best
 
     def __call__(self) -> bool:
-        """Whether the trial has ended, or the whole search is to stop."""
+        """Return whether the trial has ended, or the whole search is to stop."""
         return super().__call__() or self._whole()
 
     def incumbent(self, plan: Plan) -> None:
@@ -139,12 +139,12 @@ class Trial(Stop):
         self._whole.bound(lower_bound, nodes)
 
 
-def _with_bound(found: Solution, trial: Solution) -> Solution:
-    """Return a solution with the better of its own bound and that of the trial."""
-    if trial.lower_bound is None or trial.lower_bound <= (found.lower_bound or 0.0):
-        return found
+def _with_bound(solution: Solution, trial: Solution) -> Solution:
+    """Return a solution with the better of its own bound and the bound of the trial."""
+    if trial.lower_bound is None or trial.lower_bound <= (solution.lower_bound or 0.0):
+        return solution
     method = {"bound_method": trial.trace["bound_method"]}
-    return replace(found, lower_bound=trial.lower_bound, trace={**found.trace, **method})
+    return replace(solution, lower_bound=trial.lower_bound, trace={**solution.trace, **method})
 
 
 def _because(solution: Solution, why: str) -> Solution:

@@ -21,7 +21,7 @@ class Plan:
     skills
         Names, in order.
     cost
-        What the solver claims it costs; the referee checks it. None for no claim.
+        Claimed cost, which the referee checks; None for no claim.
 
     Raises
     ------
@@ -41,13 +41,7 @@ class Plan:
 
 
 class Policy(Mapping[State, Skill]):
-    """A mapping from states to skills; not every state need be in it.
-
-    Parameters
-    ----------
-    choices
-        The skill to take in a state.
-    """
+    """A mapping from states to skills, which need not cover every state."""
 
     def __init__(self, choices: Mapping[State, Skill]) -> None:
         self._choices = dict(choices)
@@ -67,18 +61,18 @@ class Policy(Mapping[State, Skill]):
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver found and what it claims to have proved.
+    """The answer of a solver and its claims.
 
     Parameters
     ----------
     found
-        A plan, a policy (any mapping from states to skills), or None where nothing was found.
+        A plan, a policy (any mapping from states to skills), or None.
     lower_bound
         Claimed lower bound on the cost of every plan; None for no claim.
     proved
-        Whether a plan is claimed to be optimal or, without a plan, that there is none.
+        True if a plan is claimed to be optimal or, without a plan, that none exists.
     trace
-        Figures of the search worth showing, JSON values only.
+        Figures of the search, JSON values only.
 
     Raises
     ------
@@ -109,20 +103,20 @@ class Solution:
         fault = json_fault(trace)
         if fault is not None:
             raise ValueError(f"its trace is not JSON: {fault}")
-        found = self.found
-        if isinstance(found, Plan):
-            found = Plan(found.skills, _plain_number(found.cost, "cost"))
+        answer = self.found
+        if isinstance(answer, Plan):
+            answer = Plan(answer.skills, _plain_number(answer.cost, "cost"))
         bound = _plain_number(self.lower_bound, "lower bound")
-        return Solution(found, bound, self.proved, trace)
+        return Solution(answer, bound, self.proved, trace)
 
     @property
     def plan(self) -> Plan | None:
-        """The plan, where there is one."""
+        """The plan, if there is one."""
         return self.found if isinstance(self.found, Plan) else None
 
     @property
     def policy(self) -> Mapping[State, Skill] | None:
-        """The policy, where there is one."""
+        """The policy, if there is one."""
         return self.found if isinstance(self.found, Mapping) else None
 
 
@@ -139,7 +133,7 @@ _PROOF_GAP: Final = 1e-6
 
 
 def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
-    """Return (cost - lower bound) / cost, never below 0; None where either is missing."""
+    """Return (cost - lower bound) / cost, at least 0; None if either is missing."""
     if cost is None or lower_bound is None or not math.isfinite(lower_bound):
         return None
     if cost <= lower_bound or cost == 0:

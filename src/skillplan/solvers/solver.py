@@ -15,35 +15,33 @@ from skillplan.workers.executor import MakeExecutor
 
 
 class Solver(ABC):
-    """Finds a plan or a policy on a model.
+    """Base class of solvers: finds a plan or a policy on a model.
 
-    A solver sees nothing but the model: it never grades itself, and what it claims is
-    checked by the referee.
+    A solver sees only the model. The referee checks its claims.
 
     Parameters
     ----------
     options
         An instance of `Options`; None for the defaults.
     stop
-        When to stop; by default never.
+        Stopping criterion; never by default.
 
     Attributes
     ----------
     name
-        Kebab-case, as in the entry point.
+        Name in kebab case, as in the entry point.
     Options
-        A pydantic model whose fields carry range and description, so that the command line
+        A pydantic model whose fields have a range and a description, so that the command line
         lists, validates and explains them.
     stage
-        Of a chain of tasks the only stage that it searches, as ``goals``; None for all.
+        The only stage of a chain that it searches, such as ``goals``; None for all.
     polls
-        Whether it polls its stop. Under a limit of time or memory one that does not say so is run
-        in a process of its own, which is ended; one that does is spared the process.
+        True if it polls its stop. Under a limit of time or memory a solver that does not is run in
+        a process of its own, which can be ended.
     jobs
-        How many processes it may use at once, >= 1; 1 unless the user allows more. No answer
-        may be worse for being allowed more.
+        Number of processes it may use, >= 1. More processes must not give a worse answer.
     make_executor
-        Where those other processes are; None for this machine.
+        Returns the executor of these processes; None for this machine.
     """
 
     name: ClassVar[str]
@@ -59,7 +57,7 @@ class Solver(ABC):
 
     @property
     def replans(self) -> int:
-        """How often the stages before its own may be replanned, finer; 0 by default."""
+        """Number of times that the stages before its own may be replanned, finer; 0 by default."""
         return 0
 
     def refuses(self, model: SkillModel) -> str | None:
@@ -70,18 +68,18 @@ class Solver(ABC):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Search the model.
 
-        Poll ``self.stop()`` and return the best so far once it is true; hand every better
-        plan to ``self.stop.incumbent`` so that it survives an interruption.
+        Poll ``self.stop()`` and return the best so far once it is true. Pass every better plan to
+        ``self.stop.incumbent``, so that it survives an interruption.
 
         Parameters
         ----------
         model
-            The skill model; it queries back ends only for the transitions that are looked at.
+            The skill model, which queries back ends only for the transitions that are needed.
         seed
-            Governs all randomness: the same seed gives the same solution.
+            Seed of all random numbers: the same seed gives the same solution.
 
         Returns
         -------
         Solution
-            A plan or a policy, and what is claimed of it.
+            A plan or a policy, with its claims.
         """

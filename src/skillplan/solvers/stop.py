@@ -17,7 +17,7 @@ _GRACE_S = 1.0
 MEMORY_LIMIT = "memory limit"
 # Reading the resident size takes microseconds; a search allocates little in between.
 _MEMORY_EVERY_S = 0.01
-# Of the memory limit this part is kept for what follows the search: the plan and its replay.
+# Part of the memory limit that is reserved for the work after the search, such as the replay.
 _KEPT_MEMORY = 32
 # The speed of a search is measured over this time, so that it follows recent changes.
 _SPEED_OVER_S = 1.0
@@ -34,13 +34,13 @@ class Progress:
     lower_bound
         The best bound so far, or None.
     nodes
-        Nodes expanded or visited.
+        Number of nodes expanded or visited.
     queries
-        How far the queries to expensive back ends have come; None where there are none.
+        Number of queries to expensive back ends; None without such back ends.
     nodes_per_s
         Present speed of the search [nodes/s]; None until it is measured.
     decimals
-        How many decimals a cost of this task is printed with; None where that is not known.
+        Number of decimals of a printed cost; None if unknown.
     """
 
     best_cost: float | None
@@ -52,35 +52,34 @@ class Progress:
 
 
 def _rises(low: float, high: float) -> bool:
-    """Whether one figure exceeds another by more than rounding."""
+    """Return whether one figure exceeds another by more than rounding."""
     return high > low + 1e-9 * max(1.0, abs(low))
 
 
 class Stop:
-    """Decides when to stop; keeps the incumbent and the bound, on which that may depend.
+    """The stopping criterion of a search, with its incumbent and its bound.
 
     Parameters
     ----------
     time_limit_s
-        Stop after this time [s], > 0; None for no limit.
+        Time limit [s], > 0; None for none.
     gap
-        Stop once cost and bound are this close, as a fraction of the cost, in [0, 1].
+        Relative gap between cost and bound at which the search stops, in [0, 1].
     stall_s
-        Stop once there is a plan and neither its cost nor the bound has improved for this time
-        [s], > 0; None for no such limit.
+        Time without a better plan or bound after which the search stops [s], > 0; None for no
+        limit. It counts from the first plan.
     memory_limit_bytes
-        Stop before this process holds more memory [B], > 0; None for no limit. A solver that
-        allocates much at once calls `memory_left_bytes` before.
+        Limit of the memory of this process [B], > 0; None for none. A solver that allocates much
+        at once calls `memory_left_bytes` before.
     on_progress
-        Called with the progress whenever a plan, a bound or checks are reported.
+        Called with the progress when a plan, a bound or checks are reported.
 
     Attributes
     ----------
     best, lower_bound
-        What is known so far; None until then. Where a plan was given to start from, `best` is
-        that plan from the beginning.
+        The best plan and bound so far, or None. At first `best` is the plan to start from, if any.
     decimals
-        How many decimals a cost of this task is printed with; None where that is not known.
+        Number of decimals of a printed cost; None if unknown.
 
     Raises
     ------
@@ -124,7 +123,7 @@ class Stop:
         self._queries: CheckCount | None = None
 
     def __call__(self) -> bool:
-        """Whether to stop now; solvers poll this once in a while."""
+        """Return whether to stop now; solvers poll this."""
         if self._stopped_s is not None:
             return True
         now_s = time.monotonic()
@@ -160,13 +159,13 @@ class Stop:
 
     @property
     def left_s(self) -> float | None:
-        """How long the search may still take [s], None for no limit."""
+        """Time left for the search [s]; None for no limit."""
         if not math.isfinite(self._deadline_s):
             return None
         return max(1e-3, self._deadline_s - time.monotonic())
 
     def left(self) -> dict[str, Any]:
-        """Return what is left of the limits, as another stop takes them."""
+        """Return the remaining limits as keywords of another stop."""
         stalls = math.isfinite(self._stall_s)
         return {
             "time_limit_s": self.left_s,
@@ -180,7 +179,7 @@ class Stop:
         self.interrupted = True
 
     def listen(self, on_progress: Callable[[Progress], None]) -> None:
-        """Have a function called with the progress from now on, in the place of any other."""
+        """Call a function with the progress from now on, in place of any other."""
         self._on_progress = on_progress
 
     def end(self, reason: str) -> None:
@@ -190,7 +189,7 @@ class Stop:
             self._stopped_s = time.monotonic()
 
     def overdue(self) -> bool:
-        """Whether a solver has not stopped long after it should have."""
+        """Return whether a solver should have stopped long ago."""
         now_s = time.monotonic()
         if self._own_reason == MEMORY_LIMIT and self.memory_left_bytes() == 0:
             # Waiting any longer would take more memory.
@@ -206,13 +205,13 @@ class Stop:
 
     @property
     def memory_limit_bytes(self) -> int | None:
-        """The most memory that this process should hold [B]; None for no limit."""
+        """Limit of the memory of this process [B]; None for none."""
         return self._memory_limit_bytes
 
     def memory_left_bytes(self) -> int | None:
-        """Return how much memory may still be taken [B], >= 0.
+        """Return the memory that may still be allocated [B], >= 0.
 
-        None where there is no limit, or where the system does not report what is held.
+        None without a limit, or if the system does not report the size of a process.
         """
         if self._memory_limit_bytes is None:
             return None
@@ -221,17 +220,17 @@ class Stop:
 
     @property
     def limited(self) -> bool:
-        """Whether there is a time limit, which an anytime solver may use up."""
+        """True if there is a time limit, which an anytime solver may use up."""
         return math.isfinite(self._deadline_s)
 
     @property
     def limits_effort(self) -> bool:
-        """Whether time or memory is limited, which is kept though a solver does not poll."""
+        """True if time or memory is limited, also for a solver that does not poll."""
         return self.limited or self._memory_limit_bytes is not None
 
     @property
     def reason(self) -> str | None:
-        """Why the search was stopped, or None while it was not."""
+        """Reason why the search was stopped; None if it was not."""
         if self._stopped_s is None:
             return None
         if self.interrupted:
@@ -263,7 +262,7 @@ class Stop:
         self._report()
 
     def checked(self, queries: CheckCount) -> None:
-        """Record how far the queries to expensive back ends have come, and report it."""
+        """Record the number of queries to expensive back ends, and report it."""
         self._queries = queries
         self._report()
 
@@ -274,7 +273,7 @@ class Stop:
         return gap is not None and gap <= self._gap
 
     def _memory_short(self, now_s: float) -> bool:
-        """Whether little memory is left; measured once in a while only."""
+        """Return whether little memory is left; it is measured only now and then."""
         if self._memory_limit_bytes is None or now_s < self._memory_due_s:
             return False
         self._memory_due_s = now_s + _MEMORY_EVERY_S
@@ -299,7 +298,7 @@ class _Speed:
         self._per_s: float | None = None
 
     def at(self, now_s: float, count: int) -> float | None:
-        """Record a count and return the rate [1/s], or None while there is none."""
+        """Record a count and return the rate [1/s]; None before the second measurement."""
         passed_s = now_s - self._since_s
         if passed_s >= _SPEED_OVER_S:
             self._per_s = max(0, count - self._count) / passed_s

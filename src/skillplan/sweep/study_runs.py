@@ -12,7 +12,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import SearchRequest, grade, open_warm_cache, search, solve
 from skillplan.plugins.blame import ends_program
 from skillplan.records.result import Result, Status
-from skillplan.records.stored.policy_file import start_state
+from skillplan.records.stored.policy_file import read_start_state
 from skillplan.records.sweep.result import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
@@ -82,7 +82,7 @@ def set_starts(task: Task, starts: list[str]) -> dict[str, Task]:
     states: dict[str, State] = {}
     for name in starts:
         try:
-            state = start_state(task, name.replace("+", ","))
+            state = read_start_state(task, name.replace("+", ","))
         except OptionError as error:
             raise OptionError(f"--starts {name}: {error}") from None
         if state in states.values():

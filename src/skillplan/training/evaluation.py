@@ -15,7 +15,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import make_model
 from skillplan.records.evaluation import Optimum
-from skillplan.records.task_difference import resolved_config, what_changed
+from skillplan.records.task_difference import describe_changes, resolve_config
 from skillplan.records.training.network_policy_file import StoredNetwork
 from skillplan.records.training.result import (
     GreedyRollOut,
@@ -64,7 +64,7 @@ def check_same_task(folder: RunFolder, problem: Problem, *, quoted: bool = True)
             f"--task {folder.task_copy} takes the learned one; --task {problem.source} shows the "
             "changes."
         )
-    changed = what_changed(folder.config, resolved_config(problem))
+    changed = describe_changes(folder.config, resolve_config(problem))
     raise OptionError(
         f"{problem.source}: is not the task that {folder.path} has learned: {changed}. "
         f"--task {folder.task_copy} takes the learned one; --changed-task evaluates on this one."

@@ -32,7 +32,7 @@ from skillplan.files.yaml import MAX_BYTES
 from skillplan.pipeline import registry
 from skillplan.plugins.installed import registered
 from skillplan.records import schemas
-from skillplan.records.task_difference import differences, resolved_config, what_changed
+from skillplan.records.task_difference import describe_changes, differences, resolve_config
 from skillplan.records.training.run_folder import (
     MANIFEST,
     METRICS,
@@ -277,7 +277,7 @@ class TrainingFolder(HeldFolder):
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
         write_whole(self.path / copy, content, within=self.path)
-        config = json_text(schemas.RESOLVED_TASK, resolved_config(problem))
+        config = json_text(schemas.RESOLVED_TASK, resolve_config(problem))
         write_whole(self.path / TASK_CONFIG, config, within=self.path)
         write_whole(self.path / MANIFEST, json_text(schemas.RUN, requested), within=self.path)
         remove_unfinished(self.path, within=self.path)
@@ -288,7 +288,7 @@ class TrainingFolder(HeldFolder):
     ) -> None:
         task, other = existing.task, requested.task
         if (task.sha256, task.part) != (other.sha256, other.part):
-            changed = what_changed(stored.config, resolved_config(problem))
+            changed = describe_changes(stored.config, resolve_config(problem))
             if task.sha256 == other.sha256:
                 changed = f"the part: {task.part} there, {other.part} now"
             self._refuse("the task", changed)

@@ -208,7 +208,7 @@ def clear(
     from skillplan.errors import OptionError
     from skillplan.pipeline.setup import load_problem
     from skillplan.pipeline.solving import open_warm_cache
-    from skillplan.records.cache import clearing_document
+    from skillplan.records.cache import make_clearing_document
     from skillplan.views.tables.installation import clearing_table
 
     problem = None if task is None else load_problem(task)
@@ -225,7 +225,7 @@ def clear(
     except OSError as error:
         raise OptionError(f"{root} cannot be cleared: {error.strerror}.") from None
     name = None if problem is None else problem.name
-    emit(style, clearing_document(root, name, removed), [clearing_table(root, name, removed)])
+    emit(style, make_clearing_document(root, name, removed), [clearing_table(root, name, removed)])
     return 0
 
 

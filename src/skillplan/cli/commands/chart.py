@@ -37,7 +37,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.pipeline.screening import execute_sample
     from skillplan.pipeline.solving import make_feasibility
-    from skillplan.records.questions import chart_document
+    from skillplan.records.questions import make_chart_document
     from skillplan.views.tables.questions import chart_table
 
     # A chart derived from the chart would say nothing.
@@ -58,7 +58,7 @@ def command(
             chart = derive_chart(feasibility)
             sample = execute_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
     names = [back_end.name for back_end in feasibility.back_ends]
-    emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
+    emit(style, make_chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
     if sample.overruled:
         tell(f"skillplan: error: {sample.overruled}")
     return exit_code(back_end_failed=bool(sample.overruled))

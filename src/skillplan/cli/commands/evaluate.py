@@ -159,7 +159,7 @@ def command(
     The policy of train --family generated:A-B is followed greedily on any --task FILE.
     """
     from skillplan.errors import OptionError
-    from skillplan.records.stored.result_folder import is_relational, is_result, run_folder
+    from skillplan.records.stored.result_folder import find_run_folder, is_relational, is_result
 
     kinds: dict[Mode, str] = {
         replay_on_task: "a task file",
@@ -173,7 +173,7 @@ def command(
         if len(inputs) > 1:
             raise OptionError(f"{first} carries over: evaluate takes it alone, with one --task.")
         return follow_family_policy(first, task_file, reading, *common)
-    folders = [run_folder(path) for path in inputs]
+    folders = [find_run_folder(path) for path in inputs]
     runs = [folder for folder in folders if folder is not None]
     if len(inputs) > 1 and None in folders:
         odd = inputs[folders.index(None)]
@@ -201,8 +201,8 @@ def replay_on_task(
     """Replay a sequence, or follow a stored policy, on a task."""
     from skillplan.errors import OptionError
     from skillplan.pipeline.exchange import read_given_plan
-    from skillplan.records.stored.policy_file import read_policy, start_state
-    from skillplan.records.stored.result_folder import policies_path
+    from skillplan.records.stored.policy_file import read_policy, read_start_state
+    from skillplan.records.stored.result_folder import find_policies_path
 
     task = load_file(path, reading, back_ends).part(reading.part)
     setup = make_setup(back_ends, task, (DEFAULT_SOLVER,), executor=checking.executor)
@@ -210,12 +210,12 @@ def replay_on_task(
         raise OptionError("Give either --sequence or --policy.")
     policy = None
     if replayed.policy_file is not None:
-        policy_path = policies_path(replayed.policy_file)
+        policy_path = find_policies_path(replayed.policy_file)
         within = None if policy_path == replayed.policy_file else replayed.policy_file
         policy = read_policy(policy_path, task, within=within).policy
     if replayed.start is not None:
         try:
-            initial = start_state(task, replayed.start)
+            initial = read_start_state(task, replayed.start)
         except OptionError as error:
             raise OptionError(f"--from {replayed.start}: {error}") from None
         task = task.replace(initial=initial, sha256=task.sha256)

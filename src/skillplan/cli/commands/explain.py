@@ -124,7 +124,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.pipeline.exchange import read_given_plan
     from skillplan.pipeline.solving import make_model
-    from skillplan.records.questions import explain, state_after
+    from skillplan.records.questions import explain, find_state_after
     from skillplan.views.tables.questions import explanation_tables
 
     if last and (after is not None or result is not None):
@@ -151,7 +151,7 @@ def command(
     cache = open_cache(caching)
     model = make_model(loaded, setup, cache, back_ends=made)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
-    state = state_with_all_else(loaded, chosen) if last else state_after(model, before)
+    state = state_with_all_else(loaded, chosen) if last else find_state_after(model, before)
     explanation = explain(model, chosen, state)
     if drawer is not None:
         taken = model.feasibility.taken(chosen, explanation.state)
@@ -203,14 +203,14 @@ def _explain_freedom(
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
-    from skillplan.records.questions import freedom
-    from skillplan.records.stored.product_relation import relation_beside
+    from skillplan.records.questions import find_freedom
+    from skillplan.records.stored.product_relation import read_relation_beside
     from skillplan.views.tables.questions import freedom_tables
 
     path = None if picture is None else output_path("--picture", picture, _PICTURES, "pictures")
-    relation = relation_beside(Path(task_file))
+    relation = read_relation_beside(Path(task_file))
     state = None if before is None else _predict_state(task, before)
-    directions = freedom(task, relation, part, state)
+    directions = find_freedom(task, relation, part, state)
     if path is not None:
         _draw_freedom(directions, path)
         directions = directions.drawn({"picture": str(path)})

@@ -136,10 +136,10 @@ def _read(
     """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.records.stored.result_folder import is_result, run_folder
+    from skillplan.records.stored.result_folder import find_run_folder, is_result
 
     registry.load("exporter", to)
-    if run_folder(path) is not None:
+    if find_run_folder(path) is not None:
         raise OptionError(
             f"{path}: holds training runs. Their policies choose by state, which is no plan: "
             "give a result of search-optimal, or the task file with --sequence."

@@ -160,7 +160,7 @@ def command(
     plot verifies a RESULT before it draws it, for at most 10 s, and refuses to draw a wrong one.
     Several RUNs of one task share a figure. Prints the names of the files written.
     """
-    from skillplan.records.stored.result_folder import is_result, run_folder
+    from skillplan.records.stored.result_folder import find_run_folder, is_result
 
     kinds: dict[Mode, str] = {
         plot_task: "a task file",
@@ -168,7 +168,7 @@ def command(
         plot_runs: "a folder of runs",
     }
     sources, figure = _split_inputs(inputs)
-    folders = [run_folder(source) for source in sources]
+    folders = [find_run_folder(source) for source in sources]
     runs = [folder for folder in folders if folder is not None]
     if len(sources) > 1 and None in folders:
         odd = sources[folders.index(None)]

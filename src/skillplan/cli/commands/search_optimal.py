@@ -124,12 +124,12 @@ def command(
         result = replace(result, origin=setup.origin(task, part, reading.settings()))
         tables = solved_tables(result, last)
         if folder is not None:
-            from skillplan.records.stored.policy_file import policy_document, solved_tasks
+            from skillplan.records.stored.policy_file import list_solved_tasks, make_policy_document
             from skillplan.records.stored.result_folder import POLICIES
             from skillplan.views.tables.results import csv_files
 
             beside = csv_files(result, last)
-            policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
+            policies = make_policy_document(problem.sha256, solver, list_solved_tasks(result, last))
             if policies is not None:
                 beside[POLICIES] = as_json(policies)
             folder.finish(beside, as_json(result.document()))

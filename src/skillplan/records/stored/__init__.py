@@ -1,1 +1,1 @@
-"""Results and policies in files, read again. They are never trusted for being there."""
+"""Results and policies in files, which are read as untrusted data."""

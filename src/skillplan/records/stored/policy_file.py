@@ -1,4 +1,4 @@
-"""Policies as JSON: written once, they answer from any of their states without replanning."""
+"""Policies as JSON files, which answer from any of their states without planning again."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 
 _MOST_BYTES = 256 * 1024 * 1024
-# So many goals are named in a message.
+# Maximum number of goals that a message names.
 _MOST_NAMED = 8
 
 
-def policy_document(
+def make_policy_document(
     sha256: str, solver: str, solved: Iterable[tuple[Task, Result]]
 ) -> dict[str, Any] | None:
-    """Return the JSON document ``skillplan.policy/1``, or None where no solver gave a policy.
+    """Return the JSON document ``skillplan.policy/1``; None without a policy.
 
     Parameters
     ----------
     sha256
-        Hash of the task file's content.
+        Hash of the content of the task file.
     solver
-        Who learned the policies.
+        Name of the solver that learned the policies.
     solved
-        Tasks, each with its result.
+        Tasks with their results.
     """
     policies = [
         {
@@ -53,8 +53,8 @@ def policy_document(
     return {"schema": schemas.POLICY, "sha256": sha256, "solver": solver, "policies": policies}
 
 
-def solved_tasks(result: Result | ChainResult, task: Task) -> list[tuple[Task, Result]]:
-    """Return tasks with their results: of a chain those that were searched, else the only one."""
+def list_solved_tasks(result: Result | ChainResult, task: Task) -> list[tuple[Task, Result]]:
+    """Return tasks with their results; for a chain the tasks that were searched."""
     if isinstance(result, ChainResult):
         return [(part.task, part.result) for part in result.parts if not part.reused]
     return [(task, result)]
@@ -62,14 +62,14 @@ def solved_tasks(result: Result | ChainResult, task: Task) -> list[tuple[Task, R
 
 @dataclass(frozen=True)
 class StoredPolicy:
-    """A policy as read from a file.
+    """A policy read from a file.
 
     Parameters
     ----------
     solver
-        Who learned it.
+        Name of the solver that learned it.
     policy
-        A skill for every state that it knows.
+        A skill for each state.
     """
 
     solver: str
@@ -77,7 +77,7 @@ class StoredPolicy:
 
 
 def read_policy(path: str, task: Task, *, within: str | None = None) -> StoredPolicy:
-    """Return the policy of a file that leads to the goal of a task.
+    """Return the policy in a file that leads to the goal of a task.
 
     Parameters
     ----------
@@ -86,13 +86,13 @@ def read_policy(path: str, task: Task, *, within: str | None = None) -> StoredPo
     task
         The task.
     within
-        A folder that it must lie in, with no link on the way to it; None for anywhere.
+        A folder that must contain the file, without links on the way; None for any.
 
     Raises
     ------
     OptionError
-        If the file cannot be read, is no such document, or holds no policy for this goal and
-        these skills; the message says which.
+        If the file cannot be read, is not such a document, or holds no policy for this goal and
+        these skills.
     """
     document = _read(path, within)
     goal, mine = list(task.goal.requires), fingerprint(task)
@@ -122,21 +122,21 @@ def read_policies(path: str, *, within: str | None = None) -> dict[str, Any]:
     Parameters
     ----------
     path, within
-        As for `read_policy`.
+        As in `read_policy`.
 
     Raises
     ------
     OptionError
-        If the file cannot be read or is no such document.
+        If the file cannot be read or is not such a document.
     """
     return _read(path, within)
 
 
 def fingerprint(task: Task) -> str:
-    """Return the hash of what a policy depends on: facts, goal, and what skills bring about.
+    """Return the hash of the properties that a policy depends on: facts, goal, effects of skills.
 
-    Names of files and tasks, starts and costs do not count: a policy answers wherever the same
-    skills lead to the same goal.
+    Names of files and tasks, starts and costs do not count: a policy serves all tasks in which the
+    same skills lead to the same goal.
     """
 
     def shown(outcome: Outcome) -> list[Any]:
@@ -162,7 +162,7 @@ def fingerprint(task: Task) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def start_state(task: Task, text: str) -> State:
+def read_start_state(task: Task, text: str) -> State:
     """Return the state that a list of facts, or of names of places, describes.
 
     Raises
@@ -190,7 +190,7 @@ def start_state(task: Task, text: str) -> State:
         if len(together) > 1:
             raise OptionError(f"{' and '.join(together[:2])} cannot both hold. Keep one.")
         if not together:
-            # Of several robots the others stay where they are.
+            # The other robots stay in their places.
             start |= task.facts.of(*group) & task.initial
     return start
 

@@ -1,4 +1,4 @@
-"""What blocks what in a product of CAD, from the files that `import-cad` writes beside a task."""
+"""The blocking relation of a CAD product, from the files that `import-cad` writes with a task."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Obstacle:
     Parameters
     ----------
     part
-        Its name in the task.
+        Name of the blocking part in the task.
     distance_m
-        How far the other moves until they meet.
+        Travel of the other part until they meet [m].
     width_m
-        Diameter of the largest disc that is blocked.
+        Diameter of the largest disc that is blocked [m].
     point_m
-        A point of it that is met, in the world of the task.
+        A point of contact, in the world of the task [m].
     sensitive
-        Whether half or double the tolerance says otherwise.
+        True if half or double the tolerance gives another answer.
     """
 
     part: str
@@ -48,15 +48,15 @@ class ProductRelation:
     Parameters
     ----------
     path
-        Of `relation.json`.
+        Path of `relation.json`.
     parts
-        Names in the task, in the order of the file; those of the file of what the task leaves out.
+        Names in the task, in the order of the file; parts not in the task keep their names.
     tolerance_m
-        Radius of the disc that has to be blocked before a pair is.
+        Radius of the disc that must be blocked to count [m].
     directions
-        Unit vectors in the world, with those of the file that they stand for.
+        Unit vectors in the world, with the vectors of the file that they stand for.
     obstacles
-        For each part and direction, by its number, what is in its way.
+        Number of a part and of a direction to the obstacles.
     """
 
     path: Path
@@ -79,8 +79,8 @@ class ProductRelation:
         return name
 
 
-def relation_beside(task_file: Path) -> ProductRelation:
-    """Return the relation of the product that a task puts together.
+def read_relation_beside(task_file: Path) -> ProductRelation:
+    """Return the relation of the product that a task assembles.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def relation_beside(task_file: Path) -> ProductRelation:
     Raises
     ------
     OptionError
-        If there is no relation beside it, or one of its files is not as it was written.
+        If the folder of the task has no relation, or one of its files was changed.
     """
     folder = task_file.parent
     path = folder / RELATION_FILE
@@ -109,7 +109,7 @@ def relation_beside(task_file: Path) -> ProductRelation:
 
 
 def _relation(path: Path, relation: dict[str, Any], report: dict[str, Any]) -> ProductRelation:
-    # What the task leaves out keeps its name of the file.
+    # Parts that the task leaves out keep their names in the file.
     names = {str(name): str(name) for name in report.get("left_out", {})}
     names |= {str(name): str(own) for name, own in report["task_names"].items()}
     placement = report["placement"]
@@ -120,26 +120,26 @@ def _relation(path: Path, relation: dict[str, Any], report: dict[str, Any]) -> P
         x, y, z = (sum(a * b for a, b in zip(row, vector, strict=True)) for row in turn)
         return (round(x, 9) + 0.0, round(y, 9) + 0.0, round(z, 9) + 0.0)
 
-    of_file = [_point(one) for one in relation["directions"]]
-    numbers = {one: number for number, one in enumerate(of_file)}
-    found: dict[tuple[str, int], list[Obstacle]] = {}
-    for one in relation["blocked"]:
-        x, y, z = turned(_scaled(_point(one["point_mm"])))
+    of_file = [_point(entry) for entry in relation["directions"]]
+    numbers = {entry: number for number, entry in enumerate(of_file)}
+    obstacles: dict[tuple[str, int], list[Obstacle]] = {}
+    for entry in relation["blocked"]:
+        x, y, z = turned(_scaled(_point(entry["point_mm"])))
         obstacle = Obstacle(
-            names[one["by"]],
-            one["distance_mm"] * _M_PER_MM,
-            one["width_mm"] * _M_PER_MM,
+            names[entry["by"]],
+            entry["distance_mm"] * _M_PER_MM,
+            entry["width_mm"] * _M_PER_MM,
             (x + offset_m[0], y + offset_m[1], z + offset_m[2]),
-            bool(one["sensitive"]),
+            bool(entry["sensitive"]),
         )
-        key = (names[one["part"]], numbers[_point(one["direction"])])
-        found.setdefault(key, []).append(obstacle)
+        key = (names[entry["part"]], numbers[_point(entry["direction"])])
+        obstacles.setdefault(key, []).append(obstacle)
     return ProductRelation(
         path,
-        tuple(names[one["name"]] for one in relation["parts"]),
+        tuple(names[entry["name"]] for entry in relation["parts"]),
         relation["tolerance_mm"] * _M_PER_MM,
-        tuple((turned(one), one) for one in of_file),
-        {key: tuple(sorted(those, key=_nearness)) for key, those in found.items()},
+        tuple((turned(entry), entry) for entry in of_file),
+        {key: tuple(sorted(those, key=_nearness)) for key, those in obstacles.items()},
     )
 
 

@@ -1,4 +1,4 @@
-"""Results as files: read again, to start from or to be verified."""
+"""Result files, read to start from them or to verify them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from skillplan.files.json_file import fitted, read_document
 from skillplan.files.regular_file import is_folder
 from skillplan.records import schemas
 from skillplan.records.result import Origin, Status
-from skillplan.records.stored.result_folder import check_finished, result_path
+from skillplan.records.stored.result_folder import check_finished, find_result_path
 from skillplan.solvers.solution import Plan
 
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
-# No path of a file is longer.
+# Maximum length of a path.
 _MOST_PATH = 4_096
-# So many characters of a hash distinguish two files.
+# Number of characters of a hash that distinguish two files.
 _SHOWN_HASH = 12
 
 
@@ -28,7 +28,7 @@ class _Stored(BaseModel):
 
 
 class StoredTask(_Stored):
-    """Which task a result is of."""
+    """The task of a result."""
 
     name: str
     kind: str
@@ -58,7 +58,7 @@ class StoredOrigin(_Stored):
     screening: bool = False
 
     def origin(self) -> Origin:
-        """Return it as results have it."""
+        """Return the origin of the result."""
         return Origin(
             self.file,
             self.part,
@@ -71,7 +71,7 @@ class StoredOrigin(_Stored):
 
 
 class StoredStats(_Stored):
-    """How much a search took; nobody can tell afterwards."""
+    """Effort of a search, which cannot be verified."""
 
     states: int = Field(default=0, ge=0)
     expanded: int | None = Field(default=None, ge=0)
@@ -82,7 +82,7 @@ class StoredStats(_Stored):
 
 
 class StoredClaims(_Stored):
-    """What a result, or a part of a chain's, claims."""
+    """The claims of a result, or of one part of a chain."""
 
     solver: str
     status: Status
@@ -118,17 +118,17 @@ class StoredResult(StoredClaims):
     Parameters
     ----------
     task, origin
-        What was solved, and from which file; no origin where it was from none.
+        The task and its file; no origin if it is not from a file.
     physics, collision
-        Names of the back ends that were queried, the latter with commas.
+        Names of the back ends that were queried, the latter separated by commas.
     timed_by
-        The back ends that planned the trajectories; empty without.
+        Names of the back ends that planned the trajectories; may be empty.
     dwells_from
-        Key paths that the dwell times are from; None of a version before the task had all of them.
+        Key paths of the dwell times; None in versions before these were in the task file.
     replans
-        Of a chain, how often the upper levels were planned again.
+        Number of times that the upper levels of a chain were planned again.
     sequences, stages
-        Of a chain, the tasks of the last stage and those before; None of a single task.
+        Tasks of the last stage of a chain, and of the stages before; None for a single task.
     """
 
     task: StoredTask
@@ -143,48 +143,50 @@ class StoredResult(StoredClaims):
 
     @property
     def is_chain(self) -> bool:
-        """Whether it is the result of a chain of tasks."""
+        """True if the result is for a chain of tasks."""
         return self.sequences is not None
 
 
 def read_result(path: str) -> StoredResult:
-    """Return a result as it was stored.
+    """Return the content of a result.
 
     Raises
     ------
     OptionError
-        If it cannot be read, is no result, is of another version, lacks a key, or its search has
+        If it cannot be read, is not a result, has another version, lacks a key, or its search has
         not finished.
     """
     return read_with_document(path)[0]
 
 
 def read_with_document(path: str) -> tuple[StoredResult, dict[str, Any]]:
-    """Return a result as it was stored, and the whole document without the name of its schema.
+    """Return the content of a result, and the whole document without its schema.
 
     Raises
     ------
     OptionError
-        As for `read_result`.
+        As in `read_result`.
     """
     check_finished(path)
-    named, file = Path(path), result_path(path)
+    named, file = Path(path), find_result_path(path)
     within = named if is_folder(named) else None
     document = read_document(file, schemas.RESULT, _REMEDY, within=within)
     return fitted(document, file, StoredResult, _REMEDY), document
 
 
-def other_task(stored: StoredResult, problem: Problem, *, quoted: bool = True) -> str | None:
-    """Return in words how a result's task differs from a loaded one; None where it is the same.
+def describe_other_task(
+    stored: StoredResult, problem: Problem, *, quoted: bool = True
+) -> str | None:
+    """Return the difference between the task of a result and a loaded one; None if it is the same.
 
     Parameters
     ----------
     stored
         The result.
     problem
-        What was loaded.
+        The loaded task file.
     quoted
-        Whether what the file holds may be told.
+        True to quote the content of the file.
     """
     if stored.task.sha256 == problem.sha256:
         return None
@@ -199,25 +201,24 @@ def other_task(stored: StoredResult, problem: Problem, *, quoted: bool = True) -
     )
 
 
-def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
+def read_start_plan(path: str, problem: Problem, part: str | None) -> Plan:
     """Return the plan of a stored result, for a search of the same or a changed task.
 
-    A search replays the plan on the task as it is before it uses it.
+    A search replays the plan on the present task before it uses it.
 
     Parameters
     ----------
     path
         The result.
     problem
-        What is to be solved.
+        The problem to solve.
     part
-        The task meant, of a chain.
+        Name of one task of a chain.
 
     Raises
     ------
     OptionError
-        If the result cannot be used: it is of a chain, holds no plan, or names a skill that the
-        task does not have.
+        If the result is for a chain, holds no plan, or names a skill that the task lacks.
     """
     if problem.is_chain and part is None:
         raise OptionError(
@@ -225,7 +226,7 @@ def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
             "its tasks by --part."
         )
     stored = read_result(path)
-    difference = other_task(stored, problem)
+    difference = describe_other_task(stored, problem)
     task = problem.part(part)
     name, known = task.name, {skill.name for skill in task.skills}
     unknown = [skill for skill in stored.skills if skill not in known]

@@ -1,7 +1,7 @@
-"""What lies in the folder of a result, and which folder or file a user means by a path.
+"""The files in the folder of a result, and the meaning of a path that the user gives.
 
-All of it is written as one, with the document last: a folder without it is of a search that has
-not finished.
+All files are written as one, with the document last. A folder without it belongs to a search that
+has not finished.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from skillplan.files.regular_file import is_folder, is_regular
 RESULT = "result.json"
 """The document in the folder of a result, and in that of training runs."""
 PLAN = "plan.csv"
-"""The steps of the plan, beside the document."""
+"""File with the steps of the plan."""
 POLICIES = "policies.json"
-"""What a solver has learned, beside the document."""
+"""File with the learned policies."""
 MANIFEST = "manifest.json"
-"""Only a folder of training runs, or of a study, has it beside."""
+"""Marks a folder of training runs, or of a study."""
 RELATIONAL = "relational.json"
 """A policy that carries over to other tasks; it lies in a folder of its own."""
 
-# What may lie beside the document, and which a search that was killed may leave without it.
+# Files that a killed search may leave without the document.
 _BESIDE = {PLAN, POLICIES, "timeline.csv"}
 
 
-def leftovers(folder: Path) -> list[Path] | None:
-    """Return what a search has left that was killed while it wrote; None if anything else is there.
+def list_leftovers(folder: Path) -> list[Path] | None:
+    """Return the files of a search that was killed while it wrote; None if there are other files.
 
-    What is to be removed last comes last: as long as it is there, the others are leftovers.
+    The file that marks the others as leftovers is the last one, to be removed last.
 
     Parameters
     ----------
     folder
-        Of a result.
+        Folder of a result.
 
     Raises
     ------
@@ -56,19 +56,19 @@ def leftovers(folder: Path) -> list[Path] | None:
 
 
 def check_finished(path: str) -> None:
-    """See that a folder is not that of a search that was killed, or is under way.
+    """Check that the search of a folder has finished.
 
     Raises
     ------
     OptionError
-        If it is empty, or holds what such a search leaves.
+        If the folder is empty, or holds list_leftovers of a search.
     """
     if not is_folder(path):
         return
     try:
-        left = leftovers(Path(path))
+        left = list_leftovers(Path(path))
     except OSError:
-        return  # whoever reads a file of it says so
+        return  # reading a file reports the error
     if left is not None:
         lacks = f"holds no {RESULT}" if left else "is empty"
         raise OptionError(
@@ -77,33 +77,33 @@ def check_finished(path: str) -> None:
         )
 
 
-def result_path(path: str) -> Path:
-    """Return the file that a user means: the file itself, or result.json in a folder."""
+def find_result_path(path: str) -> Path:
+    """Return the result file of a path, which is a file or a folder with result.json."""
     named = Path(path)
     return named / RESULT if is_folder(named) else named
 
 
 def is_result(path: str) -> bool:
-    """Return whether a path means a result of search-optimal: a folder that has one, or JSON.
+    """Return whether a path is a result of search-optimal: a folder with one, or JSON.
 
     Raises
     ------
     OptionError
         If it is a folder whose search has not finished.
     """
-    if run_folder(path) is not None:
+    if find_run_folder(path) is not None:
         return False
     named = Path(path)
     return is_regular(named / RESULT) if is_folder(named) else named.suffix == ".json"
 
 
-def run_folder(path: str) -> str | None:
-    """Return the folder of training runs that a path means: itself, or that of its result.json.
+def find_run_folder(path: str) -> str | None:
+    """Return the folder of training runs of a path, which is the folder or its result.json.
 
     Raises
     ------
     OptionError
-        If it is a folder of a search that has not finished.
+        If it is the folder of a search that has not finished.
     """
     named = Path(path)
     if is_folder(named):
@@ -118,8 +118,8 @@ def is_relational(path: str) -> bool:
     return is_regular(Path(path) / RELATIONAL)
 
 
-def policies_path(path: str) -> str:
-    """Return the file that a user means: the file itself, or policies.json in a folder."""
+def find_policies_path(path: str) -> str:
+    """Return the policy file of a path, which is a file or a folder with policies.json."""
     named = Path(path)
     return str(named / POLICIES) if is_folder(named) else path
 
@@ -128,9 +128,9 @@ def _is_there(path: Path) -> bool:
     return is_regular(path) or is_folder(path)
 
 
-def file_beside(path: str, name: str) -> Path | None:
-    """Return a file beside a result; None where there is none, or the result is in no folder."""
-    result = result_path(path)
+def find_file_beside(path: str, name: str) -> Path | None:
+    """Return another file in the folder of a result; None if it, or the folder, is missing."""
+    result = find_result_path(path)
     beside = result.parent / name
     there = beside.exists() or beside.is_symlink()
     return beside if result.name == RESULT and there else None
