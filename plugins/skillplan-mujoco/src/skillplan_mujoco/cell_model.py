@@ -347,6 +347,6 @@ def parked(number: int) -> tuple[float, float, float]:
 
 
 def _wxyz(rotation: Vector) -> Vector:
-    found = np.zeros(4)
-    mujoco.mju_mat2Quat(found, np.ascontiguousarray(rotation).ravel())
-    return found
+    zeros = np.zeros(4)
+    mujoco.mju_mat2Quat(zeros, np.ascontiguousarray(rotation).ravel())
+    return zeros

@@ -318,10 +318,10 @@ class SimulatedArm:
         if wanted.tracks_joints:
             return wanted.posture
         x, y, z = wanted.position.tolist()
-        found = self.kinematics.follow((x, y, z), wanted.rotation, self._posture)
-        if found is None:
+        follow = self.kinematics.follow((x, y, z), wanted.rotation, self._posture)
+        if follow is None:
             raise unreachable((x, y, z), wanted.rotation)
-        return found
+        return follow
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision, or put them back."""

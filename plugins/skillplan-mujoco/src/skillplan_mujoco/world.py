@@ -120,23 +120,23 @@ Vector = NDArray[np.float64]
 
 def times(matrix: Vector, vector: Vector) -> Vector:
     """Return a matrix times a vector, shapes (rows, columns) and (columns,)."""
-    found = np.empty(matrix.shape[0])
-    mujoco.mju_mulMatVec(found, matrix, vector)
-    return found
+    empty = np.empty(matrix.shape[0])
+    mujoco.mju_mulMatVec(empty, matrix, vector)
+    return empty
 
 
 def times_transposed(matrix: Vector, vector: Vector) -> Vector:
     """Return a transposed matrix times a vector, shapes (rows, columns) and (rows,)."""
-    found = np.empty(matrix.shape[1])
-    mujoco.mju_mulMatTVec(found, matrix, vector)
-    return found
+    empty = np.empty(matrix.shape[1])
+    mujoco.mju_mulMatTVec(empty, matrix, vector)
+    return empty
 
 
 def product(left: Vector, right: Vector) -> Vector:
     """Return a product of matrices, shapes (rows, inner) and (inner, columns)."""
-    found = np.empty((left.shape[0], right.shape[1]))
-    mujoco.mju_mulMatMat(found, left, right)
-    return found
+    empty = np.empty((left.shape[0], right.shape[1]))
+    mujoco.mju_mulMatMat(empty, left, right)
+    return empty
 
 
 # Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
@@ -279,9 +279,9 @@ class World:
 
     def _rotation(self, name: str) -> Vector:
         place, _ = self.cell.coordinates(name)
-        found = np.zeros(9)
-        mujoco.mju_quat2Mat(found, self.data.qpos[place][3:])
-        return found.reshape(3, 3)
+        zeros = np.zeros(9)
+        mujoco.mju_quat2Mat(zeros, self.data.qpos[place][3:])
+        return zeros.reshape(3, 3)
 
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""

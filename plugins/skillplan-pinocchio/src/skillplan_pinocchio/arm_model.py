@@ -236,8 +236,8 @@ class ArmModel:
         for joints_rad in postures_rad:
             pin.forwardKinematics(self.model, self._data, joints_rad)
             placements.append([one.homogeneous for one in self._data.oMi[1:]])
-        found = np.array(placements)
-        return found[..., :3, :3], found[..., :3, 3]
+        array = np.array(placements)
+        return array[..., :3, :3], array[..., :3, 3]
 
 
 def pose_down(position: Point, closing_yaw_rad: float) -> Any:

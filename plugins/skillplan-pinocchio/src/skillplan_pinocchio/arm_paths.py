@@ -104,8 +104,8 @@ class SkillPaths:
     @property
     def unfound(self) -> Unfound | None:
         """Why there is no path, or None."""
-        travels = (one.travel for one in self.motions)
-        return next((one for one in travels if isinstance(one, Unfound)), None)
+        travels = (motion.travel for motion in self.motions)
+        return next((travel for travel in travels if isinstance(travel, Unfound)), None)
 
 
 class ArmPaths:

@@ -121,7 +121,7 @@ class GravityCheck:
     def _beyond_m(self) -> Vector:
         """Greatest distance from each joint to the last one [m], shape (joints,)."""
         placements = self.arm.model.jointPlacements
-        lengths_m = [float(np.linalg.norm(one.translation)) for one in placements[1:]]
+        lengths_m = [float(np.linalg.norm(placement.translation)) for placement in placements[1:]]
         return np.array([sum(lengths_m[index + 1 :]) for index in range(len(lengths_m))])
 
     @cached_property

@@ -62,7 +62,7 @@ class HandPart:
         closing_yaw_rad
             Direction in which the jaws close, from x about the vertical [rad].
         """
-        return tuple(ConvexPiece(placed(one, tip, closing_yaw_rad)) for one in self.corners)
+        return tuple(ConvexPiece(placed(corner, tip, closing_yaw_rad)) for corner in self.corners)
 
     def along(self, motion: LinearMotion, tip: Point) -> tuple[ConvexPiece, ...]:
         """Return its pieces in the world while the tip of a motion is at a point [m]."""
@@ -71,7 +71,7 @@ class HandPart:
         points, closing = motion.points, motion.hand.rotate(AXES["y"])
         out = (-points[0], -points[1], -points[2])
         pose = Pose.of_axes(tip, cross(out, closing), out)
-        return tuple(ConvexPiece(placed_at(one, pose)) for one in self.corners)
+        return tuple(ConvexPiece(placed_at(corner, pose)) for corner in self.corners)
 
 
 def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:

@@ -422,15 +422,15 @@ def descent_paths(
     JointPath
         From `above` to `tip`; or why this position of the elbow leads to none.
     """
-    for found in elbows(arm, tip, closing_yaw):
-        if isinstance(found, Unreachable):
-            yield found
+    for elbow in elbows(arm, tip, closing_yaw):
+        if isinstance(elbow, Unreachable):
+            yield elbow
             continue
-        _, rotation = arm.tip(found)
+        _, rotation = arm.tip(elbow)
         # Of the two turns of the hand, the one that was found.
         yaw = closing_yaw_rad(rotation)
-        nodes = [found]
-        reached: Vector | Unreachable = found
+        nodes = [elbow]
+        reached: Vector | Unreachable = elbow
         for number in range(1, _INTERVALS + 1):
             share = number / _INTERVALS
             position = _between(tip, above, share)

@@ -97,11 +97,11 @@ class SurfacePiece(ConvexPiece):
         points.extend(list(self.corners))
         for a, b, c in self.faces.tolist():
             triangles.append(coal.Triangle(a, b, c))
-        found = coal.BVHModelOBBRSS()
-        found.beginModel(len(triangles), len(points))
-        found.addSubModel(points, triangles)
-        found.endModel()
-        return found
+        bvhmodel_obbrss = coal.BVHModelOBBRSS()
+        bvhmodel_obbrss.beginModel(len(triangles), len(points))
+        bvhmodel_obbrss.addSubModel(points, triangles)
+        bvhmodel_obbrss.endModel()
+        return bvhmodel_obbrss
 
     @property
     def surface(self) -> tuple[Array, Indices]:

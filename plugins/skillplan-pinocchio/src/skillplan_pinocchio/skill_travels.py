@@ -151,26 +151,26 @@ class SkillTravels:
         """
         found: list[TravelTo] = []
         here = stand_rad
-        for number, one in enumerate(self.motions):
-            strokes = one.elbows[elbows.get(number, 0)].strokes
+        for number, motion in enumerate(self.motions):
+            strokes = motion.elbows[elbows.get(number, 0)].strokes
             goal = strokes.begin
             if number == 0:
                 checked = here is not None and self.safe.needs_check(place, goal, holds)
             else:
                 checked = here is not None and not self.safe.is_safe(here, goal)
             if checked and here is not None:
-                travel = self.planner.travel(here, goal, one.motion, holds)
-                found.append(TravelTo(one.motion.visit, travel))
+                travel = self.planner.travel(here, goal, motion.motion, holds)
+                found.append(TravelTo(motion.motion.visit, travel))
                 if isinstance(travel, Unfound):
                     break
-            if here is not None and not self.gravity.is_safe(one.motion, one.motion.carries):
+            if here is not None and not self.gravity.is_safe(motion.motion, motion.motion.carries):
                 if number == 0:
                     holds(place)
                 known = found[-1].travel if checked else None
                 path = known.path if isinstance(known, Travel) else JointPath([here, goal])
-                overload = self.gravity.on_travel(one.motion, path)
+                overload = self.gravity.on_travel(motion.motion, path)
                 if overload is not None:
-                    found.append(TravelTo(one.motion.visit, overload))
+                    found.append(TravelTo(motion.motion.visit, overload))
                     break
             here = strokes.end
         return found

@@ -106,13 +106,13 @@ def _travelling(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:
     if isinstance(found, Unreachable):
         return
     here = found.begin_rad
-    for one in found.motions:
-        goal = one.strokes.begin
-        if one.is_checked:
+    for motion in found.motions:
+        goal = motion.strokes.begin
+        if motion.is_checked:
             straight = JointPath([here, goal])
-            path = straight if isinstance(one.travel, Unfound) else one.travel.path
-            yield from _along(paths, one.motion, path)
-        here = one.strokes.end
+            path = straight if isinstance(motion.travel, Unfound) else motion.travel.path
+            yield from _along(paths, motion.motion, path)
+        here = motion.strokes.end
 
 
 def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[Hull]:
@@ -128,8 +128,8 @@ def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[H
 
 
 def _moving(motions: Sequence[ArmMotion], sweeps: HandSweeps) -> Iterator[Hull]:
-    for one in motions:
-        stretches = [*sweeps.approach(one.motion), *sweeps.retreat(one.motion)]
+    for motion in motions:
+        stretches = [*sweeps.approach(motion.motion), *sweeps.retreat(motion.motion)]
         found = [sweep for stretch in stretches for sweep in stretch]
         for sweep in found:
             for piece in sweep.pieces:
@@ -142,8 +142,8 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
     if not str(evidence.get("moving", "")).startswith("link"):
         return
     met = set(evidence["bodies"])
-    for one in motions:
-        for elbow in one.elbows[:1]:
+    for motion in motions:
+        for elbow in motion.elbows[:1]:
             if met & {obstacle.body for obstacle, _ in elbow.meets}:
                 joints_rad = elbow.at(float(evidence["fraction"]))
                 rotations, origins = arm.frames([joints_rad])

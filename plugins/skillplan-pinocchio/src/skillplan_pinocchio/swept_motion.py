@@ -177,7 +177,8 @@ class SweptMotionBuilder:
             level = visit.pose.inverse()
             pieces = _seen_from(level, pieces)
             obstacles = tuple(
-                replace(one, pieces=_seen_from(level, one.pieces)) for one in obstacles
+                replace(obstacle, pieces=_seen_from(level, obstacle.pieces))
+                for obstacle in obstacles
             )
         return supports_of(body.name, pieces, obstacles, self.planner.tolerance_m)
 

@@ -281,7 +281,9 @@ def _at_goal(task: Task) -> list[_Placed]:
 def _solid_in(body: Body, state: State) -> Placement | None:
     """Return where a body is in the world in a state; None for one in a feeder, or not there."""
     placements = (
-        one for one in body.placements if one.solid and one.frame == WORLD and one.fact in state
+        placement
+        for placement in body.placements
+        if placement.solid and placement.frame == WORLD and placement.fact in state
     )
     return next(placements, None)
 

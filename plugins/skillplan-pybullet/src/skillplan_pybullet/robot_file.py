@@ -168,12 +168,14 @@ def _link(
 ) -> None:
     link = ElementTree.SubElement(root, "link", name=name)
     if inertia is not None:
-        made = ElementTree.SubElement(link, "inertial")
+        sub_element = ElementTree.SubElement(link, "inertial")
         frame = placement(inertia.frame)
-        _origin(made, frame.act(np.array(inertia.centre_m)), frame.rotation)
-        ElementTree.SubElement(made, "mass", value=repr(inertia.mass_kg))
+        _origin(sub_element, frame.act(np.array(inertia.centre_m)), frame.rotation)
+        ElementTree.SubElement(sub_element, "mass", value=repr(inertia.mass_kg))
         xx, yy, zz, xy, xz, yz = (repr(value) for value in inertia.tensor_kg_m2)
-        ElementTree.SubElement(made, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
+        ElementTree.SubElement(
+            sub_element, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz
+        )
     for piece in pieces:
         _shape(ElementTree.SubElement(link, "collision"), piece)
 
@@ -231,12 +233,12 @@ def _mesh(hull: Hull) -> Path:
     """Write a hull with its surface in triangles."""
     points = coal.StdVec_Vec3s()
     points.extend([np.array(corner) for corner in hull.corners_m])
-    found = coal.Convex.convexHull(points, True, "Qt")
-    corners = np.asarray(found.points())
+    convexHull = coal.Convex.convexHull(points, True, "Qt")
+    corners = np.asarray(convexHull.points())
     middle = corners.mean(axis=0)
     lines = [f"v {_numbers(corner.tolist())}" for corner in corners]
-    for number in range(found.num_polygons):
-        a, b, c = (int(found.polygons(number)[index]) for index in range(3))
+    for number in range(convexHull.num_polygons):
+        a, b, c = (int(convexHull.polygons(number)[index]) for index in range(3))
         normal = np.cross(corners[b] - corners[a], corners[c] - corners[a])
         if float(normal @ (corners[a] - middle)) < 0:
             b, c = c, b

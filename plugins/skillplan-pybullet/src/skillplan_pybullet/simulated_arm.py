@@ -366,7 +366,7 @@ class SimulatedArm:
         if wanted.tracks_joints:
             return wanted.posture
         x, y, z = wanted.position.tolist()
-        found = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)
-        if found is None:
+        follow = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)
+        if follow is None:
             raise unreachable((x, y, z), wanted.rotation)
-        return found
+        return follow

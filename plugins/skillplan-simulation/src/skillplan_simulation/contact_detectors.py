@@ -68,10 +68,10 @@ class ContactDetector(Detector):
 
     def beside(self, others: Sequence[BackEnd]) -> None:
         """Read the simulation of the engine beside this detector from now on."""
-        engine = next((one for one in others if isinstance(one, SimulatingEngine)), None)
+        engine = next((other for other in others if isinstance(other, SimulatingEngine)), None)
         self._is_alone = engine is None
         lenders = [self, *(one for one in others if isinstance(one, ContactDetector))]
-        self._lender = min(lenders, key=lambda one: one.name)
+        self._lender = min(lenders, key=lambda lender: lender.name)
         if engine is not None:
             self._engine, self._lender = engine, self
 

@@ -240,7 +240,7 @@ class SlowedRun:
         if step_s <= 0:
             return run
         joints = [run.at(number * step_s)[0] for number in range(_SAMPLES + 1)]
-        tips = [kinematics.tip(one) for one in joints]
+        tips = [kinematics.tip(joint) for joint in joints]
         points = np.array([(tip.position + times(_HELD_M, tip.rotation.T)) for tip in tips])
         gains = np.linalg.norm(np.diff(points, n=2, axis=0), axis=2) / step_s**2
         excess = math.sqrt(float(gains.max()) / acceleration_m_per_s2)

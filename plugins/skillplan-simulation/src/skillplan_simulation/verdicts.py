@@ -361,7 +361,9 @@ def judges_among(back_ends: Sequence[object], parts: Collection[str]) -> tuple[J
     parts
         Names of the task's bodies.
     """
-    found = [one.contact_verdict for one in back_ends if isinstance(one, ContactJudge)]
+    found = [
+        back_end.contact_verdict for back_end in back_ends if isinstance(back_end, ContactJudge)
+    ]
     return tuple(found) or (partial(pair_verdict, limits=PairLimits(), parts=frozenset(parts)),)
 
 

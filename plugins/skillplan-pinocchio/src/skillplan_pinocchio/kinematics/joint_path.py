@@ -150,7 +150,7 @@ class JointPath:
         step, bends = self._step, self._bends
         rise = np.diff(self.nodes, axis=0) / step
         before, after = bends[:-1], bends[1:]
-        found = np.maximum(
+        maximum = np.maximum(
             np.abs(rise - step / 6 * (2 * before + after)),
             np.abs(rise + step / 6 * (before + 2 * after)),
         )
@@ -158,7 +158,7 @@ class JointPath:
         turns = before * after < 0
         share = np.divide(before, before - after, out=np.zeros_like(before), where=turns)
         inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
-        return np.asarray(np.maximum(found, np.where(turns, np.abs(inner), 0.0)))
+        return np.asarray(np.maximum(maximum, np.where(turns, np.abs(inner), 0.0)))
 
 
 def _weights(share: float) -> tuple[float, float, float]:

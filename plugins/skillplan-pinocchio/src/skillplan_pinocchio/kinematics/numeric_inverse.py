@@ -104,8 +104,8 @@ class NumericInverse:
         ValueError
             If the pose is not finite.
         """
-        wanted = _feature(target)
-        if not np.isfinite(wanted).all():
+        feature = _feature(target)
+        if not np.isfinite(feature).all():
             raise ValueError(f"Pose must be finite, not {target}.")
         nearest = (math.inf, math.inf)
         if near is not None:
@@ -114,7 +114,7 @@ class NumericInverse:
             if joints is not None:
                 return joints
             nearest = _size(twist)
-        for index in self._nearest_first(wanted)[:_STARTS]:
+        for index in self._nearest_first(feature)[:_STARTS]:
             joints, twist = self._descend(self._starts[index], target)
             if joints is not None:
                 return joints

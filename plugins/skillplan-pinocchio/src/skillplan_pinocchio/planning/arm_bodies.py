@@ -365,7 +365,7 @@ def _apart(
     geometry = bodies.geometry(pairs)
     nearness = geometry.createData()
     pin.computeDistances(bodies.model, bodies.model.createData(), geometry, nearness, home_rad)
-    gaps_m = [found.min_distance for found in nearness.distanceResults]
+    gaps_m = [distanceResult.min_distance for distanceResult in nearness.distanceResults]
     return tuple(pair for pair, gap_m in zip(pairs, gaps_m, strict=True) if gap_m >= _HOME_GAP_M)
 
 

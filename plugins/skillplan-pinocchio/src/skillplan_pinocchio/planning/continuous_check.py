@@ -86,7 +86,11 @@ class ContinuousCheck:
     def __init__(self, bodies: ArmBodies, obstacles: Sequence[Obstacle]) -> None:
         self.bodies = bodies
         self.obstacles = tuple(obstacles)
-        found = [(number, piece) for number, one in enumerate(obstacles) for piece in one.pieces]
+        found = [
+            (number, piece)
+            for number, obstacle in enumerate(obstacles)
+            for piece in obstacle.pieces
+        ]
         self.pieces = tuple(piece for _, piece in found)
         self.owners = tuple(number for number, _ in found)
         low = np.array([piece.low for piece in self.pieces]).reshape(-1, 3)
@@ -130,7 +134,7 @@ class _Run:
         outlook = Outlook(check.bodies, path, check.boxes, least_m)
         self._places = outlook.places
         self._intervals = len(path.nodes) - 1
-        self._cubics = [tuple(one) for one in np.swapaxes(path.cubics, 0, 1)]
+        self._cubics = [tuple(swapax) for swapax in np.swapaxes(path.cubics, 0, 1)]
         self._standing, self._own = outlook.standing, outlook.own
         bodies = check.bodies
         self._model, self._data = bodies.model, bodies.model.createData()
@@ -242,9 +246,9 @@ class _Run:
         result = self._nearest(index, place)
         middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
         x, y, z = (round(float(value), 6) for value in middle)
-        one = self._check.bodies.solids[self._standing[index - len(self._own)].solid]
+        solid = self._check.bodies.solids[self._standing[index - len(self._own)].solid]
         where = round(place, 6)
-        return Hit(obstacle.body, obstacle.fact, one.name, one.of_arm, where, (x, y, z))
+        return Hit(obstacle.body, obstacle.fact, solid.name, solid.of_arm, where, (x, y, z))
 
     def _own_hit(self, pair: NearPair, place: float) -> Hit:
         one, other = (self._check.bodies.solids[number] for number in (pair.solid, pair.other))
@@ -350,7 +354,8 @@ class SelfCheck:
     def _chain_m(self) -> Vector:
         """How far the origin of the last joint's frame can be from every joint's [m]."""
         lengths_m = [
-            float(np.linalg.norm(one.translation)) for one in self.arm.model.jointPlacements
+            float(np.linalg.norm(jointPlacement.translation))
+            for jointPlacement in self.arm.model.jointPlacements
         ]
         return np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
 
@@ -378,7 +383,7 @@ class SelfCheck:
         key = tuple(ends)
         if key not in self._known:
             held = [
-                held_solid(one.name, self.arm.joints, one.piece, one.back) for one in ends.values()
+                held_solid(end.name, self.arm.joints, end.piece, end.back) for end in ends.values()
             ]
             solids = (*self._solids, *held)
             self._known[key] = ContinuousCheck(

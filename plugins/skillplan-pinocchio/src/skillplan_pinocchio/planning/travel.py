@@ -54,7 +54,7 @@ class PostureCheck:
     ) -> None:
         self._model, self._data = bodies.model, bodies.model.createData()
         geometry = bodies.geometry()
-        pieces = [piece for one in obstacles for piece in one.pieces]
+        pieces = [piece for obstacle in obstacles for piece in obstacle.pieces]
         for number, piece in enumerate(pieces):
             geometry.addGeometryObject(
                 pin.GeometryObject(f"piece {number}", 0, pin.SE3.Identity(), piece.hull)
@@ -67,8 +67,8 @@ class PostureCheck:
         nearness = geometry.createData()
         for end_rad in ends_rad:
             pin.computeDistances(self._model, self._data, geometry, nearness, end_rad)
-            for found in nearness.distanceResults:
-                margin_m = min(margin_m, found.min_distance / 2)
+            for distanceResult in nearness.distanceResults:
+                margin_m = min(margin_m, distanceResult.min_distance / 2)
         standing = len(geometry.collisionPairs)
         for pair in bodies.pairs:
             geometry.addCollisionPair(pin.CollisionPair(*pair))
@@ -431,8 +431,8 @@ class TravelSearch:
             first = first or there[0]
             met |= {
                 number
-                for number, one in enumerate(self.obstacles)
-                if any((one.body, one.fact) == (hit.body, hit.fact) for hit in there)
+                for number, obstacle in enumerate(self.obstacles)
+                if any((obstacle.body, obstacle.fact) == (hit.body, hit.fact) for hit in there)
             }
             planned = self._planned(known, met)
             if isinstance(planned, int):
@@ -446,7 +446,7 @@ class TravelSearch:
     def _looked_at(
         self, bodies: ArmBodies, ends_rad: tuple[Vector, Vector], spares: frozenset[str]
     ) -> _Known:
-        standing = [one for one in self.obstacles if one.body not in spares]
+        standing = [obstacle for obstacle in self.obstacles if obstacle.body not in spares]
         check = ContinuousCheck(bodies, standing)
         straight = JointPath(list(ends_rad))
         start, hits, end = check.hits_and_ends(straight)
@@ -456,7 +456,7 @@ class TravelSearch:
         self, known: _Known, met: frozenset[int]
     ) -> tuple[JointPath, tuple[Hit, ...]] | int:
         """Return a path round what was met and all that it hits, or the checks made in vain."""
-        always = {number for number, one in enumerate(self.obstacles) if one.fact is None}
+        always = {number for number, obstacle in enumerate(self.obstacles) if obstacle.fact is None}
         world = met | always
         if world not in known.planned:
             path = self._way_round(known, world)
@@ -464,7 +464,7 @@ class TravelSearch:
         return known.planned[world]
 
     def _way_round(self, known: _Known, world: frozenset[int]) -> JointPath | int:
-        standing = {one.body for one in known.all.obstacles}
+        standing = {obstacle.body for obstacle in known.all.obstacles}
         some = [self.obstacles[number] for number in sorted(world)]
         check = ContinuousCheck(known.bodies, [one for one in some if one.body in standing])
         ends = (known.straight.nodes[0], known.straight.nodes[-1])

@@ -162,7 +162,7 @@ class TravelHeights:
         model = arm.model
         placements = list(model.jointPlacements)[1:]
         tip = model.frames[model.getFrameId("tip")].placement
-        self._fixed = [(one.rotation, one.translation) for one in placements]
+        self._fixed = [(placement.rotation, placement.translation) for placement in placements]
         self._tip = (tip.rotation, tip.translation)
         self._axes = [np.array(joint.axis) for joint in arm.description.joints]
         _, centres, halves = arm.boxes

@@ -118,21 +118,21 @@ class KinematicRun:
             self._joints = np.asarray(paths.begin_rad)
         self._bring_out({one.motion.visit.subject for one in paths.motions}, state)
         goals = self.task.scene.at(after)
-        for number, one in enumerate(paths.motions):
-            self._take_along(one)
-            subject = one.motion.visit.subject
-            assert not isinstance(one.travel, Unfound)
+        for number, motion in enumerate(paths.motions):
+            self._take_along(motion)
+            subject = motion.motion.visit.subject
+            assert not isinstance(motion.travel, Unfound)
             self._phase = f"the travel to {subject}"
-            wide_m = self._opening_for(one)
-            opens_m = wide_m if one.motion.visit.event is Event.GRASP else self._opening_m
-            self._along(one.travel.path, opens_m)
+            wide_m = self._opening_for(motion)
+            opens_m = wide_m if motion.motion.visit.event is Event.GRASP else self._opening_m
+            self._along(motion.travel.path, opens_m)
             self._phase = f"the approach to {subject}"
-            for path in one.strokes.down:
+            for path in motion.strokes.down:
                 self._along(path, self._opening_m)
-            self._phase = f"the {one.motion.visit.event.value} of {subject}"
-            self._act(one, paths.motions[number + 1 :], goals)
+            self._phase = f"the {motion.motion.visit.event.value} of {subject}"
+            self._act(motion, paths.motions[number + 1 :], goals)
             self._phase = f"the retreat from {subject}"
-            for path in one.strokes.up:
+            for path in motion.strokes.up:
                 self._along(path, self._opening_m)
 
     def _bring_out(self, subjects: set[str], state: State) -> None:

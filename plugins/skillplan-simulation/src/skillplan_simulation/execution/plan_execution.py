@@ -428,10 +428,10 @@ class _PlanExecution:
         # The frames of a log are the rows of the trace.
         begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
-            for one in planned.motions:
-                runner.travel(one)
-                runner.run(one)
-                self.here_rad = one.retreat[-1]
+            for motion in planned.motions:
+                runner.travel(motion)
+                runner.run(motion)
+                self.here_rad = motion.retreat[-1]
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:

@@ -117,22 +117,24 @@ class PlannedPaths:
         UnreachableError
             If it cannot follow.
         """
-        found = self.paths.paths(skill, state, begin_rad)
-        if isinstance(found, Unreachable):
-            raise UnreachableError(found.reason)
-        basis = (found.begin_rad, found.present, found.absent)
-        unfound = found.unfound
+        paths = self.paths.paths(skill, state, begin_rad)
+        if isinstance(paths, Unreachable):
+            raise UnreachableError(paths.reason)
+        basis = (paths.begin_rad, paths.present, paths.absent)
+        unfound = paths.unfound
         if unfound is not None and not unfound.is_proof:
             return PlannedSkill((), *basis, (), unfound.reason)
-        travels = (TravelTo(one.motion.visit, one.travel).evidence for one in found.motions)
-        planned = tuple(one for one in travels if one is not None)
-        return PlannedSkill(tuple(self._motions(found)), *basis, planned)
+        travels = (
+            TravelTo(motion.motion.visit, motion.travel).evidence for motion in paths.motions
+        )
+        planned = tuple(travel for travel in travels if travel is not None)
+        return PlannedSkill(tuple(self._motions(paths)), *basis, planned)
 
     def _motions(self, found: SkillPaths) -> Iterator[ArmMotion]:
         here = found.begin_rad
-        for one in found.motions:
-            yield self._motion(one, here)
-            here = one.strokes.end
+        for motion in found.motions:
+            yield self._motion(motion, here)
+            here = motion.strokes.end
 
     def _motion(self, one: MotionPaths, here: Vector) -> ArmMotion:
         strokes = one.strokes

@@ -305,9 +305,9 @@ class Workcell:
         scene = self.task.scene
         plain = [one.motion for one in planned.motions]
         handled = {motion.visit.subject for motion in plain}
-        for one in around.bodies:
-            stands = one.body.name not in handled
-            world.add(one.body, one.placement.pose, stands=stands)
+        for body in around.bodies:
+            stands = body.body.name not in handled
+            world.add(body.body, body.placement.pose, stands=stands)
         self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
@@ -365,7 +365,7 @@ class Workcell:
         What it does not handle is expected where it stood when the skill began: how far off its
         goal it came to rest was the matter of the skill that put it there.
         """
-        motions = [one.motion for one in planned.motions]
+        motions = [motion.motion for motion in planned.motions]
         self._sense(runner, motions[-1], None)
         none = self.task.facts.none
         record = self._record(skill, state, motions, (none, none), runner)

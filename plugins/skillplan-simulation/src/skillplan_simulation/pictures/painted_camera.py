@@ -367,7 +367,7 @@ class SeenCell:
 
 def _contact(world: World, culprits: Sequence[str]) -> Point | None:
     """Return where two culprits press on each other the hardest [m]."""
-    found = [one for one in world.touches() if {one.first, one.second} == set(culprits)]
+    found = [touch for touch in world.touches() if {touch.first, touch.second} == set(culprits)]
     if not found:
         return None
     x, y, z = max(found, key=lambda one: one.normal_n).place.tolist()

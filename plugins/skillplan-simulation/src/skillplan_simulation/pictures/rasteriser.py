@@ -49,7 +49,7 @@ def corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
     smooth
         The least cosine between triangles that share a normal.
     """
-    found = np.zeros((len(places), 3))
+    zeros = np.zeros((len(places), 3))
     sizes = np.sqrt((across * across).sum(axis=1))
     begin = 0
     while begin < len(order):
@@ -62,10 +62,10 @@ def corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
                 its = other // 3
                 cosine = (across[own] * across[its]).sum() / (sizes[own] * sizes[its])
                 if cosine >= smooth:
-                    found[one] += across[its]
-            found[one] /= np.sqrt((found[one] * found[one]).sum())
+                    zeros[one] += across[its]
+            zeros[one] /= np.sqrt((zeros[one] * zeros[one]).sum())
         begin = end
-    return found
+    return zeros
 
 
 @compiled
