@@ -1,8 +1,4 @@
-"""A second physics engine: skills executed by a simulated arm in MuJoCo.
-
-What the arm does, and what that proves, is shared with every engine and lives in
-`skillplan_simulation`; here is the world it does it in.
-"""
+"""A second physics engine: MuJoCo worlds and arms for `skillplan_simulation`."""
 
 import lazy_loader as _lazy
 

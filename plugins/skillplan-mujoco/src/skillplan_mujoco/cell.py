@@ -1,4 +1,4 @@
-"""A compiled cell, which every world starts afresh: what worlds change of it is put back."""
+"""A compiled cell. Every world resets the fields that the previous one changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillplan.robots.arm_description import Hand
 from skillplan_mujoco.cell_model import hand_masses, hand_number
 from skillplan_simulation.simulator import FINGERS, HAND, ROBOT
 
-# What worlds change of a model: who touches whom, what is fixed to what, what weighs how much.
+# Fields of a model that worlds change: contact masks, bonds and masses.
 _CHANGED = (
     "geom_contype",
     "geom_conaffinity",
@@ -34,14 +34,14 @@ _CHANGED = (
 
 
 class Cell:
-    """A model, and the names of what is in it.
+    """A compiled model and the names of its bodies.
 
     Parameters
     ----------
     model
-        Compiled.
+        Compiled model.
     hands
-        What jaws the arm can have, in the order in which the model was made of them.
+        All hands that the arm can have, in the order of the model.
     friction
         Coefficient of lateral friction of bodies and table [-].
     """
@@ -56,18 +56,18 @@ class Cell:
         }
         root = self.ids[ROBOT]
         self._arm = [number for number in self.ids.values() if model.body_rootid[number] == root]
-        # What the bodies of the model belong to.
+        # Name of the task's body, or of the arm, by number of the model's body.
         self.owners = {number: name for name, number in self.ids.items()}
         self.owners |= dict.fromkeys(self._arm, ROBOT)
         handling = {self.ids[name]: name for name in (HAND, *FINGERS)}
-        # What every geometry belongs to; of the arm, hand and fingers by their own names.
+        # Owner of every geometry; hand and fingers have names of their own.
         known = self.owners | handling
         self.labels: list[str] = [known[body] for body in model.geom_bodyid.tolist()]
         weld = mujoco.mjtEq.mjEQ_WELD
-        self.bonds = [one for one in range(model.neq) if model.eq_type[one] == weld]
+        self.bonds = [number for number in range(model.neq) if model.eq_type[number] == weld]
 
     def start(self) -> Any:
-        """Put back what was changed, and return the simulator's state at its start."""
+        """Reset all changed fields and return the simulator's initial state."""
         for name, values in self._own.items():
             getattr(self.model, name)[:] = values
         mujoco.mj_resetData(self.model, self._data)
@@ -76,11 +76,11 @@ class Cell:
         return self._data
 
     def weigh_arm(self) -> None:
-        """Have the arm's links weigh what they do."""
+        """Give the links of the arm their weight."""
         self.model.body_gravcomp[self._arm] = 0.0
 
     def fit(self, hand: Hand) -> list[int]:
-        """Have the arm's hand weigh what one of its hands does; return the shapes of the others."""
+        """Give the hand the masses of one of its variants; return the geometries of the others."""
         for name, mass in hand_masses(hand).items():
             number = self.ids[name]
             self.model.body_mass[number] = mass.mass_kg
@@ -100,16 +100,16 @@ class Cell:
         return range(first, first + int(self.model.body_geomnum[self.ids[name]]))
 
     def coordinates(self, name: str) -> tuple[slice, slice]:
-        """Return which coordinates and which speeds of the state are those of a body."""
+        """Return the slices of a body's coordinates and speeds in the state."""
         if name in self._coordinates:
             return self._coordinates[name]
         joint = self.model.body_jntadr[self.ids[name]]
         place, speed = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
-        found = self._coordinates[name] = slice(place, place + 7), slice(speed, speed + 6)
-        return found
+        slices = self._coordinates[name] = slice(place, place + 7), slice(speed, speed + 6)
+        return slices
 
     def scale_mass(self, name: str, factor: float) -> None:
-        """Have a body weigh so many times as much, its mass spread as before."""
+        """Multiply the mass of a body by a factor; its distribution stays."""
         number, (_, speeds) = self.ids[name], self.coordinates(name)
         for values in (self.model.body_mass, self.model.body_inertia, self.model.body_subtreemass):
             values[number] *= factor

@@ -1,4 +1,4 @@
-"""Shapes of the model of a cell: how they look to contacts, and how firm these are."""
+"""The MuJoCo model of a cell: arm, hands, table, all bodies of a task and spare bonds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics.performance import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
 from skillplan.robots.arm_description import Capsule, Hand, Hull, Joint, Rod
 from skillplan.task.scene import Body, Robot
 from skillplan.task.shape import Box, Cylinder, Shape
@@ -29,39 +28,39 @@ from skillplan_simulation.simulator import (
     TABLE,
 )
 
-# What points of contact resist being turned about the normal, by their force [m]: of the arm, by
-# friction as well, and of others; and what they resist being rolled [m].
+# Torsional friction of the arm, per unit of lateral friction, and of other bodies [m]; rolling
+# friction [m].
 ARM_TORSION_M = 0.01
 _TORSION_M, _ROLLING_M = 0.001, 0.0001
-# A contact is a normal force, two of friction, and a moment about the normal.
+# A contact has a normal force, two friction forces and a moment about the normal.
 FRICTIONAL = 4
-# A cylinder has so many sides; its edges are 0.05 % of its radius outside.
+# Number of sides of the prism for a cylinder; its edges lie 0.05 % of the radius outside.
 _SIDES = 96
-# How stiff contacts and bonds are, in the simulator's terms: time constant [s] and damping ratio,
-# and the share of a force that is met, from where to where, over which depth [m]. Nothing that is
-# faster than two steps is stable.
+# Stiffness of contacts and bonds (MuJoCo's solref and solimp): time constant [s] and damping ratio;
+# impedance range, depth [m] and shape. Time constants below two steps are unstable.
 STIFF = (2.0 / STEPS_PER_S, 1.0)
 _SHARE, BOND_SHARE = (0.95, 0.99, 0.0005, 0.5, 2.0), (0.99, 0.999, 0.0005, 0.5, 2.0)
 
 
 def touch(geom: Any, friction: float, torsion_m: float = _TORSION_M) -> None:
-    """Say what contacts of a geometry are like."""
+    """Set the friction and stiffness of a geometry's contacts."""
     geom.friction = (friction, torsion_m, _ROLLING_M)
     geom.condim = FRICTIONAL
     geom.solref, geom.solimp = STIFF, _SHARE
 
 
 def add_piece(spec: Any, body: Any, piece: Piece, friction: float) -> Any:
-    """Add a piece of the arm to a body; return its geometry.
+    """Add a piece of the arm to a body and return its geometry.
 
     Parameters
     ----------
     spec, body
-        To be compiled, and what of it.
+        Model specification, and one of its bodies.
     piece
-        Of the arm.
+        Piece of the arm.
     friction
-        Of what it touches [-]: of two, the greater counts, so that both have to have it.
+        Friction coefficient of bodies [-]. MuJoCo takes the larger of the two in a contact, so both
+        need it.
     """
     kinds = mujoco.mjtGeom
     if isinstance(piece, Hull):
@@ -84,12 +83,11 @@ def add_piece(spec: Any, body: Any, piece: Piece, friction: float) -> Any:
 
 
 def add_shape(spec: Any, body: Any, shape: Shape) -> Any:
-    """Add a shape to a body of a task, as the hull of its corners; return its geometry.
+    """Add a shape to a body of a task as the hull of its corners; return its geometry.
 
-    A box is one, too: of two boxes with parallel axes that press on each other by less than
-    0.05 mm, the simulator's own routine finds a single point now and then, and far too deep. A
-    cylinder is a prism, whose sides are as far from its axis as its own: exact ones touch by points
-    that jump from end to end, and roll away.
+    A box is a hull, too: for two parallel boxes that press by less than 0.05 mm, MuJoCo's box
+    routine sometimes finds a single point, far too deep. A cylinder becomes a prism, because exact
+    cylinders touch at points that jump from end to end, and roll away.
     """
     name = f"hull {len(spec.meshes)}"
     spec.add_mesh(name=name, uservert=[value for corner in _corners(shape) for value in corner])
@@ -97,7 +95,7 @@ def add_shape(spec: Any, body: Any, shape: Shape) -> Any:
 
 
 def _corners(shape: Shape) -> Iterator[Sequence[float]]:
-    """Yield corners about a shape [m]."""
+    """Yield corners of a shape's hull [m]."""
     if not isinstance(shape, Box | Cylinder):
         yield from shape.corners
         return
@@ -115,25 +113,25 @@ def _corners(shape: Shape) -> Iterator[Sequence[float]]:
             yield x_m + across_m, y_m + along_m, z_m + up_m
 
 
-# What a hand weighs, of which no description says it: body and one jaw [kg].
+# Assumed masses of a hand's body and of one jaw [kg]; no manufacturer publishes them.
 _BODY_KG, _JAW_KG = 0.73, 0.05
-# The inertia of a jaw's drive, as mass at the jaw [kg].
+# Inertia of a jaw's drive, as a mass at the jaw [kg].
 _DRIVE_KG = 0.1
 _JAW_SIDES = (1, -1)
 
 
 @dataclass(frozen=True, slots=True)
 class SolidMass:
-    """What a hand's body or a jaw weighs, as a box.
+    """Mass of a hand's body or a jaw, computed as for a box.
 
     Parameters
     ----------
     mass_kg
-        How much [kg].
+        Mass [kg].
     centre_m
-        Of its mass, from the tip [m].
+        Centre of mass, from the tip [m].
     inertia_kg_m2
-        Moments about the axes through the centre.
+        Moments of inertia about the axes through the centre.
     """
 
     mass_kg: float
@@ -142,14 +140,14 @@ class SolidMass:
 
 
 def hand_masses(hand: Hand) -> dict[str, SolidMass]:
-    """Return what a hand and its jaws weigh, by name."""
+    """Return the masses of a hand and its jaws by name."""
     size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    found = {HAND: _box(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
+    masses = {HAND: _box(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
     height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
     size = (2 * hand.jaw_half_width_m, thick_m, height_m)
     for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
-        found[name] = _box(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
-    return found
+        masses[name] = _box(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
+    return masses
 
 
 def _box(mass_kg: float, centre: tuple[float, float, float], size: Sequence[float]) -> SolidMass:
@@ -158,18 +156,18 @@ def _box(mass_kg: float, centre: tuple[float, float, float], size: Sequence[floa
 
 
 def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> None:
-    """Add hands to the body at the tip of an arm, and jaws that move by one gear.
+    """Add the hands to the body at the tip, with jaws coupled by a gear.
 
     Parameters
     ----------
     spec
-        To be compiled.
+        Model specification.
     held
-        Its body for the hand.
+        Body of the hand.
     hands
-        All that there can be; the first counts at the start.
+        All hands that the arm can have; the first is active at the start.
     friction
-        Of what they touch [-].
+        Friction coefficient of bodies [-].
     """
     masses = hand_masses(hands[0])
     _weigh(held, masses[HAND])
@@ -195,7 +193,7 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
 
 
 def hand_number(geom: str) -> int:
-    """Return of which hand a geometry is, by its name."""
+    """Return the number of the hand that a geometry belongs to, from its name."""
     return int(geom.split()[1])
 
 
@@ -211,27 +209,26 @@ def _weigh(body: Any, mass: SolidMass) -> None:
 
 Vector = NDArray[np.float64]
 
-# Of the model, beside what has a name in every engine.
 TIP = "tip"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
-# Friction holds by so much more firmly than contacts press.
+# Ratio of frictional to normal impedance, and iterations of the solver.
 _FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
-# So many bonds there are besides one for every body.
+# Number of bonds in addition to one per body.
 _MORE_BONDS = 8
 
 
 def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float) -> Any:
-    """Return what is compiled to the model of a cell.
+    """Return the specification from which the model of a cell is compiled.
 
     Parameters
     ----------
     robot, hands
-        The arm, and all hands that it can have.
+        The arm and all hands that it can have.
     bodies
-        All that can ever be in a world beside it, tools included.
+        All bodies that a world can ever hold, tools included.
     friction
-        Of bodies and table [-].
+        Friction coefficient of bodies and table [-].
     """
     spec = mujoco.MjSpec()
     option = spec.option
@@ -243,7 +240,6 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     option.iterations = _SOLVER_STEPS
     spec.compiler.balanceinertia = True
     spec.compiler.degree = False
-    _light(spec)
     world = spec.worldbody
     table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
     touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
@@ -259,31 +255,8 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     return spec
 
 
-def _light(spec: Any) -> None:
-    """Have pictures be as large as a view is made for, and lit from before the arm."""
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
-    spec.visual.global_.fovy = FIELD_OF_VIEW_DEG
-    spec.visual.map.znear, spec.visual.map.zfar = 0.002, 2.0
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
-    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    light = spec.worldbody.add_light(pos=(1.2, -1.0, 2.5), dir=(-0.35, 0.45, -1.0))
-    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    light.diffuse, light.specular = (0.5, 0.5, 0.5), (0.1, 0.1, 0.1)
-    light.castshadow = False
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-        rgb1=(0.95, 0.96, 0.98),
-        rgb2=(0.95, 0.96, 0.98),
-        width=16,
-        height=96,
-    )
-
-
 def joint_name(number: int) -> str:
-    """Return what a joint of the arm is called, counted from 0 at the base."""
+    """Return the name of a joint of the arm, counted from 0 at the base."""
     return f"joint {number + 1}"
 
 
@@ -292,7 +265,7 @@ def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) ->
     here = spec.worldbody.add_body(
         name=ROBOT, pos=robot.base, quat=_wxyz(np.array(robot.mount.rotation))
     )
-    # Where the arm is not in a world, it hangs without weight.
+    # In a world without the arm, it hangs weightless.
     here.gravcomp = 1.0
     shapes = model.shapes or [()] * (len(model.joints) + 1)
     for piece in shapes[0]:
@@ -308,7 +281,7 @@ def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) ->
 
 
 def _add_link(before: Any, number: int, joint: Joint) -> Any:
-    """Add a link and the joint that moves it; return it."""
+    """Add a link and its joint; return the link."""
     where = placement(joint.placement)
     link = before.add_body(
         name=f"link {number + 1}", pos=where.translation, quat=_wxyz(where.rotation)
@@ -323,30 +296,30 @@ def _add_link(before: Any, number: int, joint: Joint) -> Any:
         link.mass = joint.link.mass_kg
         link.ipos = frame.act(np.array(joint.link.centre_m))
         link.fullinertia = (*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
-    made = link.add_joint(name=joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
-    made.axis = joint.axis
-    made.range = (joint.low_rad, joint.high_rad)
+    hinge = link.add_joint(name=joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
+    hinge.axis = joint.axis
+    hinge.range = (joint.low_rad, joint.high_rad)
     return link
 
 
 def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
-    made = spec.worldbody.add_body(name=body.name, pos=parked(number))
-    made.add_freejoint()
+    part = spec.worldbody.add_body(name=body.name, pos=parked(number))
+    part.add_freejoint()
     properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
-    made.explicitinertial = True
-    made.mass, made.ipos = body.mass_kg, properties.centre
-    made.inertia = properties.inertia_kg_m2
-    made.gravcomp = 1.0
+    part.explicitinertial = True
+    part.mass, part.ipos = body.mass_kg, properties.centre
+    part.inertia = properties.inertia_kg_m2
+    part.gravcomp = 1.0
     for shape in body.shapes:
-        touch(add_shape(spec, made, shape), friction)
+        touch(add_shape(spec, part, shape), friction)
 
 
 def parked(number: int) -> tuple[float, float, float]:
-    """Return where a body lies that is not there [m]."""
+    """Return the position of a body that is not in the world [m]."""
     return 5.0 + number, 8.0, 1.0
 
 
 def _wxyz(rotation: Vector) -> Vector:
-    zeros = np.zeros(4)
-    mujoco.mju_mat2Quat(zeros, np.ascontiguousarray(rotation).ravel())
-    return zeros
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return quaternion

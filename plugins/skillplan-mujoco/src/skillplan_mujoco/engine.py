@@ -1,4 +1,4 @@
-"""The engine: a skill is feasible if an arm in MuJoCo executes it and senses what was promised."""
+"""The engine `mujoco`: execute a skill with a simulated arm and check its postcondition."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class MujocoSimulator:
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     settings
-        How it moves.
+        Settings of motion and contact.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
@@ -34,7 +34,7 @@ class MujocoSimulator:
         self._cell: Cell | None = None
 
     def world(self) -> World:
-        """Return a world with a table and nothing else; worlds before it are none any more."""
+        """Return a world with only a table; earlier worlds become invalid."""
         if self._cell is None:
             hands = hands_of(self.robot)
             spec = cell_spec(self.robot, hands, self._bodies(hands[0]), self.settings.friction)
@@ -48,7 +48,7 @@ class MujocoSimulator:
         return world, SimulatedArm(world, self.robot, self.settings, hand)
 
     def _bodies(self, hand: Hand) -> list[Body]:
-        """Return all that can ever be in a world beside arm and table."""
+        """Return all bodies that a world can ever hold in addition to arm and table."""
         tools = (tool_body(tool, hand) for tool in self.robot.tools)
         return [*self.task.scene.bodies, *(body for body in tools if body is not None)]
 
@@ -56,12 +56,12 @@ class MujocoSimulator:
 class MujocoEngine(PerformingEngine):
     """Execute the skill with an arm in MuJoCo and sense its postcondition.
 
-    The arm is the task's, built from its description: published kinematics, limits and masses.
-    One model is compiled for a task, and every check starts it afresh, with the bodies near the
-    motion and their supports; the verdict rests on the facts that put them there. It asks the
-    same of the same motions as ``pybullet``: where parts come to rest, what is in the hand, which
-    tool is attached, the force a screw is driven with. Collisions are for ``contact-pairs``,
-    which reads the same execution.
+    The arm is built from its description: published kinematics, limits and masses. One model is
+    compiled per task. Every check resets it and adds the bodies near the motion with their
+    supports; the verdict rests on the facts that put them there. Motions and postconditions are the
+    same as for ``pybullet``: where parts come to rest, which part is in the hand, which tool is
+    attached, and the force that drives a screw. ``contact-pairs`` reads collisions from the same
+    execution.
     """
 
     name = "mujoco"
@@ -69,12 +69,12 @@ class MujocoEngine(PerformingEngine):
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):
-        """Options of motion and of what counts as done."""
+        """Options of motion, and tolerances of postconditions."""
 
     options: Options
 
     def make_workcell(self) -> Workcell:
-        """Return one whose worlds share a model."""
+        """Return a workcell whose worlds share one model."""
         settings = ExecutionSettings.model_validate(
             self.options.model_dump(include=set(ExecutionSettings.model_fields))
         )
@@ -82,7 +82,7 @@ class MujocoEngine(PerformingEngine):
 
     @property
     def basis(self) -> Mapping[str, str]:
-        """The versions of what decides a simulation beside this plugin."""
+        """Versions of the distributions that decide a simulation, except this plugin."""
         others = [
             "mujoco-core",
             "numpy",

@@ -1,7 +1,6 @@
-"""Torques of the joints: by operational space for the tip, or for every joint on its own.
+"""The arm of a MuJoCo world: torque control, jaws, and the friction grip.
 
-The laws are those of the other engine (`operational_space` and `joint_tracking` there), written so
-that every sum has a fixed order.
+The control laws equal `skillplan_pybullet.control`, with every sum in a fixed order.
 """
 
 from __future__ import annotations
@@ -41,26 +40,26 @@ from skillplan_simulation.static_friction import HoldingArm, StaticFriction
 
 Vector = NDArray[np.float64]
 
-# How firmly the arm is drawn to its posture [1/s2].
+# Stiffness of the null-space motion towards the posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
-# So much of what a joint lags behind is to be gone after one step, under control by position [-].
+# Share of a joint's lag that position control removes in one step [-].
 _SERVO_SHARE = 0.3
 
 
 @dataclass(slots=True)
 class ArmState:
-    """What control has to know of the arm; written anew for every step.
+    """State of the arm that control reads; overwritten in every step.
 
     Parameters
     ----------
     angles, rates
         Joint angles [rad] and rates [rad/s], shape (joints,).
     tip
-        Where the tip is.
+        Pose of the tip.
     mass
         Mass matrix [kg m2], shape (joints, joints).
     jacobian
-        Of the tip, linear above angular velocity, shape (6, joints).
+        Jacobian of the tip, linear above angular velocity, shape (6, joints).
     bias
         Torques of gravity, centrifugal and Coriolis forces [N m], shape (joints,).
     """
@@ -73,98 +72,94 @@ class ArmState:
     bias: Vector
 
 
-def torques(state: ArmState, wanted: Setpoint, stiffness_per_s2: float, load: Vector) -> Vector:
+def torques(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float, load: Vector) -> Vector:
     """Return joint torques [N m], shape (joints,).
 
     Parameters
     ----------
-    state
-        Of the arm.
-    wanted
-        Where the tip is to be, or every joint.
+    setpoint
+        Target of the tip or of every joint.
     stiffness_per_s2
-        Stiffness by unit of inertia; damping is critical.
+        Stiffness per unit of inertia; damping is critical.
     load
-        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+        Additional force [N] and moment [N m] that the tip exerts, shape (6,).
     """
-    if wanted.tracks_joints and wanted.joints is not None:
+    if setpoint.tracks_joints and setpoint.joints is not None:
         gain = (
-            wanted.joints.accelerations_rad_per_s2
-            + stiffness_per_s2 * (wanted.posture - state.angles)
-            + 2 * math.sqrt(stiffness_per_s2) * (wanted.joints.speeds_rad_per_s - state.rates)
+            setpoint.joints.accelerations_rad_per_s2
+            + stiffness_per_s2 * (setpoint.posture - state.angles)
+            + 2 * math.sqrt(stiffness_per_s2) * (setpoint.joints.speeds_rad_per_s - state.rates)
         )
         return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
     jacobian = state.jacobian
-    # Each column how the joints are accelerated by a force or moment at the tip.
+    # Column: joint accelerations caused by a unit force or moment at the tip.
     yielding = solved(state.mass, jacobian.T)
-    pull = _pull(state, wanted)
-    # What of the pull would move the tip is taken from it.
-    lacking = _acceleration(state, wanted, stiffness_per_s2) - times(jacobian, pull)
+    pull = _pull(state, setpoint)
+    # Remove the component of the pull that would move the tip.
+    lacking = _acceleration(state, setpoint, stiffness_per_s2) - times(jacobian, pull)
     wrench = solved(product(jacobian, yielding), lacking) + load
     return times_transposed(jacobian, wrench) + state.bias + times(state.mass, pull)
 
 
 def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
-    """Return joint torques that follow a posture as servos do, one for every joint [N m].
+    """Return the torques of joint servos that follow a posture [N m], shape (joints,).
 
-    Each has its joint turn, after one step, as fast as takes away a share of what it lags behind.
+    Each joint aims at the speed that removes a fixed share of its lag in one step.
 
     Parameters
     ----------
-    state
-        Of the arm.
     posture
-        Where the joints are to be [rad], shape (joints,).
+        Target joint angles [rad], shape (joints,).
     load
-        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+        Additional force [N] and moment [N m] that the tip exerts, shape (6,).
     """
     speeds = _SERVO_SHARE * STEPS_PER_S * (posture - state.angles)
     gain = STEPS_PER_S * (speeds - state.rates)
     return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
 
 
-def _acceleration(state: ArmState, wanted: Setpoint, stiffness_per_s2: float) -> Vector:
-    """Return how the tip is to be accelerated, linear before angular, shape (6,)."""
-    # Numbers are quicker here than arrays of three.
-    away = (wanted.position - state.tip.position).tolist()
-    away += rotation_left(state.tip.rotation, wanted.rotation)
-    rates = [*wanted.velocity.tolist(), *wanted.spin_rad_per_s.tolist()]
+def _acceleration(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float) -> Vector:
+    """Return the target acceleration of the tip, linear before angular, shape (6,)."""
+    # Floats are faster here than arrays of three.
+    away = (setpoint.position - state.tip.position).tolist()
+    away += rotation_left(state.tip.rotation, setpoint.rotation)
+    rates = [*setpoint.velocity.tolist(), *setpoint.spin_rad_per_s.tolist()]
     moves = times(state.jacobian, state.rates).tolist()
     damping_per_s = 2 * math.sqrt(stiffness_per_s2)
-    found = [
+    gains = [
         stiffness_per_s2 * lack + damping_per_s * (rate - move)
         for lack, rate, move in zip(away, rates, moves, strict=True)
     ]
-    for axis, gain in enumerate(wanted.acceleration.tolist()):
-        found[axis] += gain
-    return np.array(found)
+    for axis, gain in enumerate(setpoint.acceleration.tolist()):
+        gains[axis] += gain
+    return np.array(gains)
 
 
-def _pull(state: ArmState, wanted: Setpoint) -> Vector:
+def _pull(state: ArmState, setpoint: Setpoint) -> Vector:
     """Return the accelerations that draw the joints to their posture, shape (joints,)."""
     firmness = _NULLSPACE_STIFFNESS_PER_S2
-    away, lag = wanted.posture - state.angles, -state.rates
-    if wanted.joints is not None:
-        lag = wanted.joints.speeds_rad_per_s - state.rates
+    away, lag = setpoint.posture - state.angles, -state.rates
+    if setpoint.joints is not None:
+        lag = setpoint.joints.speeds_rad_per_s - state.rates
     pull: Vector = firmness * away + 2 * math.sqrt(firmness) * lag
-    if wanted.joints is not None:
-        pull = pull + wanted.joints.accelerations_rad_per_s2
+    if setpoint.joints is not None:
+        pull = pull + setpoint.joints.accelerations_rad_per_s2
     return pull
 
 
 class SmoothPads(StaticFriction):
-    """Holds a part still in the jaws while friction can; see `StaticFriction`.
+    """Holds a part still between the jaws as long as friction can; see `StaticFriction`.
 
-    Contacts with friction would hold it as well, yet not where it was: a step leads an arm along
-    the tangent of its way, and contacts let stand by how much it ends beside it, 0.2 mm in a lift
-    by 0.25 m. They would draw at the bond with all that they have.
+    Frictional contacts would hold the part as well, but not in place: each step moves the arm along
+    the tangent of its path, and contacts do not correct the error, 0.2 mm in a lift by 0.25 m. They
+    would pull against the bond with full force, so the pads have no friction meanwhile.
 
     Parameters
     ----------
     world, arm
-        Where, and whose jaws.
+        World and arm of the jaws.
     name
-        Of the part.
+        Name of the part.
     """
 
     world: World
@@ -175,14 +170,14 @@ class SmoothPads(StaticFriction):
             world.smooth(FINGERS)
 
     def let_go(self) -> None:
-        """Leave the part to its contacts."""
+        """Release the part to its contacts."""
         if self.constraint is not None:
             self.world.roughen(FINGERS)
         super().let_go()
 
 
-# With what force jaws are held open [N], and how firmly each follows where it is to be [N/m],
-# [N s/m]: closing on a part, it is farther off than its force allows.
+# Force that holds jaws open [N], and stiffness and damping of a jaw's position control [N/m],
+# [N s/m]. The force of a jaw that closes on a part saturates.
 _OPENING_FORCE_N = 40.0
 _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
 
@@ -193,13 +188,13 @@ class SimulatedArm:
     Parameters
     ----------
     world
-        Whose arm it is.
+        World of the arm.
     robot
-        Of the task.
+        Robot of the task.
     settings
-        How it is controlled.
+        Control settings.
     hand
-        What jaws it has: some of those of the model.
+        Current hand, one of those in the model.
     """
 
     def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
@@ -209,17 +204,17 @@ class SimulatedArm:
         self.payload_kg = 0.0
         self.bears: tuple[str, ...] = ()
         self.press_n: Vector = np.zeros(3)
-        self.wanted: Setpoint | None = None
+        self.setpoint: Setpoint | None = None
         self.shows_hand = True
         self.limit_nm = np.array(robot.model.torque_nm)
         model = world.model
-        # Joints of the arm come first, and those of the jaws after them.
+        # The joints of the arm come first, then the joints of the jaws.
         self._count = len(robot.model.joints)
         assert int(model.joint(joint_name(self._count - 1)).dofadr[0]) == self._count - 1
         self._jaws = [int(model.joint(name).dofadr[0]) for name in FINGERS]
         self._site = int(model.site(TIP).id)
         data, count = world.data, self._count
-        # Parts of the simulator's state, which every step writes anew in the same place.
+        # Views of the simulator's state, which every step overwrites in place.
         self._angles, self._rates = data.qpos[:count], data.qvel[:count]
         self._bias, self._applied = data.qfrc_bias[:count], data.qfrc_applied[:count]
         self._tip_at = data.site_xpos[self._site]
@@ -240,43 +235,43 @@ class SimulatedArm:
         self._take(hand)
 
     def fit(self, hand: Hand) -> None:
-        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""
         if hand == self.hand:
             return
         self._take(hand)
         data = self.world.data
-        data.qpos[self._jaws] = self._jaw_wanted_m
+        data.qpos[self._jaws] = self._jaw_goal_m
         data.qvel[self._jaws] = 0.0
         self.world.placed()
 
     def _take(self, hand: Hand) -> None:
         self.hand = hand
         self.world.fit(hand)
-        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
+        self._jaw_target_m = self._jaw_goal_m = hand.opening_m / 2
         self._jaw_force_n = _OPENING_FORCE_N
 
     def stand(self, joints: Vector, opening_m: float) -> None:
-        """Put the arm at rest in a posture [rad], its jaws so far open."""
+        """Put the arm at rest in a posture [rad], with the jaws open by `opening_m`."""
         data = self.world.data
         data.qpos[: self._count] = joints
         data.qpos[self._jaws] = opening_m / 2
         data.qvel[: self._count] = 0.0
         data.qvel[self._jaws] = 0.0
-        self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
+        self._jaw_target_m = self._jaw_goal_m = opening_m / 2
         self.world.placed()
         self._posture = joints
         tip = self.kinematics.tip(joints)
-        self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
+        self.setpoint = Setpoint.at_rest(tip.position, tip.rotation, joints)
 
     def tip(self) -> TipPose:
-        """Return where the tip is."""
+        """Return the pose of the tip."""
         return TipPose(np.array(self._tip_at), np.array(self._tip_turned))
 
     def tip_error_m(self) -> float:
-        """Return how far the tip is from where it is to be [m]."""
-        assert self.wanted is not None
+        """Return the distance between the tip and its target [m]."""
+        assert self.setpoint is not None
         here: list[float] = self._tip_at.tolist()
-        return math.dist(here, self.wanted.position.tolist())
+        return math.dist(here, self.setpoint.position.tolist())
 
     def joints_rad(self) -> tuple[float, ...]:
         """Return the joint angles [rad]."""
@@ -290,16 +285,16 @@ class SimulatedArm:
     def open(self, opening_m: float) -> None:
         """Begin to open the jaws to a distance."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
+        self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
 
     def close(self, force_n: float) -> None:
         """Begin to close the jaws until they grip with a force."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = 0.0, force_n
+        self._jaw_goal_m, self._jaw_force_n = 0.0, force_n
 
     def actuate(self) -> None:
-        """Set torques and forces for the step to come."""
-        assert self.wanted is not None
+        """Set torques and jaw forces for the next step."""
+        assert self.setpoint is not None
         self.world.prepare()
         self._move_jaws()
         jacobian, state = self._jacobian, self._state
@@ -307,51 +302,51 @@ class SimulatedArm:
         state.mass = self.world.data.M[self._entries]
         state.jacobian[:] = jacobian[:, : self._count]
         if self.settings.control == "position":
-            self._posture = self._posture_for(self.wanted)
-            found = posture_torques(state, self._posture, self._load())
+            self._posture = self._posture_for(self.setpoint)
+            torques_nm = posture_torques(state, self._posture, self._load())
         else:
-            found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
-        self._applied[:] = np.minimum(np.maximum(found, -self.limit_nm), self.limit_nm)
+            torques_nm = torques(state, self.setpoint, self.settings.stiffness_per_s2, self._load())
+        self._applied[:] = np.minimum(np.maximum(torques_nm, -self.limit_nm), self.limit_nm)
 
-    def _posture_for(self, wanted: Setpoint) -> Vector:
-        """Return joint angles near the last ones that bring the tip where it is to be."""
-        if wanted.tracks_joints:
-            return wanted.posture
-        x, y, z = wanted.position.tolist()
-        follow = self.kinematics.follow((x, y, z), wanted.rotation, self._posture)
-        if follow is None:
-            raise unreachable((x, y, z), wanted.rotation)
-        return follow
+    def _posture_for(self, setpoint: Setpoint) -> Vector:
+        """Return joint angles near the current ones for the target of the tip."""
+        if setpoint.tracks_joints:
+            return setpoint.posture
+        x, y, z = setpoint.position.tolist()
+        posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._posture)
+        if posture is None:
+            raise unreachable((x, y, z), setpoint.rotation)
+        return posture
 
     def show_hand(self, visible: bool) -> None:
-        """Take the hand and its fingers out of collision, or put them back."""
+        """Enable or disable collisions of the hand and its fingers."""
         self.shows_hand = visible
         self.world.withdraw(ROBOT, () if visible else self.link_names)
 
     def grip(self, name: str) -> int:
-        """Fix a body to the hand as it is; return the constraint."""
+        """Fix a body to the hand in its current pose; return the constraint."""
         return self.world.bond(self.world.ids[HAND], self.world.numbers[name])
 
     def grip_friction(self, friction: float) -> tuple[float, float]:
-        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
+        """Return the lateral [-] and torsional friction [m] between a jaw and a body."""
         return friction, ARM_TORSION_M * friction
 
     def clasp(self, name: str) -> SmoothPads:
-        """Have friction hold a body that is between the jaws still."""
+        """Let friction hold a body between the jaws still."""
         return SmoothPads(self.world, self, name)
 
     def _load(self) -> Vector:
-        """Return force [N] and moment [N m] that bear the payload and press, shape (6,).
+        """Return the force [N] and moment [N m] that bear the payload and press, shape (6,).
 
-        Beneath a hand that points down, the moment of the payload counts for nothing.
+        Under a hand that points down, the moment of the payload is neglected.
         """
-        assert self.wanted is not None
+        assert self.setpoint is not None
         load = np.zeros(6)
         load[2] = self.payload_kg * GRAVITY_M_PER_S2
-        if not self.wanted.tracks_joints:
-            # On a travel nothing is pressed.
+        if not self.setpoint.tracks_joints:
+            # A travel does not press.
             load[:3] += self.press_n
-        if points_down(self.wanted.rotation):
+        if points_down(self.setpoint.rotation):
             return load
         for name in self.bears:
             x_m, y_m, _ = (self.world.centre(name) - self._tip_at).tolist()
@@ -362,7 +357,7 @@ class SimulatedArm:
 
     def _move_jaws(self) -> None:
         step_m = JAW_SPEED_M_PER_S * STEP_S
-        left_m = self._jaw_wanted_m - self._jaw_target_m
+        left_m = self._jaw_goal_m - self._jaw_target_m
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
         most_n = self._jaw_force_n
         for jaw in self._jaws:
@@ -374,15 +369,15 @@ class SimulatedArm:
 
 
 def mass_entries(model: Any, count: int) -> NDArray[np.intp]:
-    """Return where the mass matrix of the first joints is in the simulator's own, row by row.
+    """Return indices of the mass matrix of the first joints in MuJoCo's sparse one.
 
-    That holds the lower triangle, of each row only what is not zero; no joint of an arm is apart
-    from another.
+    MuJoCo stores the nonzero entries of the lower triangle row by row. All joints of an arm are
+    coupled.
     """
-    found = np.zeros((count, count), dtype=np.intp)
+    entries = np.zeros((count, count), dtype=np.intp)
     for row in range(count):
         begin = int(model.M_rowadr[row])
         columns = model.M_colind[begin : begin + int(model.M_rownnz[row])].tolist()
         for column in range(row + 1):
-            found[row, column] = found[column, row] = begin + columns.index(column)
-    return found
+            entries[row, column] = entries[column, row] = begin + columns.index(column)
+    return entries

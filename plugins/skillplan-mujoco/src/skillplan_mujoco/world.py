@@ -1,8 +1,4 @@
-"""Which bodies pass through each other: kinds and affinities of a compiled model.
-
-Two geometries touch where the kind of one is among the affinities of the other. A body that passes
-through some others has a kind of its own; all the rest share one.
-"""
+"""A MuJoCo world: a reset cell with some of its bodies, and masks of pairs that do not touch."""
 
 from __future__ import annotations
 
@@ -21,21 +17,24 @@ from skillplan_mujoco.cell import Cell
 from skillplan_mujoco.cell_model import FRICTIONAL
 from skillplan_simulation.simulator import ROBOT, TABLE, Touch, UpsetError
 
-# Bits of a kind; the first is that of all bodies without one of their own.
+# Number of usable bits; the first is the kind of all bodies without a kind of their own.
 _BITS = 31
 
 
 class PairMasks:
-    """Lets pairs of bodies, or links of the arm, touch nothing.
+    """Collision masks of a compiled model, which let pairs of bodies pass through each other.
+
+    Two geometries touch if the kind of one is among the affinities of the other. A body that passes
+    through some others has a kind of its own; the rest share one.
 
     Parameters
     ----------
     model
-        Compiled.
+        Compiled model.
     owners
-        Names of what the bodies of the model belong to: the arm's links to the arm.
+        Names by number of the model's body; links belong to the arm.
     present
-        What is in the world, kept up to date.
+        Bodies in the world, kept up to date.
     """
 
     def __init__(self, model: Any, owners: Mapping[int, str], present: Mapping[str, int]) -> None:
@@ -51,28 +50,28 @@ class PairMasks:
         """Return the numbers of a body's geometries."""
         return self._geoms.get(body, [])
 
-    def part(self, one: str, others: Iterable[str]) -> None:
+    def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        self._parted |= {_pair(one, other) for other in others}
+        self._parted |= {_pair(name, other) for other in others}
         self.set()
 
-    def join(self, one: str, others: Iterable[str]) -> None:
+    def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        self._parted -= {_pair(one, other) for other in others}
+        self._parted -= {_pair(name, other) for other in others}
         self.set()
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let links of the arm touch nothing, and its others what they may; -1 is all of a body."""
+        """Disable collisions of these links only; -1 means the whole body."""
         self._withdrawn[name] = frozenset(links)
         self.set()
 
     def idle(self, geoms: Iterable[int]) -> None:
-        """Let these geometries touch nothing, and all others what they may."""
+        """Disable collisions of these geometries only."""
         self._idle = list(geoms)
         self.set()
 
     def set(self) -> None:
-        """Tell the model."""
+        """Write the masks to the model."""
         special = _cover(self._parted)
         if len(special) > _BITS - 1:
             raise UpsetError(f"more than {_BITS - 1} bodies pass through others at once")
@@ -93,7 +92,7 @@ class PairMasks:
         if body in hidden or -1 in hidden:
             return 0, 0
         through = {name, *(other for pair in self._parted if name in pair for other in pair)}
-        # Whoever has a kind of its own leaves it to the rest whether they touch it.
+        # For a body with a kind of its own, the other bodies' affinities decide.
         shared = 0 if name in bits else 1
         return bits.get(name, 1), shared + sum(
             bit for other, bit in bits.items() if other not in through
@@ -101,59 +100,54 @@ class PairMasks:
 
 
 def _cover(parted: Iterable[tuple[str, str]]) -> list[str]:
-    """Return bodies of which every pair has one, and the arm, whose links are no obstacles."""
+    """Return a vertex cover of the pairs, with the arm, whose links are not obstacles."""
     pairs = sorted(parted)
     count = Counter(name for pair in pairs for name in pair)
-    found = {ROBOT}
+    covered = {ROBOT}
     for pair in pairs:
-        if not found & set(pair):
-            found.add(max(pair, key=lambda name: (count[name], name)))
-    return sorted(found)
+        if not covered & set(pair):
+            covered.add(max(pair, key=lambda name: (count[name], name)))
+    return sorted(covered)
 
 
-def _pair(one: str, other: str) -> tuple[str, str]:
-    return min(one, other), max(one, other)
+def _pair(name: str, other: str) -> tuple[str, str]:
+    return min(name, other), max(name, other)
 
 
 Vector = NDArray[np.float64]
 
 
 def times(matrix: Vector, vector: Vector) -> Vector:
-    """Return a matrix times a vector, shapes (rows, columns) and (columns,)."""
-    empty = np.empty(matrix.shape[0])
-    mujoco.mju_mulMatVec(empty, matrix, vector)
-    return empty
+    """Return the product of a matrix and a vector, summed in a fixed order."""
+    result = np.empty(matrix.shape[0])
+    mujoco.mju_mulMatVec(result, matrix, vector)
+    return result
 
 
 def times_transposed(matrix: Vector, vector: Vector) -> Vector:
-    """Return a transposed matrix times a vector, shapes (rows, columns) and (rows,)."""
-    empty = np.empty(matrix.shape[1])
-    mujoco.mju_mulMatTVec(empty, matrix, vector)
-    return empty
+    """Return the product of a transposed matrix and a vector, summed in a fixed order."""
+    result = np.empty(matrix.shape[1])
+    mujoco.mju_mulMatTVec(result, matrix, vector)
+    return result
 
 
 def product(left: Vector, right: Vector) -> Vector:
-    """Return a product of matrices, shapes (rows, inner) and (inner, columns)."""
-    empty = np.empty((left.shape[0], right.shape[1]))
-    mujoco.mju_mulMatMat(empty, left, right)
-    return empty
+    """Return the product of two matrices, summed in a fixed order."""
+    result = np.empty((left.shape[0], right.shape[1]))
+    mujoco.mju_mulMatMat(result, left, right)
+    return result
 
 
-# Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
+# Greatest distance [m] and speed [m/s] of a body in a simulation that has not blown up.
 _FAR_M, _FAST_M_PER_S = 10.0, 50.0
-# Bodies that are this close bear on each other [m].
+# Distance below which bodies bear on each other [m].
 _NEAR_M = 0.0005
 
 
 class World:
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
-    Worlds of a cell share its model: a new one ends the one before.
-
-    Parameters
-    ----------
-    cell
-        Whose model is simulated.
+    Worlds of a cell share its model: a new one invalidates the previous one.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -164,7 +158,7 @@ class World:
         self._masses: dict[str, float] = {}
         self._masks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
-        # Of the last step, once somebody has read them.
+        # Contacts of the last step, once read.
         self._touches: list[Touch] | None = None
         self._masks.set()
 
@@ -177,7 +171,7 @@ class World:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave all as it is: the next world starts afresh."""
+        """Do nothing: the next world resets the model."""
 
     def show_arm(self) -> None:
         """Put the arm into the world."""
@@ -186,7 +180,7 @@ class World:
         self._masks.set()
 
     def fit(self, hand: Hand) -> None:
-        """Have the arm's hand be another of those in the model."""
+        """Mount another hand of the model."""
         self._masks.idle(self.cell.fit(hand))
         self.placed()
 
@@ -195,7 +189,7 @@ class World:
         return self._masks.geoms(self.numbers[name])
 
     def prepare(self) -> None:
-        """Work out what the next step begins with: places, contacts, inertia and bias."""
+        """Compute positions, contacts, inertia and bias for the next step."""
         if not self._is_prepared:
             mujoco.mj_step1(self.model, self.data)
             self._is_prepared, self._touches = True, None
@@ -212,10 +206,8 @@ class World:
 
         Parameters
         ----------
-        body, pose
-            What, and where.
         stands
-            Of no use here: whatever is in the world can be moved.
+            Ignored: every body in the world can be moved.
         """
         number = self.numbers[body.name] = self.ids[body.name]
         self._masses[body.name] = body.mass_kg
@@ -225,7 +217,7 @@ class World:
         return number
 
     def stand(self, moving: Iterable[str]) -> None:
-        """Have what is not to be moved stand; nothing changes here."""
+        """Do nothing: bodies that are not moved need no fixing here."""
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
@@ -236,26 +228,26 @@ class World:
         self.placed()
 
     def placed(self) -> None:
-        """Work out where all is after something was put elsewhere."""
+        """Update positions after a body was put elsewhere."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         self._is_prepared = False
 
     def pose(self, name: str) -> Pose:
-        """Return where a body is: the pose of the centre of its bottom."""
+        """Return the pose of the centre of a body's bottom."""
         place, _ = self.cell.coordinates(name)
         px, py, pz, w, x, y, z = self.data.qpos[place].tolist()
         return Pose((px, py, pz), (x, y, z, w))
 
     def centre(self, name: str) -> Vector:
-        """Return where the centre of mass of a body is [m], shape (3,)."""
+        """Return the centre of mass of a body [m], shape (3,)."""
         return np.array(self.data.xipos[self.numbers[name]])
 
     def is_sane(self) -> bool:
-        """Whether every body is at a finite place and none races off."""
+        """Return whether every body has a finite position and a plausible speed."""
         qpos, qvel = self.data.qpos, self.data.qvel
         for place, speed in map(self.cell.coordinates, self._masses):
-            # What is no number is not within limits, either.
+            # NaN is not within limits, either.
             position = [abs(value) < _FAR_M for value in qpos[place][:3].tolist()]
             linear = [abs(value) < _FAST_M_PER_S for value in qvel[speed][:3].tolist()]
             if not (all(position) and all(linear)):
@@ -263,43 +255,43 @@ class World:
         return True
 
     def velocity(self, name: str) -> tuple[Vector, Vector]:
-        """Return how fast a body's centre of mass moves [m/s] and the body turns [rad/s]."""
+        """Return the velocity of a body's centre of mass [m/s] and its angular velocity [rad/s]."""
         _, speed = self.cell.coordinates(name)
         rotation, values = self._rotation(name), np.array(self.data.qvel[speed])
-        # A body turns about its own axes, and its place is that of its bottom.
+        # Rates are about the body's own axes, and its origin is at its bottom.
         turning = times(rotation, values[3:])
         away = times(rotation, self.model.body_ipos[self.numbers[name]])
         return values[:3] + np.cross(turning, away), turning
 
     def inertia_kg_m2(self, name: str) -> Vector:
-        """Return the inertia of a body about its centre of mass in the world, shape (3, 3)."""
+        """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
         rotation = self._rotation(name)
         along = rotation * self.model.body_inertia[self.numbers[name]]
         return product(along, np.ascontiguousarray(rotation.T))
 
     def _rotation(self, name: str) -> Vector:
         place, _ = self.cell.coordinates(name)
-        zeros = np.zeros(9)
-        mujoco.mju_quat2Mat(zeros, self.data.qpos[place][3:])
-        return zeros.reshape(3, 3)
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, self.data.qpos[place][3:])
+        return rotation.reshape(3, 3)
 
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""
         return self._masses[name]
 
     def weigh(self, name: str, mass_kg: float) -> None:
-        """Change the mass of a body for a while; its shape stays."""
+        """Change the mass of a body temporarily; its shape stays."""
         self.cell.scale_mass(name, mass_kg / self._masses[name])
         self._masses[name] = mass_kg
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of the scene, in the order in which they were put."""
+        """Names of the bodies of the scene, in order of insertion."""
         return tuple(self._masses)
 
     @property
     def fixed(self) -> frozenset[str]:
-        """Bodies that nothing can move: none."""
+        """Bodies that cannot move: none."""
         return frozenset()
 
     def others(self, name: str) -> list[str]:
@@ -307,81 +299,81 @@ class World:
         return [other for other in (TABLE, *self.bodies) if other != name]
 
     def smooth(self, names: Iterable[str]) -> None:
-        """Have parts of the arm press without friction."""
+        """Disable friction of parts of the arm."""
         geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
-        # Of two that touch, the one of the higher priority says what contacts are like.
+        # The geometry with the higher priority determines the contact.
         self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 1, 1
 
     def roughen(self, names: Iterable[str]) -> None:
-        """Have parts of the arm press with friction again."""
+        """Enable friction of parts of the arm again."""
         geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
         self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 0, FRICTIONAL
 
-    def part(self, one: str, others: Iterable[str]) -> None:
+    def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        self._masks.part(one, others)
+        self._masks.part(name, others)
 
-    def join(self, one: str, others: Iterable[str]) -> None:
+    def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        self._masks.join(one, others)
+        self._masks.join(name, others)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let links of a body touch nothing; see :meth:`PairMasks.withdraw`."""
+        """Disable collisions of links of a body; see :meth:`PairMasks.withdraw`."""
         self._masks.withdraw(name, links)
 
     def hold(self, name: str) -> int:
-        """Fix a body where it is; return the constraint, to be given to `release`."""
+        """Fix a body in place; return the constraint for `release`."""
         return self.bond(0, self.numbers[name])
 
     def fasten(self, name: str, other: str) -> None:
-        """Fix a body to another as it is; the two pass through each other from now on."""
+        """Fix a body to another in its current pose; from now on they pass through each other."""
         self.part(name, [other])
         self.bond(0 if other == TABLE else self.numbers[other], self.numbers[name])
 
     def bond(self, bearing: int, body: int) -> int:
-        """Fix a body of the model to another as it is; return the constraint."""
-        found = next((one for one in self.cell.bonds if not self.data.eq_active[one]), None)
-        if found is None:
+        """Fix a body of the model to another in its current pose; return the constraint."""
+        bond = next((number for number in self.cell.bonds if not self.data.eq_active[number]), None)
+        if bond is None:
             raise UpsetError(f"more than {len(self.cell.bonds)} bodies are fixed to others at once")
         model, data = self.model, self.data
         back, offset, turn = np.zeros(4), np.zeros(3), np.zeros(4)
         mujoco.mju_negQuat(back, data.xquat[bearing])
         mujoco.mju_rotVecQuat(offset, data.xpos[body] - data.xpos[bearing], back)
         mujoco.mju_mulQuat(turn, back, data.xquat[body])
-        model.eq_obj1id[found], model.eq_obj2id[found] = bearing, body
-        # Where it is on the body, the body in the frame of what bears it, and how turns count.
-        model.eq_data[found, :11] = (0.0, 0.0, 0.0, *offset, *turn, 1.0)
-        data.eq_active[found] = 1
-        return int(found)
+        model.eq_obj1id[bond], model.eq_obj2id[bond] = bearing, body
+        # Anchor on the body, pose of the body in the bearing frame, and weight of rotations.
+        model.eq_data[bond, :11] = (0.0, 0.0, 0.0, *offset, *turn, 1.0)
+        data.eq_active[bond] = 1
+        return int(bond)
 
     def release(self, constraint: int) -> None:
-        """Undo a constraint."""
+        """Remove a constraint."""
         self.data.eq_active[constraint] = 0
 
     def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
-        """Return which of the others touches a body, or is nearest to it by 0.5 mm; else None."""
-        found = [
+        """Return the body that touches or is nearest to another within 0.5 mm, or None."""
+        close = [
             (distance_m, other)
             for other in (self.others(name) if others is None else sorted(others))
             if (distance_m := self._distance_m(name, other, _NEAR_M)) < _NEAR_M
         ]
-        return min(found)[1] if found else None
+        return min(close)[1] if close else None
 
-    def is_near(self, one: str, other: str, distance_m: float) -> bool:
-        """Whether two bodies are no farther apart than a distance [m]."""
-        return self._distance_m(one, other, distance_m) < distance_m
+    def is_near(self, name: str, other: str, distance_m: float) -> bool:
+        """Return whether two bodies are within a distance [m]."""
+        return self._distance_m(name, other, distance_m) < distance_m
 
-    def _distance_m(self, one: str, other: str, most_m: float) -> float:
-        """Return how far two bodies are apart, and no more than so far [m]."""
-        found = (
+    def _distance_m(self, name: str, other: str, most_m: float) -> float:
+        """Return the distance between two bodies, at most `most_m` [m]."""
+        distances_m = (
             mujoco.mj_geomDistance(self.model, self.data, first, second, most_m, None)
-            for first in self._masks.geoms(self.numbers[one])
+            for first in self._masks.geoms(self.numbers[name])
             for second in self._masks.geoms(self.numbers[other])
         )
-        return min(map(float, found))
+        return min(map(float, distances_m))
 
     def touches(self) -> list[Touch]:
-        """Return where bodies press on each other, after the last step."""
+        """Return the contacts of the last step."""
         if self._touches is None:
             self._touches = self._read_touches()
         return self._touches
@@ -398,15 +390,15 @@ class World:
         first_row = rows[pressing]
         frames = contacts.frame[pressing].reshape(-1, 3, 3)
         normal = force_n[first_row, np.newaxis] * frames[:, 0]
-        # A contact's rows are its normal force and, where it has any, two of friction, and a
+        # Rows of a contact: its normal force and, if it has friction, two friction forces and a
         # moment about the normal.
         rough = contacts.dim[pressing] > 1
-        one, other = (
+        friction, cross_friction = (
             np.where(rough, force_n[first_row + axis * rough], 0.0)[:, np.newaxis] * frames[:, axis]
             for axis in (1, 2)
         )
-        # The normal leads from the first geometry to the second, which feels the force.
-        felt_n, places = normal + one + other, contacts.pos[pressing]
+        # The normal points from the first geometry to the second, which feels the force.
+        felt_n, places = normal + friction + cross_friction, contacts.pos[pressing]
         labels = self.cell.labels
         names = zip(
             contacts.geom2[pressing].tolist(), contacts.geom1[pressing].tolist(), strict=True
@@ -419,7 +411,7 @@ class World:
         ]
 
     def points_on(self, name: str) -> list[Touch]:
-        """Return where a body is touched, as what is felt by it."""
+        """Return the contacts of a body, as it feels them."""
         return [
             point if point.first == name else point.turned()
             for point in self.touches()
@@ -427,12 +419,12 @@ class World:
         ]
 
     def pulled_n(self, name: str, constraint: int) -> Vector:
-        """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""
+        """Return the force of a constraint on its body, fixed to the robot [N], shape (3,)."""
         data, weld = self.data, mujoco.mjtConstraint.mjCNSTR_EQUALITY
         rows = [
             row
             for row in range(data.ne)
             if data.efc_type[row] == weld and data.efc_id[row] == constraint
         ]
-        # Three forces on what bears it, then three moments.
+        # Three forces on the bearing body, then three moments.
         return -np.array(data.efc_force[rows[:3]]) if rows else np.zeros(3)

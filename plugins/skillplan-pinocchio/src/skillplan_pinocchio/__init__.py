@@ -1,6 +1,6 @@
-"""The detector `swept`: inverse kinematics, trajectory times and swept collisions of a Panda.
+"""The detector `swept`: inverse kinematics, trajectory times and swept collisions of an arm.
 
-It computes geometry, without a simulator; it never executes a skill, solves or shows anything.
+It computes geometry without a simulator.
 """
 
 import lazy_loader as _lazy

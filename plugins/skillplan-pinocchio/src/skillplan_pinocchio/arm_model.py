@@ -1,7 +1,6 @@
-"""An arm with its hand for pinocchio, built from its description: no model file is read.
+"""An arm with its hand for pinocchio and coal, built from its description, not a model file.
 
-The tip is the lowest point of hand or tool; it is at one and the same distance from the frame
-of the hand whatever is attached.
+The tip is the lowest point of hand or tool, always at the same distance from the frame of the hand.
 """
 
 from __future__ import annotations
@@ -28,20 +27,20 @@ from skillplan_pinocchio.kinematics.ur_inverse import UrInverse, UrLengths
 
 Array = NDArray[np.float64]
 
-# So many corners has each circle of a round shape that is drawn.
+# Corners of a circle in pictures of round shapes.
 _RING: Final = 12
 
 
 @dataclass(frozen=True, eq=False)
 class LinkPiece:
-    """A convex shape that a joint moves.
+    """A convex shape on a link.
 
     Parameters
     ----------
     link
-        Number of the joint, counted from 1.
+        Number of the link's joint, counted from 1.
     shape
-        As it is described.
+        Shape in the description.
     """
 
     link: int
@@ -49,18 +48,18 @@ class LinkPiece:
 
     @cached_property
     def geometry(self) -> Any:
-        """The geometry of coal, in the frame `frame`."""
+        """Geometry for coal, in the frame `frame`."""
         if isinstance(self.shape, Hull):
             points = coal.StdVec_Vec3s()
             points.extend(list(np.array(self.shape.corners_m)))
             return coal.Convex.convexHull(points, True, "Qt")
         length_m = math.dist(self.shape.start_m, self.shape.end_m)
-        made = coal.Capsule if isinstance(self.shape, Capsule) else coal.Cylinder
-        return made(self.shape.radius_m, length_m)
+        shape_class = coal.Capsule if isinstance(self.shape, Capsule) else coal.Cylinder
+        return shape_class(self.shape.radius_m, length_m)
 
     @cached_property
     def frame(self) -> Any:
-        """Where the geometry is in the frame of the joint, as `pinocchio.SE3`."""
+        """Pose of the geometry in the frame of the joint, as `pinocchio.SE3`."""
         if isinstance(self.shape, Hull):
             return pin.SE3.Identity()
         start, end = np.array(self.shape.start_m), np.array(self.shape.end_m)
@@ -70,13 +69,13 @@ class LinkPiece:
 
     @cached_property
     def corners(self) -> Array:
-        """Corners that it is drawn with, in the frame of the joint [m], shape (corners, 3)."""
+        """Corners for pictures, in the frame of the joint [m], shape (corners, 3)."""
         if isinstance(self.shape, Hull):
             return np.array(self.shape.corners_m)
         radius_m = self.shape.radius_m
         half_m = math.dist(self.shape.start_m, self.shape.end_m) / 2
         angles = 2 * np.pi * np.arange(_RING) / _RING
-        # Of a round end a circle half-way up, and its top.
+        # A round end adds a circle half-way up, and its top.
         rings = [(half_m, radius_m)]
         if isinstance(self.shape, Capsule):
             rings += [(half_m + radius_m * math.sqrt(0.5), radius_m * math.sqrt(0.5))]
@@ -92,7 +91,7 @@ class LinkPiece:
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Centre and half extents of the box about it in the frame of the joint [m]."""
+        """Centre and half extents of the bounding box in the frame of the joint [m]."""
         if isinstance(self.shape, Hull):
             low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         else:
@@ -102,10 +101,10 @@ class LinkPiece:
         return (low + high) / 2, (high - low) / 2
 
 
-# Many detectors may be of one arm.
+# Several detectors may share an arm.
 @lru_cache(maxsize=8)
 def link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
-    """Return the shapes of all links that move; the base stands where it is put."""
+    """Return the shapes of all links that move; the base does not."""
     return tuple(
         LinkPiece(link, shape) for link, shapes in enumerate(arm.shapes) if link for shape in shapes
     )
@@ -114,7 +113,7 @@ def link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
 def _turned(along: Array) -> Array:
     """Return a rotation that turns z along a vector, shape (3, 3)."""
     z = along / length(along)
-    # Whichever axis is farther from it.
+    # Take the axis that is farther from it.
     aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.7 else np.array([0.0, 1.0, 0.0])
     x = np.cross(aside, z)
     x /= length(x)
@@ -125,31 +124,29 @@ Vector = NDArray[np.float64]
 
 
 class ArmModel:
-    """The arm: where the tip is, how it moves, and where the links are.
+    """The arm: pose of the tip, Jacobian, and poses of the links.
 
     Parameters
     ----------
     base
-        Where the arm stands in the world [m].
+        Position of the base in the world [m].
     description
-        The robot.
+        Description of the arm.
     orientation
-        How its base is turned.
+        Orientation of the base.
     hand
-        What is on its flange.
+        Hand on the flange.
 
     Attributes
     ----------
-    description
-        As given.
     mount
-        Where its base is, and how it is turned.
+        Pose of the base.
     low_rad, high_rad
-        Limits of the joints [rad], shape (joints,).
+        Joint limits [rad], shape (joints,).
     home_rad
-        The description's posture [rad], shape (joints,).
+        Home posture [rad], shape (joints,).
     pieces
-        The shapes about its links.
+        Shapes of the links.
     """
 
     def __init__(
@@ -178,23 +175,23 @@ class ArmModel:
 
     @cached_property
     def inverse(self) -> NumericInverse:
-        """Joint angles for any pose of the tip."""
+        """Numeric inverse kinematics for any pose of the tip."""
         return NumericInverse(self.serial)
 
     @cached_property
     def closed_form(self) -> UrInverse | None:
-        """All joint angles for any pose of the tip, where there is a formula."""
+        """Closed-form inverse kinematics, or None if the arm has none."""
         return None if UrLengths.of(self.description) is None else UrInverse(self.serial)
 
     @cached_property
     def shoulder(self) -> Vector:
-        """Where the second joint is at home [m], shape (3,)."""
+        """Position of the second joint at home [m], shape (3,)."""
         pin.forwardKinematics(self.model, self._data, self.home_rad)
         return np.asarray(self._data.oMi[min(2, self.joints)].translation.copy())
 
     @property
     def joints(self) -> int:
-        """How many joints it has."""
+        """Number of joints."""
         return len(self.home_rad)
 
     def tip(self, joints_rad: Vector) -> tuple[Vector, Vector]:
@@ -206,12 +203,12 @@ class ArmModel:
         return placement.translation.copy(), placement.rotation.copy()
 
     def error(self, joints_rad: Vector, target: Any) -> tuple[Vector, Vector]:
-        """Return how far the tip is from a pose, and the Jacobian; see :meth:`SerialArm.error`."""
+        """Return the error of the tip's pose, and the Jacobian; see :meth:`SerialArm.error`."""
         return self.serial.error(joints_rad, target)
 
     @cached_property
     def boxes(self) -> tuple[NDArray[np.intp], Vector, Vector]:
-        """Of every piece which joint moves it, from 0, and centre and half extents of its box [m].
+        """Joint number, from 0, centre and half extents of every piece's bounding box [m].
 
         In the frame of the joint; shapes (pieces,), (pieces, 3) and (pieces, 3).
         """
@@ -220,7 +217,7 @@ class ArmModel:
         return joints, centres, np.array([piece.box[1] for piece in self.pieces]).reshape(-1, 3)
 
     def frames(self, postures_rad: Sequence[Vector]) -> tuple[Vector, Vector]:
-        """Return rotations and origins [m] of the joints' frames in some postures.
+        """Return rotations and origins [m] of the joints' frames in several postures.
 
         Parameters
         ----------
@@ -230,12 +227,12 @@ class ArmModel:
         Returns
         -------
         tuple
-            Of shapes (postures, joints, 3, 3) and (postures, joints, 3).
+            Shapes (postures, joints, 3, 3) and (postures, joints, 3).
         """
         placements = []
         for joints_rad in postures_rad:
             pin.forwardKinematics(self.model, self._data, joints_rad)
-            placements.append([one.homogeneous for one in self._data.oMi[1:]])
+            placements.append([placement.homogeneous for placement in self._data.oMi[1:]])
         array = np.array(placements)
         return array[..., :3, :3], array[..., :3, 3]
 
@@ -246,9 +243,9 @@ def pose_down(position: Point, closing_yaw_rad: float) -> Any:
     Parameters
     ----------
     position
-        Where it is in the world [m].
+        Position in the world [m].
     closing_yaw_rad
-        Direction in which the jaws close, from x about the vertical [rad].
+        Closing direction of the jaws, from x about the vertical [rad].
     """
     cos, sin = math.cos(closing_yaw_rad), math.sin(closing_yaw_rad)
     rotation = np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, -1.0]])
@@ -261,13 +258,13 @@ def hand_pose(position: Point, orientation: Quaternion) -> Any:
     Parameters
     ----------
     position
-        Where it is in the world [m].
+        Position in the world [m].
     orientation
-        How the hand is turned: z points out of it, y along the closing axis.
+        Orientation of the hand: z points out of it, y along the closing axis.
     """
     return pin.SE3(np.array(Pose(position, orientation).rotation), np.array(position, dtype=float))
 
 
 def closing_yaw_rad(rotation: Vector) -> float:
-    """Return the direction in which jaws close, from x about the vertical [rad]."""
+    """Return the closing direction of the jaws, from x about the vertical [rad]."""
     return math.atan2(rotation[1, 1], rotation[0, 1])

@@ -1,7 +1,7 @@
-"""Where the joints go in a task's skills: one source for what checks, executes, times and draws.
+"""Joint paths of a task's skills: one source for checks, execution, times and pictures.
 
-Whoever asks about the same skill from the same posture, where the same facts hold, gets the same
-nodes to the bit, in any process: nothing depends on what was asked before.
+Paths depend on the skill, the start posture and the facts they rest on, not on earlier queries;
+they are equal bit for bit in any process.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from skillplan_pinocchio.stands import Stands
 
 @dataclass(frozen=True, slots=True)
 class PathSettings:
-    """What paths depend on beside the task.
+    """Settings that joint paths depend on.
 
     Parameters
     ----------
     clearance_m
-        How far open jaws keep from the part, on either side [m], >= 0.
+        Clearance of open jaws on either side of a part [m], >= 0.
     drop_height_m
-        From how high above its goal a part is let go [m], >= 0.
+        Height above its goal at which a part is released [m], >= 0.
     tolerance_m
-        Depth that still counts as touching without harm [m], >= 0.
+        Penetration depth that counts as harmless touching [m], >= 0.
     samples
-        At how many equal intervals of a path links are checked, >= 1.
+        Number of equal intervals of a path at which links are checked, >= 1.
     check_arm
-        Whether the links of the arm are checked.
+        True if the links of the arm are checked.
     travel_checks
-        Postures that are checked for one travel before it is given up, >= 1.
+        Number of postures checked for one travel before it is given up, >= 1.
     """
 
     clearance_m: float = 0.004
@@ -61,18 +61,16 @@ class PathSettings:
 
 @dataclass(frozen=True, eq=False)
 class MotionPaths:
-    """The paths of the joints in one approach-act-retreat motion, and to where it begins.
+    """Joint paths of one approach-act-retreat motion and of the travel to it.
 
     Parameters
     ----------
-    motion
-        What the hand does.
     travel
-        How it gets there; or that no way was found.
+        Travel to the motion, or the reason why none was found.
     is_checked
-        Whether something may be met on the travel; else it is straight, and above all there is.
+        True if the travel could meet an obstacle. Otherwise it is straight and above all obstacles.
     strokes
-        To the target, and back.
+        Paths to the target and back.
     """
 
     motion: LinearMotion
@@ -83,17 +81,17 @@ class MotionPaths:
 
 @dataclass(frozen=True, eq=False)
 class SkillPaths:
-    """The paths of the joints in one skill.
+    """Joint paths of one skill.
 
     Parameters
     ----------
     begin_rad
-        Where they begin [rad], shape (joints,).
+        Start posture [rad], shape (joints,).
     motions
-        In turn; after a travel that was not found within the budget there is none.
+        Paths in order; they end after a travel that was not found within the budget.
     present, absent
-        The facts that they rest on, by their truth. How the arm moves besides depends on the tool,
-        on the skill's route, and on `begin_rad`.
+        Facts that hold, or do not hold, on which the paths rest. Paths also depend on the tool, the
+        route of the skill, and `begin_rad`.
     """
 
     begin_rad: Vector
@@ -103,20 +101,20 @@ class SkillPaths:
 
     @property
     def unfound(self) -> Unfound | None:
-        """Why there is no path, or None."""
+        """Reason for a missing path, or None."""
         travels = (motion.travel for motion in self.motions)
         return next((travel for travel in travels if isinstance(travel, Unfound)), None)
 
 
 class ArmPaths:
-    """Finds the paths of the joints in a task's skills.
+    """Plans the joint paths of a task's skills.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     settings
-        What they depend on besides.
+        Settings of paths.
     """
 
     def __init__(self, task: Task, settings: PathSettings | None = None) -> None:
@@ -127,7 +125,7 @@ class ArmPaths:
 
     @cached_property
     def planner(self) -> MotionPlanner:
-        """Finds the paths to targets and back."""
+        """Planner of the paths to targets and back."""
         return MotionPlanner(
             ArmModel.of(self.robot),
             obstacles_of(self.task.scene),
@@ -141,22 +139,22 @@ class ArmPaths:
 
     @cached_property
     def gravity(self) -> GravityCheck:
-        """Hold the torques of gravity to the limits of the joints."""
+        """Check of gravity torques against the joint limits."""
         return GravityCheck(ArmModel.of(self.robot), self.task.scene, self.robot)
 
     @cached_property
     def stands(self) -> Stands:
-        """Know how the arm stands at places."""
+        """Postures of the arm at places."""
         return Stands(self.task, self.robot, self.planner, self.settings.drop_height_m)
 
     @cached_property
     def sweeps(self) -> HandSweeps:
-        """Say what is at the arm's end."""
+        """Hand, tool and load at the end of the arm."""
         return HandSweeps(self.task.scene, self.robot, self.settings.clearance_m)
 
     @cached_property
     def travel_planner(self) -> TravelPlanner:
-        """Finds travels past what may be met."""
+        """Planner of travels around obstacles."""
         return TravelPlanner(
             self.planner.arm,
             self.sweeps,
@@ -167,7 +165,7 @@ class ArmPaths:
 
     @cached_property
     def safe_travels(self) -> SafeTravels:
-        """Say on which travels nothing can be met."""
+        """Check whether a straight travel is above all obstacles."""
         return SafeTravels(
             TravelHeights(self.planner.arm, self.sweeps.width_m),
             self.robot.safe_height_m + self.settings.tolerance_m,
@@ -177,11 +175,11 @@ class ArmPaths:
         )
 
     def travels(self, motions: Sequence[ArmMotion]) -> SkillTravels:
-        """Return the travels to some motions in turn."""
+        """Return the travels to several motions in order."""
         return SkillTravels(motions, self.safe_travels, self.travel_planner, self.gravity)
 
     def motions(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
-        """Return the motions as the arm makes them; they do not depend on where it stands."""
+        """Return the planned motions of a skill; they do not depend on the start posture."""
         if skill.motion is None:
             raise ValueError(f"Skill {skill.name!r} has no motion.")
         visits = skill.motion.visits(state)
@@ -190,51 +188,52 @@ class ArmPaths:
         if key not in self._planned:
             planned = linear_motions(self.task, skill, state, self.settings.drop_height_m)
             motions = tuple(self.planner.plan(motion) for motion in planned)
-            # With the visits, so that no others get their identity.
+            # Keep the visits alive, so that their id stays unique.
             self._planned[key] = visits, motions
         return self._planned[key][1]
 
     def stand(self, state: State) -> tuple[str, Vector | None]:
-        """Return the fact that says where the arm stands, and its joint angles there [rad]."""
+        """Return the fact for the arm's place, and its joint angles there [rad]."""
         fact, position = self.robot.place(state)
         return fact, self.stands.at(fact, position).joints_rad
 
     def paths(
         self, skill: Skill, state: State, begin_rad: Vector | None = None
     ) -> SkillPaths | Unreachable:
-        """Return the paths of the joints in a skill.
+        """Return the joint paths of a skill.
 
         Parameters
         ----------
         skill
-            With one motion.
-        state
-            Where it starts.
+            Skill with one motion.
         begin_rad
-            How the arm stands then, shape (joints,); as it does at the state's place by default,
-            and where it cannot stand there, above the first target.
+            Start posture, shape (joints,). Default: the posture at the state's place or, if the arm
+            cannot stand there, above the first target.
 
         Returns
         -------
-        SkillPaths
-            Of the elbows and the ways that a check by ``swept`` chooses; or what is out of reach.
+        SkillPaths or Unreachable
+            Paths with the elbows and variants that ``swept`` chooses, or the target that is out of
+            reach.
         """
         planned = self.motions(skill, state)
-        for one in planned:
-            if one.unreachable is not None:
-                return one.unreachable
+        for motion in planned:
+            if motion.unreachable is not None:
+                return motion.unreachable
         facts = _Facts(state)
-        elbows = {number: _free_elbow(one, facts.hold) for number, one in enumerate(planned)}
+        elbows = {number: _free_elbow(motion, facts.hold) for number, motion in enumerate(planned)}
         place, stand_rad = self.stand(state)
         if begin_rad is None:
             begin_rad = stand_rad
         if begin_rad is None:
             begin_rad = planned[0].elbows[elbows[0]].strokes.begin
         at_place = stand_rad is not None and np.array_equal(begin_rad, stand_rad)
-        found = self._found(planned, place if at_place else None, begin_rad, elbows, facts.hold)
-        return SkillPaths(begin_rad, tuple(found), facts.present, facts.absent)
+        motion_paths = self._motion_paths(
+            planned, place if at_place else None, begin_rad, elbows, facts.hold
+        )
+        return SkillPaths(begin_rad, tuple(motion_paths), facts.present, facts.absent)
 
-    def _found(
+    def _motion_paths(
         self,
         planned: Sequence[ArmMotion],
         place: str | None,
@@ -242,33 +241,33 @@ class ArmPaths:
         elbows: Mapping[int, int],
         holds: Callable[[str], bool],
     ) -> list[MotionPaths]:
-        found = []
+        paths = []
         here = begin_rad
-        for number, one in enumerate(planned):
-            strokes = one.elbows[elbows[number]].strokes
+        for number, motion in enumerate(planned):
+            strokes = motion.elbows[elbows[number]].strokes
             if number == 0 and place is not None:
                 is_checked = self.safe_travels.needs_check(place, strokes.begin, holds)
             else:
                 is_checked = not self.safe_travels.is_safe(here, strokes.begin)
             travel: Travel | Unfound = Travel(JointPath([here, strokes.begin]))
             if is_checked:
-                travel = self.travel_planner.travel(here, strokes.begin, one.motion, holds)
-            found.append(MotionPaths(one.motion, travel, is_checked, strokes))
+                travel = self.travel_planner.travel(here, strokes.begin, motion.motion, holds)
+            paths.append(MotionPaths(motion.motion, travel, is_checked, strokes))
             if isinstance(travel, Unfound) and not travel.is_proof:
                 break
             here = strokes.end
-        return found
+        return paths
 
 
 class _Facts:
-    """Looks at facts of a state, and remembers which."""
+    """Reads facts of a state and records them."""
 
     def __init__(self, state: State) -> None:
         self.state = state
         self.present = self.absent = state.facts.none
 
     def hold(self, fact: str) -> bool:
-        """Whether a fact holds, which is noted."""
+        """Return whether a fact holds; records it."""
         bit = self.state.facts.of(fact)
         if fact in self.state:
             self.present |= bit
@@ -278,10 +277,10 @@ class _Facts:
 
 
 def _free_elbow(motion: ArmMotion, holds: Callable[[str], bool]) -> int:
-    """Return the first elbow whose links meet nothing that is there; the first if all do."""
+    """Return the first elbow whose links meet no present obstacle, or else the first elbow."""
     for number, elbow in enumerate(motion.elbows):
         if elbow.itself is None and not any(
-            one.fact is None or holds(one.fact) for one, _ in elbow.meets
+            obstacle.fact is None or holds(obstacle.fact) for obstacle, _ in elbow.meets
         ):
             return number
     return 0

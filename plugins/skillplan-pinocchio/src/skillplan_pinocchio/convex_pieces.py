@@ -1,4 +1,4 @@
-"""Convex pieces of meshes by CoACD (Wei, Liu, Ling and Su 2022), which is under the MIT licence."""
+"""Convex decomposition of meshes by CoACD (Wei, Liu, Ling and Su 2022; MIT licence)."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-# How far a piece may differ from what it stands for, of half the mesh's greatest extent.
+# Concavity threshold, relative to half the mesh's greatest extent.
 _CONCAVITY: Final = 0.02
 _ITERATIONS: Final = 100
 
 
 class CoacdPieces:
-    """Takes a closed mesh apart, the same way whenever it is asked."""
+    """Decomposes a closed mesh, deterministically."""
 
     @property
     def version(self) -> str:
-        """Changes whenever pieces may."""
+        """Text that changes whenever pieces may change."""
         return f"coacd {version('coacd')} concavity {_CONCAVITY} iterations {_ITERATIONS}"
 
     def __call__(
@@ -29,22 +29,22 @@ class CoacdPieces:
         Parameters
         ----------
         corners
-            Of the mesh [m], shape (corners, 3).
+            Corners of the mesh [m], shape (corners, 3).
         faces
-            Its triangles, anticlockwise from outside, shape (faces, 3).
+            Triangles of the mesh, anticlockwise from outside, shape (faces, 3).
         """
-        # Only what is not kept yet pays for importing this.
+        # Imported only for meshes that are not cached.
         import coacd
 
         coacd.set_log_level("error")
-        found = coacd.run_coacd(
+        pieces = coacd.run_coacd(
             coacd.Mesh(corners, faces),
             threshold=_CONCAVITY,
             preprocess_mode="off",
             mcts_iterations=_ITERATIONS,
             seed=0,
         )
-        return [(corners, faces) for corners, faces in found]
+        return [(corners, faces) for corners, faces in pieces]
 
 
 convex_pieces = CoacdPieces()

@@ -1,7 +1,7 @@
-"""Joint torques that hold an arm, its tool and its load against gravity, held to the limits.
+"""Joint torques that hold an arm, its tool and its load against gravity, compared with limits.
 
-Only static torques are looked at: what acceleration adds is the time-scaling's matter. The tool
-counts halfway between flange and tip, a load at its centre of mass.
+Torques are static: the time scaling accounts for acceleration. The tool counts as a point halfway
+between flange and tip, a load at its centre of mass.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.mass_properties import mass_properties
 
 _GRAVITY_M_PER_S2 = 9.80665
-# Postures of a path that are looked at, at least; torques change slowly along one.
+# Minimum number of postures checked along a path; torques change slowly along it.
 _PLACES = 9
 
 Load = tuple[float, Vector]
@@ -31,16 +31,16 @@ Load = tuple[float, Vector]
 
 @dataclass(frozen=True)
 class Overload:
-    """A joint that gravity asks for more torque than it has.
+    """A joint whose gravity torque exceeds its limit.
 
     Parameters
     ----------
     joint
-        Its name.
+        Name of the joint.
     torque_nm, limit_nm
         Torque that holds the arm still, and the joint's limit [Nm].
     carried
-        Name of what the arm carries.
+        Name of the carried body or tool.
     """
 
     joint: str
@@ -50,7 +50,7 @@ class Overload:
 
     @property
     def reason(self) -> str:
-        """One clause."""
+        """The reason as one clause."""
         return (
             f"{self.joint} would bear {self.torque_nm:.1f} Nm of gravity with {self.carried}, and "
             f"its limit is {self.limit_nm:g} Nm"
@@ -68,16 +68,16 @@ class Overload:
 
 
 class GravityCheck:
-    """Compares the torques of a motion's postures with the limits of the joints.
+    """Compares gravity torques in a motion's postures with the joint limits.
 
     Parameters
     ----------
     arm
-        The arm, with the masses of its links.
+        Arm with the masses of its links.
     scene
-        Its bodies, with their masses.
+        Bodies with their masses.
     robot
-        The arm in the scene, with its tools.
+        Robot of the scene with its tools.
     """
 
     def __init__(self, arm: ArmModel, scene: Scene, robot: Robot) -> None:
@@ -92,9 +92,9 @@ class GravityCheck:
         self._tip = model.frames[model.getFrameId("tip")].placement
 
     def on_strokes(self, motion: LinearMotion, strokes: Strokes) -> Overload | None:
-        """Return the joint that is overloaded on the way to a target or back, or None."""
+        """Return the first overloaded joint on the way to a target or back, or None."""
         ways = [(motion.carries, strokes.down)]
-        # On the way back of the same path a lighter hand is no other question.
+        # The same path back with a lighter hand needs no second check.
         if not strokes.mirrored or motion.leaves_with not in (None, motion.carries):
             ways.append((motion.leaves_with, strokes.up))
         for carried, paths in ways:
@@ -105,11 +105,11 @@ class GravityCheck:
         return None
 
     def on_travel(self, motion: LinearMotion, path: JointPath) -> Overload | None:
-        """Return the joint that is overloaded on the travel to a motion, or None."""
+        """Return the overloaded joint on the travel to a motion, or None."""
         return self._on(motion, motion.carries, path)
 
     def is_safe(self, motion: LinearMotion, carried: str | None) -> bool:
-        """Whether no posture at all overloads a joint: with every arm of force stretched out."""
+        """Return whether a bound on the torques, for the arm stretched out, respects the limits."""
         loads = [*self._loads(motion, carried)]
         hand_m = [float(np.linalg.norm(self._tip.act(where))) for _, where in loads]
         loaded_kg_m = sum(kg * far_m for (kg, _), far_m in zip(loads, hand_m, strict=True))
@@ -126,7 +126,7 @@ class GravityCheck:
 
     @cached_property
     def most_nm(self) -> Vector:
-        """Bound on the torques that the links alone need in any posture [Nm], shape (joints,)."""
+        """Bound on the torques of the links alone in any posture [Nm], shape (joints,)."""
         far_m = self._beyond_m
         own_m = np.linalg.norm(self._levers, axis=1)
         moments = [
@@ -172,7 +172,7 @@ class GravityCheck:
         forces_n = _GRAVITY_M_PER_S2 * np.array([*self._masses_kg, *(kg for kg, _ in loads)])
         axes = np.einsum("njab,jb->nja", rotations, self._axes)
         arms = points[:, np.newaxis] - origins[:, :, np.newaxis]
-        # The axis times the moment about it of an upward force at each point.
+        # Moment about each axis of an upward unit force at each point.
         moments = (
             axes[:, :, np.newaxis, 0] * arms[..., 1] - axes[:, :, np.newaxis, 1] * arms[..., 0]
         )
@@ -181,7 +181,7 @@ class GravityCheck:
         return np.asarray((moments * bears * forces_n).sum(axis=2))
 
     def _loads(self, motion: LinearMotion, carried: str | None) -> Iterator[Load]:
-        """Yield what is at the tip: the tool, and a body."""
+        """Yield the loads at the tip: tool and carried body."""
         tool_kg = self.robot.tool_kg(motion.tool)
         if tool_kg:
             yield tool_kg, np.array([0.0, 0.0, -self.arm.hand.tip_m / 2])

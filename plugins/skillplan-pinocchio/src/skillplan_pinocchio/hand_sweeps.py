@@ -1,4 +1,4 @@
-"""What hand, tool and load sweep in a motion."""
+"""Sweeps of hand, tool and load in a motion."""
 
 from __future__ import annotations
 
@@ -39,33 +39,33 @@ from skillplan_pinocchio.sweep import Sweep, Touch
 
 @dataclass(frozen=True)
 class HandPart:
-    """A rigid part of what is at the end of the arm.
+    """A rigid part of the hand or tool.
 
     Parameters
     ----------
     name
-        In words, as ``a finger``.
+        Name with article, such as ``a finger``.
     corners
-        Of its convex pieces in the frame of the tip [m], each of shape (corners, 3).
+        Corners of its convex pieces in the frame of the tip [m], each of shape (corners, 3).
     """
 
     name: str
     corners: tuple[Array, ...]
 
     def at(self, tip: Sequence[float], closing_yaw_rad: float) -> tuple[ConvexPiece, ...]:
-        """Return its pieces in the world, of a hand that points down.
+        """Return its pieces in the world, for a hand that points down.
 
         Parameters
         ----------
         tip
-            Where the tip is [m].
+            Position of the tip [m].
         closing_yaw_rad
-            Direction in which the jaws close, from x about the vertical [rad].
+            Closing direction of the jaws, from x about the vertical [rad].
         """
         return tuple(ConvexPiece(placed(corner, tip, closing_yaw_rad)) for corner in self.corners)
 
     def along(self, motion: LinearMotion, tip: Point) -> tuple[ConvexPiece, ...]:
-        """Return its pieces in the world while the tip of a motion is at a point [m]."""
+        """Return its pieces in the world with the tip of a motion at a point [m]."""
         if motion.points_down:
             return self.at(tip, motion.closing_yaw_rad)
         points, closing = motion.points, motion.hand.rotate(AXES["y"])
@@ -75,20 +75,17 @@ class HandPart:
 
 
 def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
-    """Return what is at the end of the arm.
+    """Return the parts at the end of the arm.
 
-    A gripper is the hand of the arm itself. A suction cup or screwdriver is of common size, or
-    its envelope where the task gives one. Where tools can be changed and none is attached, the
-    arm ends at its flange.
+    A gripper is the arm's own hand. A suction cup or screwdriver has a common size, or the envelope
+    given in the task. If tools can be changed and none is attached, the arm ends at its flange.
 
     Parameters
     ----------
-    robot
-        Whose tool it is.
     tool
-        Attached, or None.
+        Attached tool, or None.
     opening_m
-        How far apart the jaws are [m], >= 0; counts for a gripper only.
+        Opening of a gripper's jaws [m], >= 0.
     """
     if tool is None and robot.tools:
         return ()
@@ -108,7 +105,7 @@ def _body(hand: Hand) -> tuple[Array, ...]:
 
 
 def _finger(hand: Hand, face_m: float, side: int) -> Array:
-    """Return a jaw, or the other one: the same, turned by half a turn."""
+    """Return a jaw; the other side is the same, turned by half a turn."""
     behind, across, height_m = np.array(hand.jaw).T
     return np.column_stack([side * (face_m + behind), side * across, height_m])
 
@@ -122,16 +119,12 @@ _STILL: Point = (0.0, 0.0, 0.0)
 
 
 class HandSweeps:
-    """Sweeps of everything that the arm holds, by motion.
+    """Sweeps of hand, tool and load, by motion.
 
     Parameters
     ----------
-    scene
-        The task's scene.
-    robot
-        Whose hand it is.
     clearance_m
-        How far open jaws are from the part on either side [m], >= 0.
+        Clearance of open jaws on either side of a part [m], >= 0.
     """
 
     def __init__(self, scene: Scene, robot: Robot, clearance_m: float) -> None:
@@ -142,7 +135,7 @@ class HandSweeps:
 
     @cached_property
     def width_m(self) -> float:
-        """How far hand, tool or load reaches from the axis of a hand that points down [m]."""
+        """Reach of hand, tool or load from the axis of a hand that points down [m]."""
         tools: tuple[Tool | None, ...] = self.robot.tools or (None,)
         widest_m = [
             float(np.linalg.norm(corners[:, :2], axis=1).max())
@@ -161,14 +154,12 @@ class HandSweeps:
     def held(
         self, motion: LinearMotion, begin: Point
     ) -> Iterator[tuple[str, tuple[ConvexPiece, ...]]]:
-        """Yield what is at the end of the arm before a motion acts: names, and pieces in the world.
+        """Yield names and pieces at the end of the arm before a motion acts.
 
         Parameters
         ----------
-        motion
-            The motion.
         begin
-            Where the tip is [m].
+            Position of the tip [m].
         """
         for sweep in self._swept("", motion, begin, _STILL, after=False):
             yield sweep.mover, sweep.pieces
@@ -178,7 +169,7 @@ class HandSweeps:
     ) -> tuple[
         list[tuple[str, tuple[ConvexPiece, ...]]], list[tuple[str, tuple[ConvexPiece, ...]]]
     ]:
-        """Return what is at the end of the arm where a motion begins, and where it ends."""
+        """Return names and pieces at the end of the arm where a motion begins and where it ends."""
         after = self._swept("", motion, motion.ends_at, _STILL, after=True)
         return (
             list(self.held(motion, motion.above)),
@@ -190,7 +181,7 @@ class HandSweeps:
         for number, (begin, end) in enumerate(pairwise(motion.approach), start=2):
             is_last = number == len(motion.approach)
             label = "the insertion" if is_last and number > 2 else "the approach"
-            # Down to its goal, also where it is let go from above.
+            # Down to its goal, even if it is released above it.
             target = motion.grasp_tip if is_last else end
             loads = [*self._load(label, motion, motion.carries, begin, _difference(begin, target))]
             if label == "the insertion" and motion.drop_m:
@@ -207,14 +198,12 @@ class HandSweeps:
             yield tuple(self._swept(label, motion, begin, _difference(begin, end), after=True))
 
     def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
-        """Return which part of the hand runs into the very body it handles, and where, or None.
+        """Return the hand part that collides with the handled body, and the contact, or None.
 
         Parameters
         ----------
-        motion
-            The motion.
         tolerance_m
-            Depth that still counts as touching without harm [m], >= 0.
+            Penetration depth that counts as harmless touching [m], >= 0.
         """
         visit = motion.visit
         if visit.event not in _HANDLING:
@@ -232,7 +221,7 @@ class HandSweeps:
     def _swept(
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool
     ) -> Iterator[Sweep]:
-        """Yield the sweeps of load and hand while the tip goes straight from a point."""
+        """Yield the sweeps of load and hand along a straight stretch from a point."""
         taken = motion.leaves_with if motion.visit.event in (Event.GRASP, Event.FETCH) else None
         carried = taken if after else motion.carries
         yield from self._load(label, motion, carried, begin, by)
@@ -241,7 +230,7 @@ class HandSweeps:
     def _load(
         self, label: str, motion: LinearMotion, carried: str | None, begin: Point, by: Point
     ) -> Iterator[Sweep]:
-        """Yield the sweep of what is carried, which the motion puts down or takes."""
+        """Yield the sweep of the carried body that the motion puts down or takes."""
         if carried is None or carried != motion.visit.subject:
             return
         offset = _difference(motion.grasp_tip, begin)
@@ -255,7 +244,7 @@ class HandSweeps:
             yield Sweep(label, part.name, part.along(motion, begin), by, spared(motion))
 
     def _hand(self, motion: LinearMotion, *, before: bool) -> tuple[HandPart, ...]:
-        """Return what is at the end of the arm before, or after, it acts."""
+        """Return the parts at the end of the arm before or after the action."""
         tool = motion.tool if before else tool_after(self.robot, motion.visit, motion.tool)
         opening_m = 0.0
         if motion.visit.event in _HANDLING:

@@ -1,9 +1,10 @@
-"""Joint angles for poses of the tip, within limits, those nearest to the home posture first.
+"""Joint angles for poses of the tip, and joint paths to a target and back.
 
-Where there is a formula, it gives all of them. Seven joints leave one degree of freedom: the elbow
-may swing about the line from shoulder to wrist. For an arm whose description says with which joint,
-and a hand that points straight down, every start of the search gives one position of the elbow. For
-all else the search starts from postures that fill the joints' ranges evenly.
+Postures nearest to home come first. A closed form, if the arm has one, gives all of them. Seven
+joints leave one degree of freedom: the elbow swings about the line from shoulder to wrist. If the
+description names the elbow's joint and the hand points straight down, each start of the search
+gives one elbow position. Otherwise the search starts from postures spread evenly over the joint
+ranges.
 """
 
 from __future__ import annotations
@@ -31,39 +32,39 @@ from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, time
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.kinematics.numeric_inverse import Unreached
 
-# A solution is this near, in position [m] and rotation [rad].
+# Accuracy of a solution in position [m] and rotation [rad].
 ACCURACY: Final = 1e-7
 
-# By so much the elbow of a start is swung out [rad], nearest first.
+# Swing of the elbow in the starts [rad], nearest first.
 ELBOWS_RAD: Final = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 
 _MOST_ITERATIONS = 120
 _MOST_STEP_RAD = 0.3
 _DAMPING = 1e-4
-# This share of the distance to the start's posture is gone in an iteration; not in the last.
+# Share of the distance to the start's posture that an iteration closes; not in the last ones.
 _PULL = 0.3
 _PULLED_ITERATIONS = 25
 _IDENTITY = np.eye(6)
-# Of a hand that does not point down so many postures are looked for, from so many starts.
+# Number of postures and of starts for a hand that does not point down.
 _POSTURES = 6
 _TRIES = 24
-# From this cosine on a direction is another one.
+# Directions with a cosine below this differ.
 _STRAIGHT = 1 - 1e-9
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Unreachable:
-    """That a pose is out of reach, and why.
+    """A pose that is out of reach, and the reason.
 
     Parameters
     ----------
     position
-        Where the tip should be [m].
+        Target of the tip [m].
     why
-        In words, such as ``joint 4 at its limit``.
+        Reason in words, such as ``joint 4 at its limit``.
     distance_m
-        How far from there the nearest tip found is [m].
+        Distance from the target to the nearest tip position found [m].
     points
         Unit vector along which the hand should point.
     """
@@ -75,7 +76,7 @@ class Unreachable:
 
     @property
     def reason(self) -> str:
-        """One clause."""
+        """The reason as one clause."""
         where = ", ".join(f"{value:.3f}" for value in self.position)
         if same_direction(self.points, DOWN):
             return f"the hand cannot point straight down at ({where}): {self.why}"
@@ -86,22 +87,20 @@ class Unreachable:
 def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a hand that points down, nearest to the home posture first.
 
-    Jaws close alike with the hand turned by half a turn, so that both are tried.
+    Jaws also close alike with the hand turned by half a turn, so both turns are tried.
 
     Parameters
     ----------
-    arm
-        The arm.
     position
-        Where the tip is to be in the world [m].
+        Target of the tip in the world [m].
     closing_yaw
-        Direction in which the jaws are to close, from x about the vertical [rad].
+        Closing direction of the jaws, from x about the vertical [rad].
 
     Yields
     ------
-    Vector
-        Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-6 m and
-        1e-6 rad of the pose; or why this start led to none.
+    Vector or Unreachable
+        Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-6 m and 1e-6
+        rad of the pose; or the reason why a start failed.
     """
     _, rotation = arm.tip(arm.home_rad)
     swing = arm.description.swing
@@ -116,10 +115,10 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
     for elbow_rad in ELBOWS_RAD:
         starts = []
         for turn in (0.0, math.pi):
-            # The hand turns against the first joint, looked at from above.
+            # Seen from above, the hand turns against the first joint.
             wrist = home[hand] - _wrapped(closing_yaw - turned + turn - home_yaw - bearing)
             wrist = _within(wrist, arm.low_rad[hand], arm.high_rad[hand])
-            # The less the hand is turned, the more room is left for the motions to come.
+            # Less turn of the hand leaves more room for later motions.
             starts.append((abs(wrist), wrist, turn))
         for _, wrist, turn in sorted(starts):
             start = home.copy()
@@ -134,60 +133,59 @@ def postures(
 ) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a hand that points anywhere, nearest to a posture first.
 
-    Jaws close alike with the hand turned by half a turn, so that both are tried.
+    Jaws also close alike with the hand turned by half a turn, so both turns are tried.
 
     Parameters
     ----------
-    arm
-        The arm.
     target
-        Where the tip is to be, as `pinocchio.SE3`.
+        Target pose of the tip, as `pinocchio.SE3`.
     near
-        That posture [rad], shape (joints,); the home posture by default.
+        Reference posture [rad], shape (joints,). Default: the home posture.
 
     Yields
     ------
-    Vector
-        Joint angles [rad] within their limits, shape (joints,), of one turn of the hand or the
-        other; or why there are none.
+    Vector or Unreachable
+        Joint angles [rad] within their limits, shape (joints,); or the reason why there are none.
     """
-    found: list[Vector] = []
+    candidates: list[Vector] = []
     for turn in (np.eye(3), _HALF_TURN):
         turned = pin.SE3(times(target.rotation, turn), target.translation)
         if near is not None:
             closest = solve(arm, turned, near)
-            found += [] if isinstance(closest, Unreachable) else [closest]
-        found += _solutions(arm, turned)
-    if not found:
+            candidates += [] if isinstance(closest, Unreachable) else [closest]
+        candidates += _solutions(arm, turned)
+    if not candidates:
         yield _last_try(arm, target)
         return
-    wanted = arm.home_rad if near is None else near
-    # Sorting keeps the order of those that are equally far.
-    yield from sorted(found, key=lambda joints: round(float(np.abs(joints - wanted).max()), 6))
+    reference = arm.home_rad if near is None else near
+    # The sort is stable for equal distances.
+    yield from sorted(
+        candidates, key=lambda joints: round(float(np.abs(joints - reference).max()), 6)
+    )
 
 
 def _solutions(arm: ArmModel, target: Any) -> list[Vector]:
     if arm.closed_form is None:
         return arm.inverse.several(target, _POSTURES, _TRIES)
     turn = 2 * math.pi
-    found = []
+    solutions = []
     for joints in arm.closed_form.solve(target):
-        # Of the full turns of a joint, the one nearest to home.
+        # Take the full turn of each joint nearest to home.
         nearest = joints + turn * np.round((arm.home_rad - joints) / turn)
         nearest = np.where(nearest < arm.low_rad, nearest + turn, nearest)
         nearest = np.where(nearest > arm.high_rad, nearest - turn, nearest)
-        found.append(nearest)
-    return found
+        solutions.append(nearest)
+    return solutions
 
 
 def _last_try(arm: ArmModel, target: Any) -> Vector | Unreachable:
-    """Return joint angles from other starts, or why there are none."""
+    """Return joint angles from other starts, or the reason why there are none."""
     if arm.closed_form is not None:
         return solve(arm, target, arm.home_rad)
-    found = arm.inverse.solve(target)
-    if not isinstance(found, Unreached):
-        return found
-    return _unreachable(target, found.reason, found.distance_m)
+    solution = arm.inverse.solve(target)
+    if not isinstance(solution, Unreached):
+        return solution
+    return _unreachable(target, solution.reason, solution.distance_m)
 
 
 def _unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
@@ -197,24 +195,22 @@ def _unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
 
 
 def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vector | Unreachable:
-    """Return joint angles for a pose, from a start.
+    """Return joint angles for a pose, from one start.
 
     Parameters
     ----------
-    arm
-        The arm.
     target
-        From :func:`pose_down`.
+        Target pose of the tip, as `pinocchio.SE3`.
     start
-        Joint angles [rad], shape (joints,); moved into the limits.
+        Joint angles [rad], shape (joints,); clipped to the limits.
     pull
-        In [0, 1): how strongly the elbow is held where the start has it. At 0 the joints move
-        as little as they can.
+        Weight in [0, 1) that holds the elbow at its start. At 0 the joints move as little as
+        possible.
 
     Returns
     -------
-    Vector
-        Joint angles [rad] within their limits, shape (joints,); or why there are none.
+    Vector or Unreachable
+        Joint angles [rad] within their limits, shape (joints,); or the reason why there are none.
     """
     low, high = arm.low_rad, arm.high_rad
     posture = np.clip(start, low, high)
@@ -228,7 +224,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
         missed.append(twist[:3])
         step = _step(jacobian, twist, 0.0 if settled else pull, posture - joints)
         moved = joints + step
-        # A joint that would leave its limits stays at them, and the others do the work.
+        # A joint that would leave its limits stays at them; the others compensate.
         stuck = (moved < low) | (moved > high)
         if stuck.any():
             free = jacobian * ~stuck
@@ -236,13 +232,13 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             step = held + _step(free, twist - times(jacobian, held), 0.0, posture) * ~stuck
             moved = np.clip(joints + step, low, high)
         joints = moved
-    nearest_m = min(length(one) for one in missed)
+    nearest_m = min(length(error) for error in missed)
     return _unreachable(target, _why(arm, joints, target), nearest_m)
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
-    """Return the change of the joints [rad] that goes for the pose, then for the posture."""
-    # Less damping the nearer it is, so that the end is Newton's.
+    """Return the joint step [rad] towards the pose first, and towards the posture second."""
+    # Damping vanishes near the solution, where the step becomes Newton's.
     damping = min(_DAMPING, dot(twist, twist)) + 1e-12
     inner = times(jacobian, jacobian.T) + damping * _IDENTITY
     if pull:
@@ -276,29 +272,29 @@ def _wrapped(angle_rad: float) -> float:
 
 
 def _within(angle_rad: float, low: float, high: float) -> float:
-    """Return the turn of an angle that is within limits, or the nearest limit."""
+    """Return the full turn of an angle that lies within limits, or the nearest limit."""
     for turned in (angle_rad, angle_rad - 2 * math.pi, angle_rad + 2 * math.pi):
         if low <= turned <= high:
             return turned
     return min(max(angle_rad, low), high)
 
 
-# A path is a spline through so many intervals.
+# Intervals of the spline of a path.
 _INTERVALS = 8
-# Where it follows a direction of insertion, through more: it stays within 0.1 mm of the line.
+# More for a path along a direction of insertion, which keeps it within 0.1 mm of the line.
 _FINE_INTERVALS = 16
 
 
 @dataclass(frozen=True)
 class Strokes:
-    """The paths of the joints to a target and back; the arm stops between two of them.
+    """Joint paths to a target and back; the arm stops between two of them.
 
     Parameters
     ----------
     down
-        To the target, one for each straight stretch of the tip.
+        Paths to the target, one per straight stretch of the tip.
     up
-        Back from it, likewise.
+        Paths back from it, likewise.
     """
 
     down: tuple[JointPath, ...]
@@ -306,17 +302,17 @@ class Strokes:
 
     @property
     def begin(self) -> Vector:
-        """Joint angles where it begins [rad]."""
+        """Start posture [rad]."""
         return np.asarray(self.down[0].nodes[0])
 
     @property
     def end(self) -> Vector:
-        """Joint angles where it ends [rad]."""
+        """End posture [rad]."""
         return np.asarray(self.up[-1].nodes[-1])
 
     @cached_property
     def mirrored(self) -> bool:
-        """Whether the way back is the way there."""
+        """Return whether the way back is the way there, reversed."""
         return len(self.down) == len(self.up) and all(
             np.array_equal(there.nodes, back.nodes[::-1])
             for there, back in zip(self.down, reversed(self.up), strict=True)
@@ -324,29 +320,25 @@ class Strokes:
 
     @cached_property
     def distinct(self) -> tuple[JointPath, ...]:
-        """The paths, each once, whichever way it is taken."""
+        """All paths, without reversed duplicates."""
         return self.down if self.mirrored else (*self.down, *self.up)
 
 
 def strokes(
     arm: ArmModel, motion: LinearMotion, near: Vector | None = None
 ) -> Iterator[Strokes | Unreachable]:
-    """Yield paths to a target and back, by posture at the target, the preferred first.
+    """Yield paths to a target and back, one per posture at the target, preferred first.
 
     Parameters
     ----------
-    arm
-        The arm.
-    motion
-        Where the tip goes.
     near
-        A posture from which it is not to be far to the target, of a hand that does not point down
-        [rad], shape (joints,); the home posture by default.
+        Posture to which the target's should be near, if the hand does not point down [rad], shape
+        (joints,). Default: the home posture.
 
     Yields
     ------
-    Strokes
-        Along the motion; or why this posture leads to none.
+    Strokes or Unreachable
+        Paths along the motion, or the reason why a posture allows none.
     """
     if motion.is_vertical:
         for path in descent_paths(arm, motion.tip, motion.above, motion.closing_yaw_rad):
@@ -354,10 +346,10 @@ def strokes(
         return
     target = hand_pose(motion.tip, motion.orientation)
     if motion.points_down:
-        found = elbows(arm, motion.tip, motion.closing_yaw_rad)
+        postures_at_target = elbows(arm, motion.tip, motion.closing_yaw_rad)
     else:
-        found = postures(arm, target, near)
-    for joints in found:
+        postures_at_target = postures(arm, target, near)
+    for joints in postures_at_target:
         if isinstance(joints, Unreachable):
             yield joints
             continue
@@ -365,13 +357,13 @@ def strokes(
 
 
 def there_and_back(path: JointPath) -> Strokes:
-    """Return a path and the same backwards."""
+    """Return a path and its reverse."""
     return Strokes((path,), (JointPath(path.nodes[::-1]),))
 
 
 def _along(arm: ArmModel, motion: LinearMotion, joints: Vector) -> Strokes | Unreachable:
-    """Return the paths that lead to a posture at the target, and back from it."""
-    # Of the two turns of the hand, the one that was found.
+    """Return the paths to a posture at the target and back."""
+    # Keep the turn of the hand that was found.
     _, rotation = arm.tip(joints)
     there = _followed(arm, motion.approach[::-1], joints, rotation)
     if isinstance(there, Unreachable):
@@ -404,30 +396,28 @@ def _followed(
 def descent_paths(
     arm: ArmModel, tip: Point, above: Point, closing_yaw: float
 ) -> Iterator[JointPath | Unreachable]:
-    """Yield paths straight down to a target, by position of the elbow; see :func:`elbows`.
+    """Yield paths straight down to a target, by elbow position; see :func:`elbows`.
 
     Parameters
     ----------
-    arm
-        The arm.
     tip
-        Where the tip is to be at the end [m].
+        End of the path [m].
     above
-        Where it comes from, straight above [m].
+        Start of the path, straight above [m].
     closing_yaw
-        Direction in which the jaws are to close, from x about the vertical [rad].
+        Closing direction of the jaws, from x about the vertical [rad].
 
     Yields
     ------
-    JointPath
-        From `above` to `tip`; or why this position of the elbow leads to none.
+    JointPath or Unreachable
+        Path from `above` to `tip`, or the reason why this elbow position allows none.
     """
     for elbow in elbows(arm, tip, closing_yaw):
         if isinstance(elbow, Unreachable):
             yield elbow
             continue
         _, rotation = arm.tip(elbow)
-        # Of the two turns of the hand, the one that was found.
+        # Keep the turn of the hand that was found.
         yaw = closing_yaw_rad(rotation)
         nodes = [elbow]
         reached: Vector | Unreachable = elbow
@@ -441,8 +431,8 @@ def descent_paths(
         yield reached if isinstance(reached, Unreachable) else JointPath(nodes[::-1])
 
 
-def _between(one: Vector | Point, other: Vector | Point, share: float) -> Point:
+def _between(begin: Vector | Point, end: Vector | Point, share: float) -> Point:
     x, y, z = (
-        float(a + share * (b - a)) for a, b in zip(np.asarray(one), np.asarray(other), strict=True)
+        float(a + share * (b - a)) for a, b in zip(np.asarray(begin), np.asarray(end), strict=True)
     )
     return (x, y, z)

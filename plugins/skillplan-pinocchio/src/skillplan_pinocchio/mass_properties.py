@@ -1,4 +1,4 @@
-"""Centre of mass and moments of inertia of a body whose mass is spread evenly over its shapes."""
+"""Centre of mass and moments of inertia of a body of uniform density."""
 
 from __future__ import annotations
 
@@ -15,30 +15,32 @@ from skillplan_pinocchio.kinematics.fixed_order import times
 
 @dataclass(frozen=True, slots=True)
 class MassProperties:
-    """Of a body, in its own frame.
+    """Mass properties of a body in its own frame.
 
     Parameters
     ----------
     centre
         Centre of mass [m], shape (3,).
     inertia_kg_m2
-        Moments of inertia about the axes through it, shape (3,); products are left out.
+        Moments of inertia about the axes through the centre, shape (3,); products are neglected.
     """
 
     centre: NDArray[np.float64]
     inertia_kg_m2: NDArray[np.float64]
 
     def at_least(self, inertia_kg_m2: float) -> MassProperties:
-        """Return them with no moment of inertia below a limit."""
+        """Return the properties with every moment of inertia raised to a minimum."""
         return MassProperties(self.centre, np.maximum(self.inertia_kg_m2, inertia_kg_m2))
 
 
 def mass_properties(body: Body) -> MassProperties:
-    """Return where the mass of a body is."""
+    """Return the mass properties of a body."""
     solids = [_solid(shape) for shape in body.shapes]
     volumes = np.array([solid.volume_m3 for solid in solids])
     masses = body.mass_kg * volumes / volumes.sum()
-    centre = times(masses[np.newaxis], np.array([one.centre for one in solids]))[0] / body.mass_kg
+    centre = (
+        times(masses[np.newaxis], np.array([solid.centre for solid in solids]))[0] / body.mass_kg
+    )
     inertia = np.zeros(3)
     for mass, solid in zip(masses, solids, strict=True):
         apart = solid.centre - centre
@@ -49,7 +51,7 @@ def mass_properties(body: Body) -> MassProperties:
 
 @dataclass(frozen=True, slots=True)
 class _Solid:
-    """Volume, centre, and mean square distance from it along x, y and z [m2], shape (3,) each."""
+    """Volume, centre, and mean square distances from it along x, y and z [m2], shape (3,)."""
 
     volume_m3: float
     centre: NDArray[np.float64]
@@ -69,7 +71,7 @@ def _solid(shape: Shape) -> _Solid:
 
 
 def _polyhedron(mesh: Mesh) -> _Solid:
-    """Add up the tetrahedra between the faces and a point; what lies outside cancels."""
+    """Sum the signed tetrahedra between the faces and a point."""
     corners = np.array(mesh.corners)
     origin = corners.mean(axis=0)
     faces = corners[np.array(mesh.faces)] - origin

@@ -1,4 +1,4 @@
-"""The motions of a skill as the arm makes them: with which elbow, and what its links may meet."""
+"""Joint paths of motions: elbow choice, and collisions of the links along them."""
 
 from __future__ import annotations
 
@@ -28,21 +28,19 @@ from skillplan_pinocchio.planning.continuous_check import Held, Hit, SelfCheck
 from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, geometry_nearness
 from skillplan_pinocchio.sweep import Touch
 
-# Between the nodes of a path a link bulges out by no more than this [m].
+# Maximum excursion of a link between the nodes of a path [m].
 _BULGE_M = 0.02
 _STILL = coal.Transform3s()
 
 
 @dataclass(frozen=True)
 class LinkTouch:
-    """Which link touches something first, and where.
+    """First link that touches an obstacle.
 
     Parameters
     ----------
     link
-        Number of the joint that moves it.
-    touch
-        Where.
+        Number of the link's joint.
     """
 
     link: int
@@ -51,14 +49,14 @@ class LinkTouch:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where links are in some postures.
+    """Links in several postures.
 
     Parameters
     ----------
     rotations, origins
-        Of the joints' frames, shapes (postures, joints, 3, 3) and (postures, joints, 3) [m].
+        Joint frames, shapes (postures, joints, 3, 3) and (postures, joints, 3) [m].
     low, high
-        Corners of the upright boxes about the pieces, shape (postures, pieces, 3) [m].
+        Corners of axis-aligned boxes about the pieces, shape (postures, pieces, 3) [m].
     """
 
     rotations: Vector
@@ -68,15 +66,7 @@ class _Places:
 
 
 class LinkSweep:
-    """The links of the arm along a path.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    path
-        Of its joints.
-    """
+    """The links of the arm along a joint path."""
 
     def __init__(self, arm: ArmModel, path: JointPath) -> None:
         self.arm = arm
@@ -84,16 +74,14 @@ class LinkSweep:
         self._sampled: dict[int, _Places] = {}
 
     def touch(self, obstacle: Obstacle, tolerance_m: float, samples: int) -> LinkTouch | None:
-        """Return which link touches an obstacle first, or None.
+        """Return the first link that touches an obstacle, or None.
 
         Parameters
         ----------
-        obstacle
-            What may block the motion.
         tolerance_m
-            Depth that still counts as touching without harm [m], >= 0.
+            Penetration depth that counts as harmless touching [m], >= 0.
         samples
-            How many equally spaced intervals of the path are checked, >= 1.
+            Number of equal intervals of the path that are checked, >= 1.
         """
         lows, highs = self._reach
         near = [
@@ -105,7 +93,7 @@ class LinkSweep:
             return None
         places = self._at(samples)
         first: tuple[int, int] | None = None
-        found = None
+        position_m = None
         depth_m = 0.0
         for number, piece in near:
             low, high = places.low[:, number], places.high[:, number]
@@ -115,11 +103,11 @@ class LinkSweep:
                     continue
                 depth_m = max(depth_m, -distance_m)
                 if first is None or (sample, number) < first:
-                    first, found = (sample, number), position
-        if first is None or found is None:
+                    first, position_m = (sample, number), position
+        if first is None or position_m is None:
             return None
         sample, number = first
-        touch = Touch(sample / samples, found, round(depth_m, 6))
+        touch = Touch(sample / samples, position_m, round(depth_m, 6))
         return LinkTouch(self._pieces[number].link, touch)
 
     @property
@@ -136,8 +124,8 @@ class LinkSweep:
         placement = coal.Transform3s(
             rotation @ frame.rotation, rotation @ frame.translation + origin
         )
-        found = geometry_nearness(of_link.geometry, placement, piece.hull, _STILL)
-        return found.distance_m, found.position
+        nearness = geometry_nearness(of_link.geometry, placement, piece.hull, _STILL)
+        return nearness.distance_m, nearness.position
 
     def _at(self, samples: int) -> _Places:
         if samples not in self._sampled:
@@ -147,7 +135,7 @@ class LinkSweep:
 
     @cached_property
     def _reach(self) -> tuple[Vector, Vector]:
-        """The boxes in which each link stays [m], shapes (pieces, 3)."""
+        """Boxes that contain each link along the path [m], shapes (pieces, 3)."""
         places = self._placed(list(self.path.nodes))
         return places.low.min(axis=0) - _BULGE_M, places.high.max(axis=0) + _BULGE_M
 
@@ -161,41 +149,39 @@ class LinkSweep:
 
 
 def _overlap(low: Vector, high: Vector, piece: ConvexPiece, tolerance_m: float) -> Vector:
-    """Return which boxes overlap the box about a piece by more than the tolerance."""
+    """Return a mask of the boxes that overlap a piece's box by more than the tolerance."""
     inside = (low + tolerance_m < np.array(piece.high)) & (high - tolerance_m > np.array(piece.low))
     return np.asarray(inside.all(axis=1))
 
 
 Hold = tuple[str, Grasp | None]
-"""A part, and how it is held where that is a matter of choice."""
+"""A part, and its grasp if the task offers several."""
 
 
 def hold_of(motion: LinearMotion) -> Hold | None:
-    """Return what a motion takes or lets go, and how it is held; None for any other."""
+    """Return the part that a motion takes or releases and its grasp; None for other motions."""
     visit = motion.visit
     return (visit.subject, visit.grasp) if visit.event in (Event.GRASP, Event.RELEASE) else None
 
 
 def holds_of(task: Task, drop_height_m: float) -> Mapping[Hold, tuple[LinearMotion, ...]]:
-    """Return the motions of a task by what they hold, in the order of its skills.
+    """Return the motions of a task by held part and grasp, in the order of its skills.
 
     Parameters
     ----------
-    task
-        The task.
     drop_height_m
-        From how high above its goal a part is let go [m], >= 0.
+        Height above its goal at which a part is released [m], >= 0.
     """
-    found: dict[Hold, dict[LinearMotion, None]] = {}
+    motions_by_hold: dict[Hold, dict[LinearMotion, None]] = {}
     for skill in task.skills:
-        for one in [skill.by(way) for way in skill.ways] or [skill]:
-            for route in () if one.motion is None else one.motion.routes:
-                state = one.precondition.requires | route.when
-                for motion in linear_motions(task, one, state, drop_height_m):
+        for variant in [skill.by(way) for way in skill.ways] or [skill]:
+            for route in () if variant.motion is None else variant.motion.routes:
+                state = variant.precondition.requires | route.when
+                for motion in linear_motions(task, variant, state, drop_height_m):
                     hold = hold_of(motion)
                     if hold is not None:
-                        found.setdefault(hold, {})[motion] = None
-    return {hold: tuple(motions) for hold, motions in found.items()}
+                        motions_by_hold.setdefault(hold, {})[motion] = None
+    return {hold: tuple(motions) for hold, motions in motions_by_hold.items()}
 
 
 _OTHERWISE_TURNED = "only with the hand turned by half, unlike where the same part is handled"
@@ -203,20 +189,18 @@ _OTHERWISE_TURNED = "only with the hand turned by half, unlike where the same pa
 
 @dataclass(frozen=True)
 class Elbow:
-    """The paths of the joints to a target and back, with one position of the elbow.
+    """Joint paths to a target and back with one elbow position.
 
     Parameters
     ----------
-    strokes
-        Of the joints.
     meets
-        What its links run into wherever that is there, in order of the motion; fractions are those
-        of all paths of `strokes.distinct` together, which count alike.
+        Obstacles that the links could collide with, in order of the motion. Fractions refer to all
+        paths of `strokes.distinct` with equal weight.
     itself
-        How the arm, or what it holds, runs into the arm or its base; None where it does not. Its
-        place is such a fraction.
+        Collision of the arm or its load with the arm or its base, or None; its place is such a
+        fraction.
     overload
-        A joint that gravity overloads; None if there is none.
+        Joint that gravity overloads, or None.
     """
 
     strokes: Strokes
@@ -226,34 +210,33 @@ class Elbow:
 
     @property
     def is_clear(self) -> bool:
-        """Whether it meets nothing in any state, and no joint is overloaded."""
+        """Return whether it meets no obstacle in any state and overloads no joint."""
         return not self.meets and self.itself is None and self.overload is None
 
     def at(self, fraction: float) -> Vector:
-        """Return the joint angles after a fraction of all paths [rad]."""
+        """Return the joint angles at a fraction of all paths [rad]."""
         paths = self.strokes.distinct
         number = min(int(fraction * len(paths)), len(paths) - 1)
         return paths[number].at(fraction * len(paths) - number)
 
     @property
     def blocked(self) -> bool:
-        """Whether it runs into what is always there, or overloads a joint."""
+        """Return whether it meets a permanent obstacle or overloads a joint."""
         never = self.itself is not None or self.overload is not None
         return never or any(obstacle.fact is None for obstacle, _ in self.meets)
 
 
 @dataclass(frozen=True)
 class DescentPaths:
-    """The paths of the joints to a place and back.
+    """Joint paths to a place and back.
 
     Parameters
     ----------
     elbows
-        In the order in which they are preferred: the nearest to the ready pose of those that
-        meet nothing, alone; otherwise all, those that meet the least first. Empty where there
-        is none.
+        Elbows in order of preference: only the clear one nearest to the ready pose or, if none is
+        clear, all of them, fewest obstacles first.
     unreachable
-        Why there is none; None where there is one.
+        Reason why there is no elbow, or None.
     """
 
     elbows: tuple[Elbow, ...]
@@ -262,12 +245,10 @@ class DescentPaths:
 
 @dataclass(frozen=True)
 class ArmMotion:
-    """A linear motion and the paths of the joints along it.
+    """A linear motion and the joint paths along it.
 
     Parameters
     ----------
-    motion
-        What the hand does.
     elbows, unreachable
         See :class:`DescentPaths`.
     """
@@ -278,32 +259,29 @@ class ArmMotion:
 
 
 class MotionPlanner:
-    """Finds the paths of the joints, once for each motion.
+    """Plans the joint paths of motions, once per motion.
 
-    Which path is preferred depends on the obstacles that there may be in any state, never on
-    those that there are in one: so that a verdict rests on the facts of the obstacles met, and
-    the time of a skill on none of them.
+    The preferred path depends on the obstacles of all states, never on the current state. So a
+    verdict rests on the facts of the obstacles met, and the time of a skill on none of them.
 
     Parameters
     ----------
-    arm
-        The arm.
     obstacles
-        All that there may be.
+        Obstacles of all states.
     tolerance_m
-        Depth that still counts as touching without harm [m], >= 0.
+        Penetration depth that counts as harmless touching [m], >= 0.
     samples
-        How many equally spaced intervals of a path the links are checked at, >= 1.
+        Number of equal intervals of a path at which links are checked, >= 1.
     check_arm
-        Whether the links are checked.
+        True if the links are checked.
     held
-        Returns what is at the end of the arm before a motion acts, and after that: in the world,
-        as it is where the motion begins, and where it ends.
+        Function that returns the pieces at the end of the arm where a motion begins and where it
+        ends.
     holds
-        Motions that handle the same part held the same way, by that: the hand has the same turn
-        about what it points along in all of them, seen from the part.
+        Motions by held part and grasp. The hand has the same turn about its pointing direction,
+        seen from the part, in all motions of a group.
     gravity
-        Holds the torques of motions to the limits of the joints; None to leave them unchecked.
+        Check of gravity torques; None skips it.
     """
 
     def __init__(
@@ -331,12 +309,12 @@ class MotionPlanner:
         self._turns: dict[Hold, Point | None] = {}
 
     def plan(self, motion: LinearMotion) -> ArmMotion:
-        """Return how the arm makes a motion."""
+        """Return the joint paths of a motion."""
         paths = self._paths(motion, self._closing(motion))
         return ArmMotion(motion, paths.elbows, paths.unreachable)
 
     def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
-        """Return the paths of a motion, the jaws closing along a direction, or along either."""
+        """Return the paths of a motion with the jaws closing along a direction, or along either."""
         spares = spared(motion)
         ends = (motion.carries, motion.tool and motion.tool.name, motion.leaves_with)
         event = motion.visit.event
@@ -351,30 +329,30 @@ class MotionPlanner:
             if preferred and closing and self._is_turned(preferred, closing):
                 self._known[key] = preferred
             else:
-                found = self._turned(strokes(self.arm, motion, near), closing)
-                self._known[key] = self._best(found, spares, motion)
+                candidates = self._turned(strokes(self.arm, motion, near), closing)
+                self._known[key] = self._best(candidates, spares, motion)
         return self._known[key]
 
     def _taken(self, motion: LinearMotion, closing: Point) -> Vector | None:
-        """Return how the arm stands once it has taken what a motion lets go; None for others.
+        """Return the posture after the grasp of the part that a motion releases, or None.
 
-        None, too, for hands that point down, whose elbow is where there is room. The farther the
-        joints turn with a part in the jaws, the more it creeps.
+        None also for a hand that points down, whose elbow goes where there is room. A part creeps
+        between the jaws the more, the farther the joints turn.
         """
         hold = hold_of(motion)
         if hold is None or motion.points_down or motion.visit.event is not Event.RELEASE:
             return None
-        for one in self.holds.get(hold, ()):
-            if one.visit.event is Event.GRASP:
-                alike = one.visit.pose.rotate(_in_part(motion, closing))
-                elbows = self._paths(one, alike).elbows
+        for other in self.holds.get(hold, ()):
+            if other.visit.event is Event.GRASP:
+                alike = other.visit.pose.rotate(_in_part(motion, closing))
+                elbows = self._paths(other, alike).elbows
                 return elbows[0].strokes.end if elbows else None
         return None
 
     def _is_turned(self, paths: DescentPaths, closing: Point) -> bool:
-        """Whether the best of some paths meets nothing, and its jaws close along a direction.
+        """Return whether the best path is clear and its jaws close along a direction.
 
-        Then no other has to be looked at.
+        Then the other paths need no check.
         """
         if not paths.elbows:
             return False
@@ -382,7 +360,7 @@ class MotionPlanner:
         return best.is_clear and dot(self._tip_closing(best.strokes), closing) > 0
 
     def _closing(self, motion: LinearMotion) -> Point | None:
-        """Return the direction of the jaws that a motion has in common with others, or None."""
+        """Return the closing direction that a motion shares with its group, or None."""
         hold = hold_of(motion)
         if hold is None or hold not in self.holds:
             return None
@@ -392,10 +370,10 @@ class MotionPlanner:
         return None if axis is None else motion.visit.pose.rotate(axis)
 
     def _common_turn(self, motions: Sequence[LinearMotion]) -> Point | None:
-        """Return along which axis of a part jaws close on it, in all motions that handle it.
+        """Return the axis of a part along which jaws close in all motions that handle it.
 
-        The one of the paths that are preferred, where these agree. Else of the two turns the one
-        that leaves the least out of reach, meets the least, and has the most room.
+        If the preferred paths disagree, take the turn with the fewest unreachable motions, then the
+        fewest obstacles, then the most room.
         """
         preferred = [(motion, self._paths(motion, None)) for motion in motions]
         axes = [
@@ -405,14 +383,14 @@ class MotionPlanner:
         ]
         if not axes:
             return None
-        one = axes[0]
-        if all(dot(one, axis) > 0 for axis in axes):
-            return one
-        x, y, z = one
-        return min((one, (-x, -y, -z)), key=lambda axis: self._effort(motions, axis))
+        first = axes[0]
+        if all(dot(first, axis) > 0 for axis in axes):
+            return first
+        x, y, z = first
+        return min((first, (-x, -y, -z)), key=lambda axis: self._effort(motions, axis))
 
     def _effort(self, motions: Sequence[LinearMotion], axis: Point) -> tuple[int, int, float]:
-        """Return how much of some motions is out of reach, is met, and how far joints turn."""
+        """Return unreachable motions, obstacles met, and the largest turn of a joint."""
         lost = met = 0
         farthest_rad = 0.0
         for motion in motions:
@@ -427,23 +405,23 @@ class MotionPlanner:
         return lost, met, farthest_rad
 
     def _turned(
-        self, found: Iterable[Strokes | Unreachable], closing: Point | None
+        self, candidates: Iterable[Strokes | Unreachable], closing: Point | None
     ) -> Iterator[Strokes | Unreachable]:
-        """Yield strokes in which the jaws close along a direction; why the others are none."""
-        for one in found:
+        """Yield the strokes whose jaws close along a direction, and reasons for the others."""
+        for candidate in candidates:
             if (
                 closing is None
-                or isinstance(one, Unreachable)
-                or dot(self._tip_closing(one), closing) > 0
+                or isinstance(candidate, Unreachable)
+                or dot(self._tip_closing(candidate), closing) > 0
             ):
-                yield one
+                yield candidate
             else:
-                tip, rotation = self.arm.tip(one.down[-1].nodes[-1])
+                tip, rotation = self.arm.tip(candidate.down[-1].nodes[-1])
                 yield Unreachable(_point(tip), _OTHERWISE_TURNED, 0.0, _point(rotation[:, 2]))
 
-    def _tip_closing(self, one: Strokes) -> Point:
-        """Return the unit vector along which the jaws close in the world."""
-        _, rotation = self.arm.tip(one.down[-1].nodes[-1])
+    def _tip_closing(self, paths: Strokes) -> Point:
+        """Return the unit vector of the closing direction in the world."""
+        _, rotation = self.arm.tip(paths.down[-1].nodes[-1])
         return _point(rotation[:, 1])
 
     def descents(
@@ -453,105 +431,110 @@ class MotionPlanner:
         closing_yaw: float,
         spares: frozenset[str],
     ) -> DescentPaths:
-        """Return how the arm goes straight down to a place.
+        """Return the paths straight down to a place.
 
         Parameters
         ----------
         tip, above
-            Where the tip of the hand ends, and begins [m].
+            End and start of the tip [m].
         closing_yaw
-            Direction in which the jaws are to close, from x about the vertical [rad].
+            Closing direction of the jaws, from x about the vertical [rad].
         spares
             Bodies that may be touched.
         """
         key = (tip, above, closing_yaw, spares)
         if key not in self._known:
-            found = (
+            candidates = (
                 path if isinstance(path, Unreachable) else there_and_back(path)
                 for path in descent_paths(self.arm, tip, above, closing_yaw)
             )
-            self._known[key] = self._best(found, spares, None)
+            self._known[key] = self._best(candidates, spares, None)
         return self._known[key]
 
     def met(
         self, path: JointPath, spares: frozenset[str]
     ) -> tuple[tuple[Obstacle, LinkTouch], ...]:
-        """Return what the links run into on a path, in order of the motion.
+        """Return the obstacles that the links collide with on a path, in order of the motion.
 
         Parameters
         ----------
-        path
-            Of the joints.
         spares
             Bodies that may be touched.
         """
         if not self.check_arm:
             return ()
         sweep = LinkSweep(self.arm, path)
-        found = [
+        touches = [
             (obstacle, touch)
             for obstacle in self.obstacles
             if obstacle.body not in spares
             and (touch := sweep.touch(obstacle, self.tolerance_m, self.samples)) is not None
         ]
-        return tuple(sorted(found, key=lambda pair: pair[1].touch.fraction))
+        return tuple(sorted(touches, key=lambda pair: pair[1].touch.fraction))
 
     def _best(
         self,
-        found: Iterable[Strokes | Unreachable],
+        candidates: Iterable[Strokes | Unreachable],
         spares: frozenset[str],
         motion: LinearMotion | None,
     ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
-        for one in found:
-            if isinstance(one, Unreachable):
-                failures.append(one)
+        for candidate in candidates:
+            if isinstance(candidate, Unreachable):
+                failures.append(candidate)
                 continue
             overload = None
             if motion is not None and self.gravity is not None:
-                overload = self.gravity.on_strokes(motion, one)
-            elbow = Elbow(one, self._met(one, spares), self._hit_itself(one, motion), overload)
+                overload = self.gravity.on_strokes(motion, candidate)
+            elbow = Elbow(
+                candidate,
+                self._met(candidate, spares),
+                self._hit_itself(candidate, motion),
+                overload,
+            )
             if elbow.is_clear:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
         if not elbows:
             return DescentPaths((), min(failures, key=lambda failure: failure.distance_m))
-        # Sorting keeps the order of those that meet equally much.
+        # The sort is stable for elbows that meet equally many obstacles.
         return DescentPaths(
             tuple(sorted(elbows, key=lambda elbow: (elbow.blocked, len(elbow.meets))))
         )
 
-    def _met(self, one: Strokes, spares: frozenset[str]) -> tuple[tuple[Obstacle, LinkTouch], ...]:
-        """Return what the links run into on several paths in turn, each obstacle once."""
-        paths = one.distinct
+    def _met(
+        self, stroke_paths: Strokes, spares: frozenset[str]
+    ) -> tuple[tuple[Obstacle, LinkTouch], ...]:
+        """Return the obstacles on several paths in order, each once."""
+        paths = stroke_paths.distinct
         if len(paths) == 1:
             return self.met(paths[0], spares)
         first: dict[tuple[str, str | None], tuple[Obstacle, LinkTouch]] = {}
         for number, path in enumerate(paths):
-            for obstacle, found in self.met(path, spares):
-                fraction = (number + found.touch.fraction) / len(paths)
-                touch = replace(found.touch, fraction=fraction)
+            for obstacle, link_touch in self.met(path, spares):
+                fraction = (number + link_touch.touch.fraction) / len(paths)
+                touch = replace(link_touch.touch, fraction=fraction)
                 first.setdefault(
-                    (obstacle.body, obstacle.fact), (obstacle, replace(found, touch=touch))
+                    (obstacle.body, obstacle.fact), (obstacle, replace(link_touch, touch=touch))
                 )
         return tuple(first.values())
 
-    def _hit_itself(self, one: Strokes, motion: LinearMotion | None) -> Hit | None:
-        """Return how the arm first runs into itself, with what it holds there."""
+    def _hit_itself(self, stroke_paths: Strokes, motion: LinearMotion | None) -> Hit | None:
+        """Return the first collision of the arm with itself, including its load, or None."""
         if not self.check_arm:
             return None
         before: Held = ()
         after: Held = ()
         if motion is not None and self.held is not None:
             before, after = self.held(motion)
-        count = len(one.distinct)
-        for number, path in enumerate(one.distinct):
+        count = len(stroke_paths.distinct)
+        for number, path in enumerate(stroke_paths.distinct):
             held = []
-            if number < len(one.down):
-                held.append((before, one.begin))
-            if one.mirrored or number >= len(one.down):
-                held.append((after, one.end))
+            if number < len(stroke_paths.down):
+                held.append((before, stroke_paths.begin))
+            if stroke_paths.mirrored or number >= len(stroke_paths.down):
+                held.append((after, stroke_paths.end))
             hit = self._itself.first_hit(path, *held)
             if hit is not None:
                 return replace(hit, place=round((number + hit.place) / count, 6))
@@ -559,7 +542,7 @@ class MotionPlanner:
 
 
 def _in_part(motion: LinearMotion, direction: Point) -> Point:
-    """Return a direction in the world as one in the frame of what a motion handles."""
+    """Transform a direction from the world to the frame of the handled part."""
     return motion.visit.pose.inverse().rotate(direction)
 
 
@@ -569,6 +552,6 @@ def _point(vector: Vector) -> Point:
 
 
 def spared(motion: LinearMotion) -> frozenset[str]:
-    """Return the bodies that a motion may touch: its target and what is carried."""
+    """Return the bodies that a motion may touch: its target and its load."""
     carried = {motion.carries} if motion.carries is not None else set()
     return frozenset({motion.visit.subject} | carried)

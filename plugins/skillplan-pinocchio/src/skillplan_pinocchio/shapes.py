@@ -1,4 +1,4 @@
-"""Pieces for coal: convex ones, and surfaces that need not be; with upright boxes about them."""
+"""Convex pieces and closed surfaces for coal, with bounding boxes, and obstacles made of them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from skillplan_pinocchio.kinematics.fixed_order import times
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Corners of a cylinder's circle; their distance from the axis is such that neither the corners
-# stand out nor the sides fall short by more than 0.06 % of the radius.
+# Corners of a cylinder's circle; neither corners nor sides deviate by more than 0.06 % of the
+# radius.
 _CIRCLE: Final = 64
-# A plane to keep off: thick enough that nothing reaches through it [m].
+# Half width and thickness of the table: bodies cannot pass through it [m].
 _TABLE_HALF_WIDTH_M: Final = 5.0
 _TABLE_THICKNESS_M: Final = 1.0
 
@@ -37,129 +37,129 @@ class ConvexPiece:
     Parameters
     ----------
     corners
-        In the world [m], shape (corners, 3).
+        Corners in the world [m], shape (corners, 3).
     """
 
     corners: Array
 
     @cached_property
     def low(self) -> tuple[float, float, float]:
-        """Lower corner of the box about it [m]."""
+        """Lower corner of the bounding box [m]."""
         x, y, z = self.corners.min(axis=0).tolist()
         return (x, y, z)
 
     @cached_property
     def high(self) -> tuple[float, float, float]:
-        """Upper corner of the box about it [m]."""
+        """Upper corner of the bounding box [m]."""
         x, y, z = self.corners.max(axis=0).tolist()
         return (x, y, z)
 
     @cached_property
     def hull(self) -> Any:
-        """The convex hull, for coal."""
+        """Convex hull for coal."""
         points = coal.StdVec_Vec3s()
         points.extend(list(self.corners))
         return coal.Convex.convexHull(points, True, "Qt")
 
     @property
     def surface(self) -> tuple[Array, Indices]:
-        """Corners of its surface [m], and triangles by three indices of them each."""
+        """Corners of the surface [m], and triangles as three indices each."""
         hull = self.hull
         faces = [hull.polygons(number) for number in range(hull.num_polygons)]
         triangles = [(int(face[0]), int(face[1]), int(face[2])) for face in faces]
         return np.asarray(hull.points()), np.array(triangles, dtype=np.int64)
 
     def swept(self, by: Sequence[float]) -> ConvexPiece:
-        """Return what the piece sweeps along a straight line: the hull of its ends, exactly."""
+        """Return the exact swept volume along a straight line: the hull of both ends."""
         return ConvexPiece(np.concatenate([self.corners, self.corners + np.array(by)]))
 
     def seen_from(self, frame: Pose) -> ConvexPiece:
-        """Return the piece in the frame that another's pose is given in."""
+        """Transform the piece into the parent frame of a pose."""
         return ConvexPiece(placed_at(self.corners, frame))
 
 
 @dataclass(frozen=True)
 class SurfacePiece(ConvexPiece):
-    """A closed surface in the world that need not be convex: of what stands, never of what moves.
+    """A closed surface of a fixed body; it need not be convex.
 
     Parameters
     ----------
     faces
-        Its triangles by three indices of corners each, anticlockwise from outside.
+        Triangles as three indices each, anticlockwise from outside.
     """
 
     faces: Indices
 
     @cached_property
     def hull(self) -> Any:
-        """The triangles themselves, in a tree of boxes, for coal."""
+        """Triangles in a tree of boxes, for coal."""
         points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(self.corners))
         for a, b, c in self.faces.tolist():
             triangles.append(coal.Triangle(a, b, c))
-        bvhmodel_obbrss = coal.BVHModelOBBRSS()
-        bvhmodel_obbrss.beginModel(len(triangles), len(points))
-        bvhmodel_obbrss.addSubModel(points, triangles)
-        bvhmodel_obbrss.endModel()
-        return bvhmodel_obbrss
+        tree = coal.BVHModelOBBRSS()
+        tree.beginModel(len(triangles), len(points))
+        tree.addSubModel(points, triangles)
+        tree.endModel()
+        return tree
 
     @property
     def surface(self) -> tuple[Array, Indices]:
-        """Corners of its surface [m], and triangles by three indices of them each."""
+        """Corners of the surface [m], and triangles as three indices each."""
         return self.corners, self.faces
 
     def seen_from(self, frame: Pose) -> SurfacePiece:
-        """Return the piece in the frame that another's pose is given in."""
+        """Transform the piece into the parent frame of a pose."""
         return SurfacePiece(placed_at(self.corners, frame), self.faces)
 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    """How two shapes are to each other.
+    """Distance between two shapes.
 
     Parameters
     ----------
     distance_m
-        Between them; below 0 how deep one is in the other.
+        Distance; negative for the penetration depth.
     position
-        Midway between the two nearest, or deepest, points [m].
+        Midpoint of the two nearest or deepest points [m].
     """
 
     distance_m: float
     position: Point
 
 
-def nearness(one: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None) -> Nearness:
-    """Return how near two pieces are, the first displaced by a vector [m] if one is given."""
+def nearness(piece: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None) -> Nearness:
+    """Return the distance between two pieces, the first displaced by a vector [m] if given."""
     at = _STILL if by is None else coal.Transform3s(np.eye(3), np.array(by))
-    return geometry_nearness(one.hull, at, other.hull, _STILL)
+    return geometry_nearness(piece.hull, at, other.hull, _STILL)
 
 
-def geometry_nearness(one: Any, one_at: Any, other: Any, other_at: Any) -> Nearness:
-    """Return how near two geometries of coal are, each with its placement."""
+def geometry_nearness(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness:
+    """Return the distance between two geometries of coal at their placements."""
     result = coal.DistanceResult()
-    distance_m = coal.distance(one, one_at, other, other_at, coal.DistanceRequest(), result)
+    distance_m = coal.distance(geometry, at, other, other_at, coal.DistanceRequest(), result)
     middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
     x, y, z = (round(float(value), 6) for value in middle)
     return Nearness(float(distance_m), (x, y, z))
 
 
-def may_touch(one: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:
-    """Whether the boxes about two pieces overlap by more than the tolerance."""
+def may_touch(piece: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:
+    """Return whether the bounding boxes of two pieces overlap by more than the tolerance."""
     return all(
-        one.low[axis] + tolerance_m < other.high[axis]
-        and other.low[axis] + tolerance_m < one.high[axis]
+        piece.low[axis] + tolerance_m < other.high[axis]
+        and other.low[axis] + tolerance_m < piece.high[axis]
         for axis in range(3)
     )
 
 
 def pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
-    """Return the convex pieces of a body at a pose, which moves."""
+    """Return the convex pieces of a moving body at a pose."""
     return tuple(ConvexPiece(placed_at(corners_of(shape), pose)) for shape in body.shapes)
 
 
 def standing_pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
-    """Return the exact shapes of a body at a pose, where it stands."""
+    """Return the exact shapes of a fixed body at a pose."""
     return tuple(
         SurfacePiece(placed_at(corners_of(shape), pose), np.array(shape.faces, dtype=np.int64))
         if isinstance(shape, Mesh) and not shape.convex
@@ -169,14 +169,14 @@ def standing_pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
 
 
 def placed_at(corners: Array, pose: Pose) -> Array:
-    """Return corners of a frame in the frame that its pose is given in, shape (corners, 3)."""
+    """Transform corners into the parent frame of a pose, shape (corners, 3)."""
     if pose.is_upright:
         return placed(corners, pose.position, pose.yaw_rad)
     return np.asarray(times(corners, np.array(pose.rotation).T) + np.array(pose.position))
 
 
 def placed(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:
-    """Return corners in the world, turned about the vertical and displaced, shape (corners, 3)."""
+    """Rotate corners about the vertical and displace them, shape (corners, 3)."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(times(corners, turn) + np.array(origin))
@@ -198,7 +198,7 @@ def box_corners(box: Box) -> Array:
 
 
 def cylinder_corners(cylinder: Cylinder) -> Array:
-    """Return the corners of a prism that is as good as an upright cylinder [m]."""
+    """Return the corners of a prism that approximates an upright cylinder [m]."""
     half = math.pi / _CIRCLE
     radius_m = cylinder.diameter_m / (1 + math.cos(half))
     ring = [
@@ -211,7 +211,7 @@ def cylinder_corners(cylinder: Cylinder) -> Array:
 
 
 def table() -> ConvexPiece:
-    """Return what everything stands on."""
+    """Return the table as a piece."""
     size = (2 * _TABLE_HALF_WIDTH_M, 2 * _TABLE_HALF_WIDTH_M, _TABLE_THICKNESS_M)
     return ConvexPiece(box_corners(Box(size, (0.0, 0.0, -_TABLE_THICKNESS_M / 2))))
 
@@ -221,16 +221,16 @@ TABLE: Final = "the table"
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """A body where a fact puts it.
+    """A body at a place where a fact puts it.
 
     Parameters
     ----------
     body
-        Its name.
+        Name of the body.
     fact
-        Holds while it is there; None for what is always there.
+        Fact that holds while it is there; None for a permanent body.
     pieces
-        In the world.
+        Pieces in the world.
     """
 
     body: str
@@ -244,7 +244,7 @@ class Obstacle:
 
 
 def obstacles_of(scene: Scene) -> tuple[Obstacle, ...]:
-    """Return the table, then every place at which something can touch a body."""
+    """Return the table and all bodies at all their solid places."""
     return (
         Obstacle(TABLE, None, (table(),)),
         *(

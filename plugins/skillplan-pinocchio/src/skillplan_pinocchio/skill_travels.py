@@ -1,4 +1,4 @@
-"""How the arm travels to where each motion of a skill begins, in a state."""
+"""Travels of the arm to the motions of a skill, in a state."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from skillplan_pinocchio.planning.travel_planner import TravelHeights, TravelPla
 
 @dataclass(frozen=True)
 class TravelTo:
-    """The travel to where the hand goes down to a target.
+    """The travel to a motion.
 
     Parameters
     ----------
     visit
-        What is done there.
+        Visit at its end.
     travel
-        The way, why there is none, or what it overloads.
+        Travel, reason why there is none, or the overload on it.
     """
 
     visit: Visit
@@ -33,7 +33,7 @@ class TravelTo:
 
     @property
     def evidence(self) -> dict[str, Any] | None:
-        """A planned way as JSON values, None for any other."""
+        """A planned path as JSON values, or None."""
         if not isinstance(self.travel, Travel) or self.travel.is_straight:
             return None
         nodes = self.travel.path.nodes
@@ -46,19 +46,19 @@ class TravelTo:
 
 
 class SafeTravels:
-    """Which travels are so high that nothing can be met on them.
+    """Decides which travels are above all obstacles.
 
     Parameters
     ----------
     heights
-        Of straight travels.
+        Heights of straight travels.
     safe_height_m
-        At which hand and load are where travels end [m].
+        Height of hand and load at the ends of travels [m].
     top_m
-        Of the tallest obstacle [m].
-    stands
-        Return how the arm stands at every place, by the fact that it is there, and how it stands
-        above targets: they are asked for once, if it depends on them.
+        Height of the tallest obstacle [m].
+    stands, targets
+        Functions that return the postures at all places, by fact, and above targets; called at most
+        once.
     """
 
     def __init__(
@@ -76,24 +76,24 @@ class SafeTravels:
 
     @property
     def any(self) -> bool:
-        """Whether there may be some: nothing is as tall as the height at which they end."""
+        """Return whether safe travels are possible: no obstacle exceeds the safe height."""
         return self.top_m <= self.safe_height_m
 
     @cached_property
     def stands(self) -> Mapping[str, Vector]:
-        """How the arm stands at places [rad]; all travels between them and targets are known."""
-        found = self._stands()
-        self.heights.prepare([*found.values(), *self._targets()])
-        return found
+        """Postures at places [rad]; all travels between them and targets are prepared."""
+        stands = self._stands()
+        self.heights.prepare([*stands.values(), *self._targets()])
+        return stands
 
-    def is_safe(self, one_rad: Vector, other_rad: Vector) -> bool:
-        """Whether nothing can be met on a straight travel between two postures."""
+    def is_safe(self, begin_rad: Vector, end_rad: Vector) -> bool:
+        """Return whether a straight travel between two postures is above all obstacles."""
         if not self.any:
             return False
-        return self.heights.lowest_m(one_rad, other_rad, self.safe_height_m) >= self.top_m
+        return self.heights.lowest_m(begin_rad, end_rad, self.safe_height_m) >= self.top_m
 
     def needs_check(self, place: str, goal_rad: Vector, holds: Holds) -> bool:
-        """Whether the travel from a place has to be checked; asks for places it depends on."""
+        """Return whether the travel from a place needs a check; reads facts of places."""
         if not self.any:
             return holds(place)
         risky = [
@@ -112,13 +112,13 @@ class SkillTravels:
     Parameters
     ----------
     motions
-        As the arm makes them; all of them can be reached.
+        Planned motions, all reachable.
     safe
-        Which travels need no check.
+        Check for travels above all obstacles.
     planner
-        Finds the others.
+        Planner of the other travels.
     gravity
-        Holds the torques of travels to the limits of the joints.
+        Check of gravity torques on travels.
     """
 
     def __init__(
@@ -133,23 +133,23 @@ class SkillTravels:
         self.planner = planner
         self.gravity = gravity
 
-    def found(
+    def find(
         self, place: str, stand_rad: Vector | None, elbows: Mapping[int, int], holds: Holds
     ) -> list[TravelTo]:
-        """Return the travels that had to be checked, in order, up to one that is not found.
+        """Return the checked travels in order, up to the first that fails.
 
         Parameters
         ----------
         place
-            The fact that says where the arm stands.
+            Fact for the arm's place.
         stand_rad
-            How it stands there, shape (joints,); None where it cannot.
+            Posture there, shape (joints,); None if the arm cannot stand there.
         elbows
-            Which of a motion's elbows is taken, by the number of the motion; else the first.
+            Number of the elbow by number of the motion; default: the first.
         holds
-            Asked for every fact that they rest on.
+            Called for every fact that the travels rest on.
         """
-        found: list[TravelTo] = []
+        travels: list[TravelTo] = []
         here = stand_rad
         for number, motion in enumerate(self.motions):
             strokes = motion.elbows[elbows.get(number, 0)].strokes
@@ -160,17 +160,17 @@ class SkillTravels:
                 checked = here is not None and not self.safe.is_safe(here, goal)
             if checked and here is not None:
                 travel = self.planner.travel(here, goal, motion.motion, holds)
-                found.append(TravelTo(motion.motion.visit, travel))
+                travels.append(TravelTo(motion.motion.visit, travel))
                 if isinstance(travel, Unfound):
                     break
             if here is not None and not self.gravity.is_safe(motion.motion, motion.motion.carries):
                 if number == 0:
                     holds(place)
-                known = found[-1].travel if checked else None
+                known = travels[-1].travel if checked else None
                 path = known.path if isinstance(known, Travel) else JointPath([here, goal])
                 overload = self.gravity.on_travel(motion.motion, path)
                 if overload is not None:
-                    found.append(TravelTo(motion.motion.visit, overload))
+                    travels.append(TravelTo(motion.motion.visit, overload))
                     break
             here = strokes.end
-        return found
+        return travels

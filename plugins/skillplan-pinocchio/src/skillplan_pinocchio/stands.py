@@ -1,4 +1,4 @@
-"""How the arm stands at the places of a task: as it ended the skill that leads there."""
+"""Postures of the arm at the places of a task: those in which skills that lead there end."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from skillplan_pinocchio.motion_plan import MotionPlanner
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the arm stands while a fact holds.
+    """Posture of the arm while a fact holds.
 
     Parameters
     ----------
     above
-        Where the tip is [m].
+        Position of the tip [m].
     joints_rad
-        How the arm stands there, shape (7,); None where it cannot.
+        Joint angles there, shape (joints,); None if the arm cannot stand there.
     came_from_rad
-        How it stood before it went there, shape (7,), where that path is no skill's own: as to look
-        for a part whose grasp failed. What is done next takes the time of that path, too.
+        Posture before a path that belongs to no skill, such as the look for a part whose grasp
+        failed, shape (joints,). The next skill includes the time of that path.
     """
 
     above: Point
@@ -33,18 +33,14 @@ class Stand:
 
 
 class Stands:
-    """Knows how the arm stands at places, and above targets.
+    """Computes postures at places and above targets.
 
     Parameters
     ----------
-    task
-        The task.
-    robot
-        Its arm.
     planner
-        Finds the paths of the joints.
+        Planner of joint paths.
     drop_height_m
-        From how high above its goal a part is let go [m], >= 0.
+        Height above its goal at which a part is released [m], >= 0.
     """
 
     def __init__(
@@ -58,30 +54,30 @@ class Stands:
         self._last, self._failed = self._last_motions()
 
     def at(self, fact: str, position: Point) -> Stand:
-        """Return how the arm stands at a place: as it ended the skill that leads there.
+        """Return the posture at a place: the end of the skill that leads there.
 
         Parameters
         ----------
         fact
-            Says that it stands there.
+            Fact for the place.
         position
-            Of the lowest point of tool and load [m]; counts where no skill leads.
+            Position of the lowest point of tool and load [m]; used if no skill leads there.
         """
         if fact not in self._stands:
-            self._stands[fact] = self._found(fact, position)
+            self._stands[fact] = self._compute(fact, position)
         return self._stands[fact]
 
     def postures_at_places(self) -> dict[str, Vector]:
-        """Return how the arm stands at every place where it can [rad], by fact."""
+        """Return the posture at every reachable place [rad], by fact."""
         height_m = self.robot.safe_height_m
-        found = {
+        postures = {
             fact: self.at(fact, (place[0], place[1], height_m)).joints_rad
             for fact, place in self.robot.places.items()
         }
-        return {fact: posture for fact, posture in found.items() if posture is not None}
+        return {fact: posture for fact, posture in postures.items() if posture is not None}
 
     def postures_above_targets(self) -> list[Vector]:
-        """Return how the arm stands where the motions of all skills begin [rad]."""
+        """Return the start postures of all skills' motions [rad]."""
         return [
             elbow.strokes.begin
             for skill in self.task.skills
@@ -95,7 +91,7 @@ class Stands:
             for elbow in self.planner.plan(motion).elbows[:1]
         ]
 
-    def _found(self, fact: str, position: Point) -> Stand:
+    def _compute(self, fact: str, position: Point) -> Stand:
         motion = self._last.get(fact)
         if motion is not None:
             position = motion.ends_at
@@ -111,9 +107,9 @@ class Stands:
         )
 
     def _last_motions(self) -> tuple[dict[str, LinearMotion], dict[str, LinearMotion]]:
-        """Return the last motion of the first skill that ends at every place, and may fail there.
+        """Return the last motion of the first skill that ends at each place, or may fail there.
 
-        A skill that fails and leaves the arm at another place has made its motions, too.
+        A skill that fails and leaves the arm elsewhere has made its motions, too.
         """
         ends: dict[str, LinearMotion] = {}
         failed: dict[str, LinearMotion] = {}
@@ -129,7 +125,7 @@ class Stands:
             ]
             if not (nominal or others):
                 continue
-            # A state in which the first route is the one that fits.
+            # A state in which the first route applies.
             state = skill.motion.routes[0].when | skill.precondition.requires
             motion = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
             for fact in nominal:

@@ -1,4 +1,4 @@
-"""Whether what is left somewhere stays there: its supports, and whether it tips."""
+"""Static support of released parts: contacts beneath them, and whether they tip."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, SurfacePiece
 Planar = tuple[float, float]
 Polygon = tuple[Planar, ...]
 
-# A contact of less area supports nothing [m^2].
+# Minimum area of a supporting contact [m^2].
 _LEAST_AREA_M2 = 1e-10
 _ROUNDING_M = 1e-9
-# A face that falls by more than so much of a length is not level [-].
+# Maximum slope of a level face [-].
 _LEVEL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Where something supports a body.
+    """A contact that supports a body.
 
     Parameters
     ----------
     body
-        What supports it.
+        Supporting body.
     fact
-        Holds while that is there; None for what is always there.
+        Fact that holds while the supporting body is there; None if it is permanent.
     polygons
-        Where they touch, seen from above [m].
+        Contact areas, seen from above [m].
     """
 
     body: str
@@ -40,16 +40,16 @@ class Contact:
 
 @dataclass(frozen=True)
 class Supports:
-    """Everything that could support a body at a place.
+    """All possible supports of a body at a place.
 
     Parameters
     ----------
     body
-        Its name.
+        Name of the body.
     centre
-        Of its mass, seen from above [m].
+        Centre of mass, seen from above [m].
     contacts
-        Of what could support it.
+        Possible contacts.
     """
 
     body: str
@@ -58,12 +58,12 @@ class Supports:
     _known: dict[tuple[bool, ...], bool] = field(default_factory=dict, compare=False, repr=False)
 
     def hold(self, there: Sequence[bool]) -> bool:
-        """Whether the centre of mass is above the hull of the contacts that are there.
+        """Return whether the centre of mass is above the hull of the present contacts.
 
         Parameters
         ----------
         there
-            By contact, in order.
+            Presence of each contact, in order.
         """
         key = tuple(there)
         if key not in self._known:
@@ -84,18 +84,18 @@ def supports_of(
     obstacles: Iterable[Obstacle],
     tolerance_m: float,
 ) -> Supports:
-    """Return what could support a body whose pieces are where it is left.
+    """Return the possible supports of a body with pieces at a place.
 
     Parameters
     ----------
     body
-        Its name; it does not support itself.
+        Name of the body; it does not support itself.
     pieces
-        In the world.
+        Pieces in the world.
     obstacles
-        Everything that may be there.
+        Obstacles of all states.
     tolerance_m
-        Gap or overlap that still counts as contact [m], >= 0.
+        Gap or overlap that counts as contact [m], >= 0.
     """
     feet = [level for piece in pieces for level in _levels(piece, -1, tolerance_m)]
     heights_m = [height_m for height_m, _ in feet]
@@ -132,11 +132,11 @@ def planar_hull(points: Iterable[Planar]) -> Polygon:
     return tuple(halves[0] + halves[1])
 
 
-def intersection(one: Polygon, other: Polygon) -> Polygon:
-    """Return what two convex polygons have in common (Sutherland and Hodgman); or nothing."""
-    if len(one) < 3 or len(other) < 3:
+def intersection(polygon: Polygon, other: Polygon) -> Polygon:
+    """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty."""
+    if len(polygon) < 3 or len(other) < 3:
         return ()
-    left = list(one)
+    left = list(polygon)
     for begin, end in zip(other, (*other[1:], other[0]), strict=True):
         clipped: list[Planar] = []
         for here, there in zip(left, (*left[1:], *left[:1]), strict=True):
@@ -158,14 +158,14 @@ def intersection(one: Polygon, other: Polygon) -> Polygon:
 def _levels(
     piece: ConvexPiece, side: int, tolerance_m: float, near: Sequence[float] = ()
 ) -> Iterator[tuple[float, Polygon]]:
-    """Yield the level faces of a piece with their heights: 1 for those above, -1 for beneath.
+    """Yield the level faces of a piece with their heights, upward (1) or downward (-1).
 
-    Of a convex piece the highest or the lowest; of a surface all its triangles that are level.
-    Only those near one of some heights, if such are given.
+    The highest or lowest face of a convex piece, all level triangles of a surface. If `near` is
+    given, only faces near one of these heights.
     """
     if not isinstance(piece, SurfacePiece):
         height_m = piece.high[2] if side > 0 else piece.low[2]
-        if near and all(abs(height_m - one) > tolerance_m for one in near):
+        if near and all(abs(height_m - level_m) > tolerance_m for level_m in near):
             return
         face = _face(piece, height_m, tolerance_m)
         if len(face) > 2:

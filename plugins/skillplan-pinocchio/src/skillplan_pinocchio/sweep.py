@@ -1,4 +1,4 @@
-"""What convex pieces run into along a straight line, and where first."""
+"""Collisions of convex pieces along a straight line."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, may_touch, nearnes
 
 @dataclass(frozen=True)
 class Touch:
-    """Where something is touched first.
+    """First contact along a line.
 
     Parameters
     ----------
     fraction
-        Of the line, in [0, 1].
+        Fraction of the line, in [0, 1].
     position
-        In the world [m].
+        Position in the world [m].
     penetration_m
-        How deep the line leads into it, > 0 [m].
+        Penetration depth, > 0 [m].
     """
 
     fraction: float
@@ -31,19 +31,19 @@ class Touch:
 class Sweep:
     """A straight displacement of some pieces.
 
-    What a convex piece sweeps along a straight line is the hull of its two ends, so that nothing is
-    missed between samples; samples only say where it is touched first.
+    A convex piece sweeps the hull of its two ends, so contacts between samples are not missed;
+    samples only locate the first contact.
 
     Parameters
     ----------
     label
-        When, in words: ``the approach``.
+        Phase in words: ``the approach``.
     mover
-        What moves, in words.
+        Name of the moving part, in words.
     pieces
-        Where they start.
+        Pieces at the start.
     by
-        The displacement [m].
+        Displacement [m].
     spares
         Bodies that may be touched.
     """
@@ -64,25 +64,23 @@ class Sweep:
         self._swept = tuple(piece.swept(by) for piece in pieces)
 
     def touch(self, obstacle: Obstacle, tolerance_m: float, samples: int) -> Touch | None:
-        """Return where an obstacle is touched first, or None.
+        """Return the first contact with an obstacle, or None.
 
         Parameters
         ----------
-        obstacle
-            What may block the motion.
         tolerance_m
-            Depth that still counts as touching without harm [m], >= 0.
+            Penetration depth that counts as harmless touching [m], >= 0.
         samples
-            How many equally spaced intervals of the line the first is searched at, >= 1.
+            Number of equal intervals of the line in which the first contact is searched, >= 1.
         """
-        found = [
+        touches = [
             touch
             for piece, swept in zip(self.pieces, self._swept, strict=True)
             for other in obstacle.pieces
             if may_touch(swept, other, tolerance_m)
             and (touch := self._touch(piece, swept, other, tolerance_m, samples)) is not None
         ]
-        return min(found, key=lambda touch: touch.fraction, default=None)
+        return min(touches, key=lambda touch: touch.fraction, default=None)
 
     def _touch(
         self,
@@ -104,5 +102,5 @@ class Sweep:
                 nearest, nearest_m = Touch(fraction, here.position, depth_m), here.distance_m
             if here.distance_m < -tolerance_m:
                 return nearest
-        # What is thinner than the distance between two samples: the nearer of them.
+        # An obstacle thinner than the spacing of samples: take the nearest sample.
         return nearest

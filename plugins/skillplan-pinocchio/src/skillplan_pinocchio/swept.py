@@ -1,9 +1,9 @@
 """The detector ``swept``: convex hulls of hand, load and links along a skill's motion.
 
-The motion is the one that all back ends share: a transfer motion at safe height, then at every
-via point an approach-act-retreat motion, straight down and up again (Moller et al., section 4.4).
-A skill is infeasible where the arm cannot follow, where something of it runs into a body, or where
-nothing supports what it leaves behind.
+The motion is the one of all back ends: a transfer motion at safe height, then at every via point an
+approach-act-retreat motion, straight down and up again (Moller et al., section 4.4). A skill is
+infeasible if the arm cannot follow, if it collides with a body, or if a part is left without
+support.
 """
 
 from __future__ import annotations
@@ -49,26 +49,26 @@ from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
 
-# A travel is drawn through so many postures.
+# Number of postures in which a travel is drawn.
 _PICTURES = 13
 
 
 def hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) -> HullScene:
-    """Return what a skill sweeps with hand and load, and the bodies that stand there.
+    """Return the hulls of hand and load in a skill, and the bodies present.
 
     Parameters
     ----------
     paths
-        Of the joints. They know all obstacles that there may be; the table is left out.
+        Joint paths; they know all obstacles. The table is left out.
     skill, state
-        What is done, and where it starts.
+        Skill, and the state in which it starts.
     verdict
-        The detector's on the skill in that state: it says what is met, and where.
+        The detector's verdict, which names contacts.
 
     Raises
     ------
     ValueError
-        If nothing is swept.
+        If the skill sweeps no hulls.
     """
     met = set(verdict.evidence.get("bodies", ()))
     motions = paths.motions(skill, state)
@@ -98,15 +98,15 @@ def _subjects(verdict: Verdict) -> Iterator[str]:
 
 
 def _travelling(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:
-    """Yield what hand and load sweep on travels on which something may be met.
+    """Yield hulls of hand and load on travels that need a check.
 
-    A travel that was not found is shown as the straight one, which is blocked.
+    A travel that was not found is drawn as the blocked straight one.
     """
-    found = paths.paths(skill, state)
-    if isinstance(found, Unreachable):
+    paths_of_skill = paths.paths(skill, state)
+    if isinstance(paths_of_skill, Unreachable):
         return
-    here = found.begin_rad
-    for motion in found.motions:
+    here = paths_of_skill.begin_rad
+    for motion in paths_of_skill.motions:
         goal = motion.strokes.begin
         if motion.is_checked:
             straight = JointPath([here, goal])
@@ -122,7 +122,7 @@ def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[H
     moved = [serial.tip(path.at(place)) * back for place in places]
     for name, pieces in paths.sweeps.held(motion, motion.above):
         for piece in pieces:
-            placed = [piece.corners @ one.rotation.T + one.translation for one in moved]
+            placed = [piece.corners @ pose.rotation.T + pose.translation for pose in moved]
             for begin, end in pairwise(placed):
                 yield _hull(name, HullRole.MOVING, ConvexPiece(np.concatenate([begin, end])))
 
@@ -130,14 +130,14 @@ def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[H
 def _moving(motions: Sequence[ArmMotion], sweeps: HandSweeps) -> Iterator[Hull]:
     for motion in motions:
         stretches = [*sweeps.approach(motion.motion), *sweeps.retreat(motion.motion)]
-        found = [sweep for stretch in stretches for sweep in stretch]
-        for sweep in found:
+        sweeps_of_motion = [sweep for stretch in stretches for sweep in stretch]
+        for sweep in sweeps_of_motion:
             for piece in sweep.pieces:
                 yield _hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))
 
 
 def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Iterator[Hull]:
-    """Yield the arm where one of its links first runs into something; nothing otherwise."""
+    """Yield the links in the posture where one of them first collides, if any."""
     evidence = verdict.evidence
     if not str(evidence.get("moving", "")).startswith("link"):
         return
@@ -147,10 +147,10 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
             if met & {obstacle.body for obstacle, _ in elbow.meets}:
                 joints_rad = elbow.at(float(evidence["fraction"]))
                 rotations, origins = arm.frames([joints_rad])
-                for one_piece in arm.pieces:
-                    rotation = rotations[0, one_piece.link - 1]
-                    corners = one_piece.corners @ rotation.T + origins[0, one_piece.link - 1]
-                    name = f"link {one_piece.link} of the arm"
+                for piece in arm.pieces:
+                    rotation = rotations[0, piece.link - 1]
+                    corners = piece.corners @ rotation.T + origins[0, piece.link - 1]
+                    name = f"link {piece.link} of the arm"
                     yield _hull(name, HullRole.MOVING, ConvexPiece(corners))
                 return
 
@@ -163,7 +163,7 @@ def _touches(verdict: Verdict) -> Iterator[Point]:
 
 
 def _hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
-    """Return a piece with its surface in triangles, as coal has worked it out."""
+    """Return a piece as a hull with triangles from coal."""
     corners, faces = piece.surface
     return Hull(
         name,
@@ -199,51 +199,51 @@ class SweptDetector(Detector):
             default=40,
             ge=4,
             le=1_000,
-            description="places along a linear motion at which links, and first touches, are "
-            "looked for; hand and load are swept without gaps [-]",
+            description="samples along a linear motion for links and for first contacts; hand and "
+            "load are swept without gaps [-]",
         )
         tolerance_m: float = Field(
             default=2e-4,
             ge=0,
             le=0.01,
-            description="overlap and gap that still count as touching [m]",
+            description="overlap or gap that counts as touching [m]",
         )
         clearance_m: float = Field(
             default=0.004,
             ge=0,
             le=0.04,
-            description="how far open jaws keep from the part, on either side [m]",
+            description="clearance of open jaws on either side of a part [m]",
         )
         drop_height_m: float = Field(
             default=0.001,
             ge=0,
             le=0.05,
-            description="height above its goal at which a part is let go [m]",
+            description="height above its goal at which a part is released [m]",
         )
         check_support: bool = Field(
             default=True,
-            description="require something beneath what is placed or fastened [-]",
+            description="require a support beneath parts that are placed or fastened [-]",
         )
         check_arm: bool = Field(
             default=True,
-            description="check the links of the arm, not only the hand [-]",
+            description="check the links of the arm in addition to the hand [-]",
         )
         check_travel: bool = Field(
             default=True,
-            description="check the travels between motions, not only the motions [-]",
+            description="check the travels between motions [-]",
         )
         speed_fraction: float = Field(
             default=0.5,
             gt=0,
             le=1,
-            description="share of the joints' speed and acceleration limits that is used [-]",
+            description="fraction of the joints' speed and acceleration limits in use [-]",
         )
         travel_checks: int = Field(
             default=MOST_CHECKS,
             ge=1,
             le=1_000_000,
-            description="postures that are checked for a way round what stands in a straight "
-            "travel, before the verdict is unknown [-]",
+            description="postures checked for a path around an obstacle before the verdict is "
+            "unknown [-]",
         )
 
     options: Options
@@ -254,14 +254,14 @@ class SweptDetector(Detector):
         self._durations_s: dict[tuple[str, int, str], float | None] = {}
 
     def refuses(self) -> str | None:
-        """Return in words why it cannot serve: it models one arm, which stands still."""
+        """Return the reason why a task is not supported: `swept` models exactly one arm."""
         robots = len(self.task.scene.robots)
         if robots != 1:
             return f"it models one arm, and the task {self.task.name!r} has {robots}"
         return None
 
     def faults(self) -> Mapping[str, str]:
-        """Return which parts are too wide for the jaws, by the fact that they are placed."""
+        """Return messages on parts too wide for the jaws, by the fact that they are placed."""
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def warnings(self) -> Mapping[str, str]:
@@ -269,7 +269,7 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""
+        """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
         return () if self.refuses() is not None else self._robot.model.not_checked
 
     def check(self, skill: Skill, state: State) -> Verdict:
@@ -286,9 +286,9 @@ class SweptDetector(Detector):
         )
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
-        """Return how long the arm takes within its limits; see :meth:`BackEnd.duration_s`.
+        """Return the duration within the arm's limits [s]; see :meth:`BackEnd.duration_s`.
 
-        None for a skill without motion, and where the arm cannot follow.
+        None for a skill without motion, or if the arm cannot follow.
         """
         if skill.motion is None:
             return None
@@ -302,11 +302,11 @@ class SweptDetector(Detector):
         return self._durations_s[key]
 
     def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
-        """Return a bound on `duration_s` by the joints' limits; see :class:`LeastTimes`."""
+        """Return a lower bound on `duration_s` from joint limits; see :class:`LeastTimes`."""
         return self._least_times.least_s(skill, true_bits, false_bits)
 
     def hulls(self, skill: Skill, state: State) -> HullScene:
-        """Return what `skill` sweeps, to be looked at; see :meth:`HullDetector.hulls`."""
+        """Return the hulls of `skill` for pictures; see :meth:`HullDetector.hulls`."""
         words = too_wide(self.task.scene, self._robot, skill)
         if words is not None:
             raise ValueError(words)
@@ -314,7 +314,7 @@ class SweptDetector(Detector):
         return hull_scene(self.paths, skill, state, verdict)
 
     def planned_motion(self, skills: Sequence[Skill], frames_per_s: int) -> PlannedMotion:
-        """Return how the arm moves in a plan; see :meth:`MotionPlans.planned_motion`."""
+        """Return the motion of the arm in a plan; see :meth:`MotionPlans.planned_motion`."""
         run = KinematicRun(self.task, self.paths, self._times.limits, frames_per_s)
         return run.of(skills, self._granted_paths)
 
@@ -322,12 +322,12 @@ class SweptDetector(Detector):
         verdict = self.check(skill, state)
         if not verdict.is_feasible:
             raise ValueError(f"{self.name} does not grant {skill.name}: {verdict.reason}")
-        found = self.paths.paths(skill, state, begin_rad)
-        unfound = found if isinstance(found, Unreachable) else found.unfound
+        paths = self.paths.paths(skill, state, begin_rad)
+        unfound = paths if isinstance(paths, Unreachable) else paths.unfound
         if unfound is not None:
             raise ValueError(f"{self.name} finds no path for {skill.name}: {unfound.reason}")
-        assert isinstance(found, SkillPaths)
-        return found
+        assert isinstance(paths, SkillPaths)
+        return paths
 
     @cached_property
     def _robot(self) -> Robot:
@@ -335,7 +335,7 @@ class SweptDetector(Detector):
 
     @cached_property
     def paths(self) -> ArmPaths:
-        """Where the joints go, the same for whoever asks with the same settings."""
+        """Joint paths for the settings in the options."""
         names = [field.name for field in fields(PathSettings)]
         return ArmPaths(self.task, PathSettings(**self.options.model_dump(include=set(names))))
 
@@ -360,9 +360,9 @@ class SweptDetector(Detector):
         return LeastTimes(self.task, self._robot, self._times, stands, plan)
 
     def _circumstances(self, skill: Skill, state: State) -> tuple[int, int]:
-        """Return the facts that decide how the arm moves and what it holds, as bits.
+        """Return bits of the facts that decide the arm's motion and load.
 
-        Those that hold, and those that do not.
+        First the facts that hold, then the others.
         """
         assert skill.motion is not None
         facts, robot = self.task.facts, self._robot

@@ -1,4 +1,4 @@
-"""The swept motion of a skill: every collision that any state may cause, worked out once."""
+"""The swept motion of a skill: its collisions in any state, and the verdict in one state."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from skillplan_pinocchio.sweep import Sweep, Touch
 
 @dataclass(frozen=True)
 class Collision:
-    """A collision that happens where a fact holds.
+    """A collision that happens while a fact holds.
 
     Parameters
     ----------
     fact
-        Holds while the obstacle is there; None for a collision in every state.
+        Fact that holds while the obstacle is there; None for a collision in every state.
     reason
-        One clause.
+        Reason as one clause.
     evidence
-        What was measured, as JSON values.
+        Measurements as JSON values.
     """
 
     fact: str | None
@@ -45,14 +45,14 @@ class Collision:
 
 @dataclass(frozen=True)
 class ElbowChoice:
-    """Paths of the arm, of which one has to be free.
+    """Alternative paths of the arm, one of which must be free.
 
     Parameters
     ----------
     paths
-        By position of the elbow, the preferred first: what its links run into, in order.
+        Collisions of the links by elbow position, preferred first.
     motion
-        Number of the motion that they are of.
+        Number of the motion.
     """
 
     paths: tuple[tuple[Collision, ...], ...]
@@ -61,17 +61,16 @@ class ElbowChoice:
 
 @dataclass(frozen=True)
 class SweptMotion:
-    """Everything that can make a skill infeasible while the arm moves along one path.
+    """All events that can make a skill infeasible along one path of the arm.
 
     Parameters
     ----------
     events
-        In order of the motion.
+        Collisions in order of the motion.
     supports
-        Of the bodies that are left behind.
+        Supports of the parts left behind.
     travels
-        To where the motions begin; None where a motion cannot be made at all, or they are not
-        checked.
+        Travels to the motions; None if a motion is impossible or travels are not checked.
     """
 
     events: tuple[Collision | ElbowChoice, ...]
@@ -80,20 +79,18 @@ class SweptMotion:
 
 
 class SweptMotionBuilder:
-    """Works out swept motions.
+    """Builds swept motions.
 
     Parameters
     ----------
-    scene
-        The task's scene.
     planner
-        Finds the paths of the joints.
+        Planner of joint paths.
     sweeps
-        Of what the arm holds.
+        Sweeps of hand, tool and load.
     travels
-        Returns the travels to where motions begin; None where they are not checked.
+        Returns the travels to motions; None skips their check.
     check_support
-        Whether what is left behind has to be supported.
+        True if parts left behind need support.
     """
 
     def __init__(
@@ -112,13 +109,7 @@ class SweptMotionBuilder:
         self.check_support = check_support
 
     def build(self, motions: Sequence[ArmMotion]) -> SweptMotion:
-        """Return the swept motion of a skill.
-
-        Parameters
-        ----------
-        motions
-            As the arm makes them.
-        """
+        """Return the swept motion of a skill from its planned motions."""
         events: list[Collision | ElbowChoice] = []
         supports: list[Supports] = []
         for index, planned in enumerate(motions):
@@ -142,18 +133,18 @@ class SweptMotionBuilder:
         return SweptMotion(tuple(events), tuple(supports), travels)
 
     def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
-        """Return every collision that some state would cause, in the order of the motion."""
-        found: list[tuple[float, Collision]] = []
+        """Return the collisions of any state, in the order of the motion."""
+        collisions: list[tuple[float, Collision]] = []
         for sweep in sweeps:
             for obstacle in self.planner.obstacles:
                 if obstacle.body in sweep.spares:
                     continue
                 touch = sweep.touch(obstacle, self.planner.tolerance_m, self.planner.samples)
                 if touch is not None:
-                    found.append(
+                    collisions.append(
                         (touch.fraction, _collision(obstacle, sweep.mover, sweep.label, touch))
                     )
-        return [collision for _, collision in sorted(found, key=lambda pair: pair[0])]
+        return [collision for _, collision in sorted(collisions, key=lambda pair: pair[0])]
 
     def _clash(self, motion: LinearMotion) -> Iterator[Collision]:
         clash = self.sweeps.clash(motion, self.planner.tolerance_m)
@@ -173,7 +164,7 @@ class SweptMotionBuilder:
         pieces = standing_pieces_of(body, visit.pose)
         obstacles = self.planner.obstacles
         if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
-            # What a screw is pressed on is beneath it along its axis.
+            # A screw is supported along its axis.
             level = visit.pose.inverse()
             pieces = _seen_from(level, pieces)
             obstacles = tuple(
@@ -188,10 +179,10 @@ def _seen_from(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece,
 
 
 def _elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
-    """Return what an arm with one position of the elbow runs into, first what is always there."""
+    """Return the collisions of the arm with one elbow position, permanent ones first."""
     links = tuple(
-        _collision(obstacle, f"link {found.link} of the arm", label, found.touch)
-        for obstacle, found in elbow.meets
+        _collision(obstacle, f"link {link_touch.link} of the arm", label, link_touch.touch)
+        for obstacle, link_touch in elbow.meets
     )
     own: tuple[Collision, ...] = ()
     if elbow.itself is not None:
@@ -234,17 +225,17 @@ def _collision(obstacle: Obstacle, mover: str, label: str, touch: Touch) -> Coll
 
 
 class VerdictInState:
-    """Looks at facts of a state, and remembers which.
+    """Decides a verdict in one state and records the facts it rests on.
 
     Parameters
     ----------
     state
-        Where the skill starts.
+        State in which the skill starts.
     present, absent
-        Facts that the verdict rests on from the beginning, as bits.
+        Bits of facts on which the verdict rests from the start.
     stand
-        The fact that says where the arm stands, and how: joint angles [rad], or None where it
-        cannot stand there.
+        Returns the fact for the arm's place and its joint angles there [rad], or None if it cannot
+        stand there.
     """
 
     def __init__(
@@ -273,11 +264,11 @@ class VerdictInState:
         return self._travelled(motion.travels)
 
     def _travelled(self, travels: SkillTravels | None) -> Verdict:
-        """Return the verdict on travels, the last and dearest of all that is looked at."""
+        """Return the verdict on travels, which is the most expensive check."""
         if travels is None:
             return Verdict.feasible(*self._rests)
-        found = travels.found(*self.stand(), self._elbows, self._holds)
-        last = found[-1].travel if found else None
+        checked_travels = travels.find(*self.stand(), self._elbows, self._holds)
+        last = checked_travels[-1].travel if checked_travels else None
         if isinstance(last, Unfound):
             hit = last.hit
             evidence = {
@@ -297,7 +288,7 @@ class VerdictInState:
             present, absent = self._rests
             evidence = dict(last.evidence(during))
             return Verdict(VerdictStatus.UNKNOWN, reason, "", present, absent, evidence)
-        planned = [one.evidence for one in found if one.evidence is not None]
+        planned = [travel.evidence for travel in checked_travels if travel.evidence is not None]
         return Verdict.feasible(*self._rests, {"travels": planned} if planned else None)
 
     @property
@@ -306,7 +297,7 @@ class VerdictInState:
         return facts.state(self.present), facts.state(self.absent)
 
     def _collision(self, event: Collision | ElbowChoice) -> Collision | None:
-        """Return the collision that happens, or None."""
+        """Return the collision of an event in this state, or None."""
         if isinstance(event, Collision):
             return event if self._holds(event.fact) else None
         blocking: Collision | None = None
@@ -319,7 +310,7 @@ class VerdictInState:
         return blocking
 
     def _unsupported(self, supports: Supports) -> Verdict | None:
-        """Return the verdict that a body is not supported, or None."""
+        """Return an infeasible verdict if a body is not supported, or None."""
         there = [self._holds(contact.fact) for contact in supports.contacts]
         if supports.hold(there):
             return None
@@ -335,7 +326,7 @@ class VerdictInState:
         return Verdict.infeasible(reason, *self._rests, evidence)
 
     def _holds(self, fact: str | None) -> bool:
-        """Whether a fact holds, which is noted; None always does."""
+        """Return whether a fact holds, recording it; None always holds."""
         if fact is None:
             return True
         bit = self.state.facts.bit(fact)

@@ -1,6 +1,6 @@
-"""Fits of parts that convex pieces make tight: they take the clearance that the meshes leave.
+"""Fits of parts whose clearance the convex decomposition consumes.
 
-A part that moves is made of convex pieces. In hollows these stand out of its mesh. If they fill the
+A moving part is made of convex pieces, which stand out of its mesh in hollows. If they fill the
 clearance of a fit, a skill is refused that the meshes allow.
 """
 
@@ -25,11 +25,11 @@ from skillplan_pinocchio.shapes import (
     standing_pieces_of,
 )
 
-# Places along an insertion at which the clearance of the meshes is measured.
+# Number of places along an insertion at which the clearance of the meshes is measured.
 _SAMPLES = 8
-# Bodies that rest on each other touch: clearance is measured from so far off their seat on [m].
+# Distance from the seat at which measuring starts, because seated bodies touch [m].
 _OFF_SEAT_M = 0.001
-# Pieces that leave more of a clearance than this are no matter, as are those that take less [m].
+# Remaining clearance above which, and loss below which, a fit is not reported [m].
 _NARROW_M = 1e-4
 _LEAST_TAKEN_M = 5e-5
 # Rounding of distances [m].
@@ -38,16 +38,16 @@ _ROUNDING_M = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class TightFit:
-    """Two parts whose convex pieces take clearance from the fit of their meshes.
+    """Two parts whose convex pieces reduce the clearance of their meshes.
 
     Parameters
     ----------
     bodies
-        Their names, first the one that moves.
+        Names, the moving part first.
     clearance_m
-        Least distance between the meshes along the insertion [m], 1 mm at most.
+        Minimum distance between the meshes along the insertion [m], at most 1 mm.
     left_m
-        Clearance that the pieces leave [m]; below 0 the depth by which they overlap.
+        Remaining clearance between the pieces [m]; negative for the depth of their overlap.
     """
 
     bodies: tuple[str, str]
@@ -56,12 +56,12 @@ class TightFit:
 
     @property
     def is_tight(self) -> bool:
-        """Whether pieces take enough of the clearance to matter."""
+        """Return whether the pieces take enough of the clearance to matter."""
         return self.left_m < min(_NARROW_M, self.clearance_m - _LEAST_TAKEN_M)
 
     @property
     def is_blocked(self) -> bool:
-        """Whether pieces take more than the clearance."""
+        """Return whether the pieces take more than the clearance."""
         return self.is_tight and self.left_m < -_ROUNDING_M
 
     @property
@@ -84,7 +84,7 @@ def blocked_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
     Parameters
     ----------
     task, as_pieces
-        As of `fits_of`.
+        See `fits_of`.
     """
     blocked = []
     for fits in fits_of(task, as_pieces=as_pieces):
@@ -95,12 +95,12 @@ def blocked_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
 
 
 def tight_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
-    """Return messages on fits that pieces make tight in any order, by the fact of a placed part.
+    """Return messages on fits that pieces narrow in some order, by the fact of a placed part.
 
     Parameters
     ----------
     task, as_pieces
-        As of `fits_of`.
+        See `fits_of`.
     """
     narrowest = (
         min(fits, key=lambda fit: fit.left_m) for fits in fits_of(task, as_pieces=as_pieces)
@@ -111,29 +111,27 @@ def tight_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
 
 
 def _messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
-    found: dict[str, str] = {}
+    messages: dict[str, str] = {}
     for fit in fits:
         fact = f"placed({fit.bodies[0]})"
         message = f"{fit.words}{effect}. Give 'pieces' that follow the meshes, or more clearance."
-        found[fact] = f"{found[fact]} {message}" if fact in found else message
-    return found
+        messages[fact] = f"{messages[fact]} {message}" if fact in messages else message
+    return messages
 
 
 def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
-    """Return, for every pair of near parts, the fit in each order and direction of insertion.
+    """Return the fits of every pair of near parts, for each order and direction of insertion.
 
     Pairs of convex parts are left out, and orders in which the meshes themselves do not pass.
 
     Parameters
     ----------
-    task
-        With bodies at their starts and goals.
     as_pieces
-        Whether bodies that stand are convex pieces as well, and not meshes.
+        True if fixed bodies are convex pieces, too, instead of meshes.
     """
     if not any(body.surfaces for body in task.scene.bodies):
         return []
-    found: list[list[TightFit]] = []
+    fits_of_pairs: list[list[TightFit]] = []
     for placed in (_at_start(task), _at_goal(task)):
         pairs: dict[frozenset[str], list[TightFit]] = {}
         for mover, other in permutations(placed, 2):
@@ -141,13 +139,13 @@ def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
                 pair = frozenset((mover.body.name, other.body.name))
                 fits = _fits(mover, other, as_pieces=as_pieces)
                 pairs.setdefault(pair, []).extend(fits)
-        found += [fits for fits in pairs.values() if fits]
-    return found
+        fits_of_pairs += [fits for fits in pairs.values() if fits]
+    return fits_of_pairs
 
 
 @dataclass(frozen=True)
 class _Placed:
-    """A body at the start or at its goal, and the directions from which it comes there."""
+    """A body at its start or goal, and the directions from which it gets there."""
 
     body: Body
     placement: Placement
@@ -174,7 +172,7 @@ class _Placed:
         return tuple(max(piece.high[axis] for piece in self.meshes) for axis in range(3))
 
     def is_near(self, other: _Placed) -> bool:
-        """Whether the boxes about both overlap or touch."""
+        """Return whether the bounding boxes overlap or touch."""
         return all(
             low <= top and bottom <= high
             for low, high, bottom, top in zip(
@@ -199,7 +197,7 @@ def _fits(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightF
         if left_m < -_LEAST_TAKEN_M:
             left_m += mover.solid.depth_m(other.solid)
         else:
-            # At its seat it touches.
+            # At its seat the body touches.
             seat = _times(along, -min(_OFF_SEAT_M, length_m / 2))
             raised = [ConvexPiece(piece.corners + seat) for piece in mover.pieces]
             left_m = _distance_m([piece.swept(back) for piece in raised], stands)
@@ -207,7 +205,7 @@ def _fits(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightF
 
 
 def _length_m(mover: _Placed, other: _Placed, along: Point) -> float:
-    """Return how far back a body goes until the box about it leaves another's [m]."""
+    """Return the distance back at which a body's box leaves another's [m]."""
     exits_m = []
     for axis in range(3):
         if abs(along[axis]) > _ROUNDING_M:
@@ -226,26 +224,26 @@ def _clearance_m(
     along: Point,
     length_m: float,
 ) -> float:
-    """Return the least distance of meshes along an insertion, off their seat [m]; <= 0 for none."""
+    """Return the minimum distance of meshes along an insertion, off their seat [m]."""
     begin_m = min(_OFF_SEAT_M, length_m / 2)
     step_m = (length_m - begin_m) / _SAMPLES
     offsets = [_times(along, -(begin_m + number * step_m)) for number in range(_SAMPLES)]
     distances = (
-        nearness(one, two, offset).distance_m
+        nearness(mover, other, offset).distance_m
         for offset in offsets
-        for one in moving
-        for two in standing
+        for mover in moving
+        for other in standing
     )
     return min(_OFF_SEAT_M, *distances)
 
 
 def _distance_m(moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece]) -> float:
-    """Return the least distance of pieces [m], 1 mm at most; below 0 the depth of an overlap."""
+    """Return the minimum distance of pieces [m], at most 1 mm; negative for an overlap."""
     distances = (
-        nearness(one, two).distance_m
-        for one in moving
-        for two in standing
-        if may_touch(one, two, -_OFF_SEAT_M)
+        nearness(mover, other).distance_m
+        for mover in moving
+        for other in standing
+        if may_touch(mover, other, -_OFF_SEAT_M)
     )
     return min(_OFF_SEAT_M, min(distances, default=_OFF_SEAT_M))
 
@@ -259,7 +257,7 @@ def _at_start(task: Task) -> list[_Placed]:
 
 
 def _at_goal(task: Task) -> list[_Placed]:
-    """Return bodies at their goals; those that stay where they are never move."""
+    """Return bodies at their goals; bodies without a goal stay in place."""
     goal = task.goal.requires
     along: dict[str, dict[Point, None]] = {}
     for skill in task.skills:
@@ -268,18 +266,18 @@ def _at_goal(task: Task) -> list[_Placed]:
                 for visit in route.visits:
                     if visit.event is Event.RELEASE:
                         along.setdefault(visit.subject, {})[visit.along] = None
-    found = []
+    bodies = []
     for body in task.scene.bodies:
         placed, lies = _solid_in(body, goal), _solid_in(body, task.initial)
         if placed is not None:
-            found.append(_Placed(body, placed, tuple(along.get(body.name, ()))))
+            bodies.append(_Placed(body, placed, tuple(along.get(body.name, ()))))
         elif lies is not None:
-            found.append(_Placed(body, lies, ()))
-    return found
+            bodies.append(_Placed(body, lies, ()))
+    return bodies
 
 
 def _solid_in(body: Body, state: State) -> Placement | None:
-    """Return where a body is in the world in a state; None for one in a feeder, or not there."""
+    """Return the placement of a body in the world in a state, or None."""
     placements = (
         placement
         for placement in body.placements

@@ -18,16 +18,14 @@ _AXES = "xyz"
 class ContactForceDetector(ContactDetector):
     """A verdict on the mean of the absolute net contact force on every part, axis by axis.
 
-    As Moller et al. have it (section 4.3): forces are averaged over the last 6 frames and
-    compared with a threshold of 1. To the letter (``weight_compensated=false``) it fires on what
-    rests and weighs more than 102 g, for a resting part's net contact force is its weight. With
-    compensation, an upward force up to the weight is left out: all of it where a part rests,
-    none of it where something else than a contact carries it, as suction does. Even so it reads
-    accelerations only: forces that cancel, as on a part held fast and jammed, are not seen, and
-    a rough landing may read more than a jam; and a screw, which the bit holds without touching
-    it, reads the force that it is pressed with. Contacts of the robot with the table are not
-    seen at all. It stands here to be compared with others, by ``skillplan compare
-    TASK --detectors``.
+    As in Moller et al. (section 4.3), forces are averaged over the last 6 frames and compared with
+    a threshold of 1. Exactly as published (``weight_compensated=false``), it fires on any resting
+    part above 102 g, whose net contact force is its weight. Compensation subtracts an upward force
+    up to the weight: all of it for a resting part, none if suction carries it. The detector still
+    measures accelerations only: it misses forces that cancel, as on a jammed part, and a rough
+    landing may exceed a jam. A screw, held by the bit without contact, shows the force that presses
+    it. Contacts of the robot with the table do not count. It serves comparisons by ``skillplan
+    compare TASK --detectors``.
     """
 
     name = "contact-force"
@@ -45,13 +43,13 @@ class ContactForceDetector(ContactDetector):
         )
         weight_compensated: bool = Field(
             default=True,
-            description="leave out the upward force that a part's weight explains [-]",
+            description="subtract the upward force that a part's weight explains [-]",
         )
 
     options: Options
 
     def contact_verdict(self, record: Record) -> Verdict:
-        """Return it; the part whose mean exceeds the threshold first is named."""
+        """Return the verdict; it names the part whose mean exceeds the threshold first."""
         threshold_n = self.options.threshold_n
         means = {
             name: frame_means(np.abs(self._unexplained(record, name)), self.options.frames)
@@ -69,7 +67,7 @@ class ContactForceDetector(ContactDetector):
         first = {
             name: int(np.argmax((mean > threshold_n).any(axis=1))) for name, mean in above.items()
         }
-        name = min(first, key=lambda one: (first[one], one))
+        name = min(first, key=lambda part: (first[part], part))
         frame, greatest_n = first[name], float(above[name].max())
         at_s = record.begin_s + frame / FRAMES_PER_S
         axis = int(np.argmax(above[name].max(axis=0)))
@@ -91,7 +89,7 @@ class ContactForceDetector(ContactDetector):
         return Verdict.infeasible(reason, record.present, record.absent, evidence)
 
     def _unexplained(self, record: Record, name: str) -> NDArray[np.float64]:
-        """Return the net force on a part that its weight does not explain [N], (frames, 3)."""
+        """Return the net force on a part without its weight [N], (frames, 3)."""
         force_n = record.forces_n[name]
         if not self.options.weight_compensated:
             return force_n

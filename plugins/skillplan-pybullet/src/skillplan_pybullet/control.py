@@ -1,7 +1,7 @@
-"""What operational-space control has to know of the arm: mass matrix, Jacobian, bias forces.
+"""Control of the arm in pybullet: dynamics, joint tracking and operational-space torques.
 
-The simulator works them out itself, or pinocchio does, from the same description of the robot; the
-two agree to the last digits, which a test says.
+Dynamics come from the simulator or from pinocchio, with the same robot description; a test compares
+the two.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Terms:
     mass
         Mass matrix [kg m2], shape (joints, joints).
     jacobian
-        Of the tip, linear above angular velocity, shape (6, joints).
+        Jacobian of the tip, linear above angular velocity, shape (6, joints).
     bias
         Torques of gravity, centrifugal and Coriolis forces [N m], shape (joints,).
     """
@@ -43,23 +43,23 @@ class Terms:
 
 
 class Dynamics(Protocol):
-    """Works out the terms."""
+    """Computes the terms."""
 
     def terms(self, angles: Vector, rates: Vector) -> Terms:
-        """Return the terms at joint angles and rates, shape (joints + 2,): jaws count."""
+        """Return the terms at joint angles and rates, shape (joints + 2,), jaws included."""
 
 
 class PybulletDynamics:
-    """Terms by the simulator.
+    """Dynamics by the simulator.
 
     Parameters
     ----------
     client, robot
-        Where the arm is, and its number there.
+        Physics client, and number of the arm there.
     file
-        What it was loaded from.
+        Description from which the arm was loaded.
     mount
-        Where its base is, and how it is turned.
+        Pose of the base.
     """
 
     def __init__(self, client: int, robot: int, file: RobotFile, mount: Pose) -> None:
@@ -84,25 +84,25 @@ class PybulletDynamics:
         bias = pybullet.calculateInverseDynamics(
             self._robot, joints, speeds, still, physicsClientId=self._client
         )
-        # The simulator leaves out how the base is turned.
+        # pybullet ignores the orientation of the base.
         jacobian = _in_world(self._turned, np.concatenate([linear, angular])[:, :arm])
         return Terms(np.array(mass)[:arm, :arm], jacobian, np.array(bias)[:arm])
 
 
 class PinocchioDynamics:
-    """Terms by pinocchio, from the same description.
+    """Dynamics by pinocchio, from the same description.
 
     Parameters
     ----------
     file
-        What the arm was loaded from.
+        Description from which the arm was loaded.
     mount
-        Where its base is, and how it is turned.
+        Pose of the base.
     """
 
     def __init__(self, file: RobotFile, mount: Pose) -> None:
         self._model = pinocchio.buildModelFromXML(file.dynamics)
-        # The description is of an arm whose base is the world's origin.
+        # The base of the description is at the world's origin.
         self._turned = np.array(mount.rotation)
         upwards = pinocchio.Motion.Zero()
         upwards.linear = self._turned.T @ self._model.gravity.linear
@@ -125,7 +125,7 @@ class PinocchioDynamics:
 
 
 def _in_world(turned: Vector, jacobian: Vector) -> Vector:
-    """Return a Jacobian of the base's frame in the world that the base is turned in."""
+    """Transform a Jacobian from the frame of the base to the world."""
     return np.concatenate([turned @ jacobian[:3], turned @ jacobian[3:]])
 
 
@@ -133,42 +133,40 @@ def tracking_torques(
     terms: Terms,
     angles: Vector,
     rates: Vector,
-    wanted_rad: Vector,
-    wanted: JointRates,
+    target_rad: Vector,
+    target_rates: JointRates,
     *,
     stiffness_per_s2: float,
     load: Vector,
     limit_nm: Vector,
 ) -> Vector:
-    """Return joint torques [N m], shape (joints,), within the joints' limits.
+    """Return joint torques that follow given angles and rates [N m], clipped to the limits.
 
     Parameters
     ----------
-    terms
-        The arm's dynamics.
     angles, rates
         Joint angles [rad] and rates [rad/s], shape (joints,).
-    wanted_rad
-        Where the joints are to be, shape (joints,).
-    wanted
-        How fast.
+    target_rad
+        Target joint angles, shape (joints,).
+    target_rates
+        Target rates and accelerations.
     stiffness_per_s2
-        Stiffness by unit of inertia; damping is critical.
+        Stiffness per unit of inertia; damping is critical.
     load
-        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+        Additional force [N] and moment [N m] that the tip exerts, shape (6,).
     limit_nm
-        Greatest torques of the joints [N m], shape (joints,).
+        Torque limits [N m], shape (joints,).
     """
     gain = (
-        wanted.accelerations_rad_per_s2
-        + stiffness_per_s2 * (wanted_rad - angles)
-        + 2 * math.sqrt(stiffness_per_s2) * (wanted.speeds_rad_per_s - rates)
+        target_rates.accelerations_rad_per_s2
+        + stiffness_per_s2 * (target_rad - angles)
+        + 2 * math.sqrt(stiffness_per_s2) * (target_rates.speeds_rad_per_s - rates)
     )
-    found = terms.mass @ gain + terms.bias + terms.jacobian.T @ load
-    return np.clip(found, -limit_nm, limit_nm)
+    torques_nm = terms.mass @ gain + terms.bias + terms.jacobian.T @ load
+    return np.clip(torques_nm, -limit_nm, limit_nm)
 
 
-# How firmly the arm is drawn to its posture [1/s2].
+# Stiffness of the null-space motion towards the posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
 
 
@@ -177,57 +175,56 @@ def torques(
     angles: Vector,
     rates: Vector,
     pose: TipPose,
-    wanted: Setpoint,
+    setpoint: Setpoint,
     *,
     stiffness_per_s2: float,
     force_n: Vector,
     moment_nm: Vector,
     limit_nm: Vector,
 ) -> Vector:
-    """Return joint torques [N m], shape (joints,), within the joints' limits.
+    """Return operational-space torques [N m], shape (joints,), clipped to the limits.
+
+    They move the tip as if it were a mass on a spring.
 
     Parameters
     ----------
-    terms
-        The arm's dynamics.
     angles, rates
         Joint angles [rad] and rates [rad/s], shape (joints,).
     pose
-        Where the tip is.
-    wanted
-        Where it is to be, how it is to be turned, and how fast; and to which posture the arm is
-        drawn.
+        Pose of the tip.
+    setpoint
+        Target pose, velocity and acceleration of the tip, and the posture that attracts the arm.
     stiffness_per_s2
-        Stiffness by unit of mass; damping is critical.
+        Stiffness per unit of mass; damping is critical.
     force_n
-        Force that the tip exerts besides [N], shape (3,).
+        Additional force that the tip exerts [N], shape (3,).
     moment_nm
-        Moment about the tip likewise [N m], shape (3,).
+        Additional moment about the tip [N m], shape (3,).
     limit_nm
-        Greatest torques of the joints [N m], shape (joints,).
+        Torque limits [N m], shape (joints,).
     """
     damping = 2 * math.sqrt(stiffness_per_s2)
     jacobian = terms.jacobian
     velocity = jacobian @ rates
-    wanted_velocity = np.concatenate([wanted.velocity, wanted.spin_rad_per_s])
+    target_velocity = np.concatenate([setpoint.velocity, setpoint.spin_rad_per_s])
     error = np.concatenate(
-        [wanted.position - pose.position, rotation_error(pose.rotation, wanted.rotation)]
+        [setpoint.position - pose.position, rotation_error(pose.rotation, setpoint.rotation)]
     )
-    acceleration = stiffness_per_s2 * error + damping * (wanted_velocity - velocity)
-    acceleration[:3] += wanted.acceleration
+    acceleration = stiffness_per_s2 * error + damping * (target_velocity - velocity)
+    acceleration[:3] += setpoint.acceleration
     mass_inverse = np.linalg.inv(terms.mass)
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration
     wrench[:3] += force_n
     wrench[3:] += moment_nm
-    away, lag = wanted.posture - angles, -rates
-    if wanted.joints is not None:
-        lag = wanted.joints.speeds_rad_per_s - rates
+    away, lag = setpoint.posture - angles, -rates
+    if setpoint.joints is not None:
+        lag = setpoint.joints.speeds_rad_per_s - rates
     firmness = _NULLSPACE_STIFFNESS_PER_S2
     pull = firmness * away + 2 * math.sqrt(firmness) * lag
-    if wanted.joints is not None:
-        pull = pull + wanted.joints.accelerations_rad_per_s2
+    if setpoint.joints is not None:
+        pull = pull + setpoint.joints.accelerations_rad_per_s2
     consistent = mass_inverse @ jacobian.T @ inertia
     posture = terms.mass @ pull
-    found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
-    return np.clip(found, -limit_nm, limit_nm)
+    torques_nm = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
+    return np.clip(torques_nm, -limit_nm, limit_nm)

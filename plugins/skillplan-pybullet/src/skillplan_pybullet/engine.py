@@ -1,4 +1,4 @@
-"""The engine: a skill is feasible if a simulated arm executes it and senses what was promised."""
+"""The engine `pybullet`: execute a skill with a simulated arm and check its postcondition."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingE
 
 
 class PybulletSimulator:
-    """Makes a world anew every time; see `skillplan_simulation.simulator`.
+    """Creates a new world for every execution; see `skillplan_simulation.simulator`.
 
     Parameters
     ----------
     robot
-        The task's.
+        Robot of the task.
     settings
-        How it moves.
+        Settings of motion and contact.
     """
 
     def __init__(self, robot: Robot, settings: SimulationSettings) -> None:
         self.robot, self.settings = robot, settings
 
     def world(self) -> World:
-        """Return a world with a table and nothing else."""
+        """Return a world with only a table."""
         return World(self.settings.friction)
 
     def cell(self, hand: Hand) -> tuple[World, SimulatedArm]:
@@ -38,7 +38,7 @@ class PybulletSimulator:
         return world, SimulatedArm(world, self.robot, self.settings, hand)
 
 
-# Of an arm by name: a package, and the meshes of base and links in it.
+# Package with meshes of base and links, by name of the arm.
 _MESHES = {
     "Franka Emika Panda": (
         "pybullet_data",
@@ -47,8 +47,8 @@ _MESHES = {
 }
 
 
-def looks_of(description: ArmDescription) -> tuple[Path | None, ...]:
-    """Return meshes of base and links in their frames; None for what is drawn by its shapes."""
+def find_meshes(description: ArmDescription) -> tuple[Path | None, ...]:
+    """Return meshes of base and links in their frames; None for links drawn by their shapes."""
     none = (None,) * (len(description.joints) + 1)
     if description.name not in _MESHES:
         return none
@@ -63,11 +63,11 @@ def looks_of(description: ArmDescription) -> tuple[Path | None, ...]:
 class PybulletEngine(PerformingEngine):
     """Execute the skill with an arm in pybullet and sense its postcondition.
 
-    The arm is the task's, built from its description: published kinematics, limits and masses.
-    Every check has a world of its own, with the bodies near the motion and their supports; the
-    verdict rests on the facts that put them there. It is about sensed postconditions: where
-    parts come to rest, what is in the hand, which tool is attached, the force a screw is
-    driven with. Collisions are for the detectors that read the same execution.
+    The arm is built from its description: published kinematics, limits and masses. Every check has
+    its own world with the bodies near the motion and their supports; the verdict rests on the facts
+    that put them there. Postconditions are where parts come to rest, which part is in the hand,
+    which tool is attached, and the force that drives a screw. Detectors read collisions from the
+    same execution.
     """
 
     name = "pybullet"
@@ -77,12 +77,12 @@ class PybulletEngine(PerformingEngine):
     stands_exact = True
 
     class Options(SimulatingEngine.Options, SimulationSettings):
-        """Options of motion and of what counts as done."""
+        """Options of motion, and tolerances of postconditions."""
 
     options: Options
 
     def make_workcell(self) -> Workcell:
-        """Return one whose every world is made anew."""
+        """Return a workcell that creates a new world for every execution."""
         settings = SimulationSettings.model_validate(
             self.options.model_dump(include=set(SimulationSettings.model_fields))
         )
@@ -90,7 +90,7 @@ class PybulletEngine(PerformingEngine):
 
     @property
     def basis(self) -> Mapping[str, str]:
-        """The versions of what decides a simulation beside this plugin."""
+        """Versions of the distributions that decide a simulation, except this plugin."""
         others = [
             "numpy",
             "pin",
@@ -103,5 +103,5 @@ class PybulletEngine(PerformingEngine):
 
     @classmethod
     def looks(cls, arm: ArmDescription) -> Sequence[Path | None]:
-        """Return the meshes of an installed package, if it has the arm; see `Performer`."""
-        return looks_of(arm)
+        """Return installed meshes of the arm, if any; see `Performer`."""
+        return find_meshes(arm)

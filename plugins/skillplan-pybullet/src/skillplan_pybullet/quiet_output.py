@@ -1,4 +1,4 @@
-"""Silences what C code prints."""
+"""A context in which C code prints nothing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def quiet_output() -> Iterator[None]:
-    """Send what is written to file descriptors 1 and 2, also by C code, nowhere."""
+    """Redirect file descriptors 1 and 2 to the null device."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept = {}
@@ -18,7 +18,7 @@ def quiet_output() -> Iterator[None]:
         try:
             kept[descriptor] = os.dup(descriptor)
         except OSError:
-            # It is closed: there is nothing to be kept clean.
+            # The descriptor is closed.
             continue
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:

@@ -1,6 +1,6 @@
-"""A robot's description as the file that the simulator loads: an arm with its hand.
+"""The URDF file of an arm with its hand, for pybullet.
 
-Kinematics, masses and collision shapes are those of the description.
+Kinematics, masses and collision shapes come from the arm's description.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from skillplan_simulation.kinematics import Vector, rpy_of
 from skillplan_simulation.robot_shapes import Piece, body_pieces, jaw_pieces
 
 TIP_LINK = "hand"
-"""The link of the hand, whose frame is the tip."""
+"""Link of the hand; its frame is the tip."""
 
 JAW_LINKS = ("left_jaw", "right_jaw")
 
-# What a hand weighs, of which no description says it: that of the Panda, body and one jaw [kg].
+# Assumed masses of a hand's body and of one jaw, as for the Panda [kg].
 _BODY_KG, _JAW_KG = 0.73, 0.05
-# Of a joint whose torque limit is unknown [Nm].
+# Torque limit of a joint without a known limit [Nm].
 _NO_LIMIT_NM = 1e6
 _JAW_SPEED_M_PER_S = 0.2
 _WORLD = np.eye(3)
@@ -44,20 +44,20 @@ _WORLD = np.eye(3)
 
 @dataclass(frozen=True, slots=True)
 class RobotFile:
-    """A file, and the numbers that the simulator gives its links and joints.
+    """A robot file, and pybullet's numbers of its links and joints.
 
     Parameters
     ----------
     path
-        Of the URDF.
+        Path of the URDF file.
     dynamics
-        The same without shapes, as text.
+        The same description without shapes, as text.
     joints
-        Of the arm, from the base.
+        Joints of the arm, from the base.
     hand
-        The link of the hand, whose frame is the tip: y along the closing axis, z out of it.
+        Link of the hand, whose frame is the tip: y along the closing axis, z out of it.
     jaws
-        The links of the two jaws, and their joints.
+        Links of the two jaws, and their joints.
     """
 
     path: Path
@@ -68,14 +68,14 @@ class RobotFile:
 
 
 class _Folder:
-    """Keeps files until the program ends."""
+    """A temporary folder that exists until the program ends."""
 
     def __init__(self) -> None:
         self._made: TemporaryDirectory[str] | None = None
         self.count = 0
 
     def new(self, ending: str) -> Path:
-        """Return the path of a file that is not there yet."""
+        """Return the path of a new file."""
         if self._made is None:
             self._made = TemporaryDirectory(prefix="skillplan_robot_")
         self.count += 1
@@ -87,16 +87,14 @@ _FOLDER = _Folder()
 
 @lru_cache(maxsize=32)
 def robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> RobotFile:
-    """Return the file of an arm with a hand; it is there until the program ends.
+    """Return the file of an arm with a hand; it exists until the program ends.
 
     Parameters
     ----------
-    description
-        The arm.
     tip
-        Where the ends of the jaws are on the flange.
+        Pose of the jaws' ends on the flange.
     hand
-        What is there.
+        Hand on the flange.
     """
     path = _FOLDER.new("urdf")
     path.write_text(_text(description, tip, hand, shaped=True), "utf-8")
@@ -137,7 +135,7 @@ def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bo
         limits = (0.0, hand.opening_m / 2, hand.force_n, _JAW_SPEED_M_PER_S)
         axis = (0.0, float(side), 0.0)
         _joint(root, "prismatic", [TIP_LINK, name], placement(Transform()), axis, limits)
-    # The simulator reads line by line, of a thousand characters at most.
+    # pybullet reads lines of at most a thousand characters.
     ElementTree.indent(root)
     return ElementTree.tostring(root, "unicode") + "\n"
 
@@ -168,14 +166,12 @@ def _link(
 ) -> None:
     link = ElementTree.SubElement(root, "link", name=name)
     if inertia is not None:
-        sub_element = ElementTree.SubElement(link, "inertial")
+        inertial = ElementTree.SubElement(link, "inertial")
         frame = placement(inertia.frame)
-        _origin(sub_element, frame.act(np.array(inertia.centre_m)), frame.rotation)
-        ElementTree.SubElement(sub_element, "mass", value=repr(inertia.mass_kg))
+        _origin(inertial, frame.act(np.array(inertia.centre_m)), frame.rotation)
+        ElementTree.SubElement(inertial, "mass", value=repr(inertia.mass_kg))
         xx, yy, zz, xy, xz, yz = (repr(value) for value in inertia.tensor_kg_m2)
-        ElementTree.SubElement(
-            sub_element, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz
-        )
+        ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
     for piece in pieces:
         _shape(ElementTree.SubElement(link, "collision"), piece)
 
@@ -203,7 +199,7 @@ def _joint(
 
 
 def _shape(parent: ElementTree.Element, piece: Piece) -> None:
-    """Add where a piece is, and what it is."""
+    """Add the pose and geometry of a piece."""
     if isinstance(piece, Hull):
         _origin(parent, np.zeros(3), _WORLD)
         geometry = ElementTree.SubElement(parent, "geometry")
@@ -230,15 +226,15 @@ def _shape(parent: ElementTree.Element, piece: Piece) -> None:
 
 @lru_cache(maxsize=512)
 def _mesh(hull: Hull) -> Path:
-    """Write a hull with its surface in triangles."""
+    """Write a hull as a triangle mesh."""
     points = coal.StdVec_Vec3s()
     points.extend([np.array(corner) for corner in hull.corners_m])
-    convexHull = coal.Convex.convexHull(points, True, "Qt")
-    corners = np.asarray(convexHull.points())
+    surface = coal.Convex.convexHull(points, True, "Qt")
+    corners = np.asarray(surface.points())
     middle = corners.mean(axis=0)
     lines = [f"v {_numbers(corner.tolist())}" for corner in corners]
-    for number in range(convexHull.num_polygons):
-        a, b, c = (int(convexHull.polygons(number)[index]) for index in range(3))
+    for number in range(surface.num_polygons):
+        a, b, c = (int(surface.polygons(number)[index]) for index in range(3))
         normal = np.cross(corners[b] - corners[a], corners[c] - corners[a])
         if float(normal @ (corners[a] - middle)) < 0:
             b, c = c, b
@@ -249,7 +245,7 @@ def _mesh(hull: Hull) -> Path:
 
 
 def _upright(along: Vector) -> Vector:
-    """Return a rotation that takes z along a direction."""
+    """Return a rotation that turns z along a direction."""
     length = float(np.linalg.norm(along))
     if length == 0.0:
         return _WORLD

@@ -1,4 +1,4 @@
-"""The options of the engine that bear on the motion: those of every engine, and its own."""
+"""The arm of a pybullet world: joints, jaws, payload and tool."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from skillplan_simulation.static_friction import StaticFriction
 
 
 class SimulationSettings(ExecutionSettings):
-    """Settings of motion, grip and contact, and what works out the arm's dynamics."""
+    """Settings of motion, grip and contact, and the source of the arm's dynamics."""
 
     dynamics: Literal["pybullet", "pinocchio"] = Field(
         default="pybullet",
-        description="what works out mass matrix, Jacobian and bias forces",
+        description="library that computes mass matrix, Jacobian and bias forces",
     )
 
 
 Vector = NDArray[np.float64]
 
-# With what force jaws are held open [N].
+# Force that holds jaws open [N].
 _OPENING_FORCE_N = 40.0
 _FINGER_FRICTION = 1.0
-# What a point of contact of a jaw resists being turned about its normal, by its force [m].
+# Torsional friction of a jaw's contact, per unit of normal force [m].
 _FINGER_SPINNING_M = 0.01
-# The joint that couples the fingers: the simulator ignores the description's own.
+# Coupling of the fingers; pybullet ignores the one in the description.
 _GEAR_ERP = 0.1
 _GEAR_FORCE_N = 50.0
 # Proportional gain and torque limits of position control.
@@ -60,18 +60,18 @@ _POSITION_GAIN = 0.3
 
 
 class SimulatedArm:
-    """The arm of a world.
+    """The arm of a world; see `skillplan_simulation.simulator.Arm`.
 
     Parameters
     ----------
     world
-        Where it stands.
+        World of the arm.
     robot
-        Of the task: which arm it is, and where it stands.
+        Robot of the task.
     settings
-        How it is controlled, and with what force its jaws close.
+        Control and grip settings.
     hand
-        What jaws it has; left out: those that it has without a tool.
+        Current hand. Default: the one without a tool.
     """
 
     def __init__(
@@ -84,18 +84,18 @@ class SimulatedArm:
         self.world, self.robot, self.settings = world, robot, settings
         self.kinematics = kinematics_of(robot)
         self._load(hand_of(robot) if hand is None else hand)
-        # What the hand lifts beside itself [kg], and the force that it presses with [N].
+        # Payload of the hand [kg].
         self.payload_kg = 0.0
-        # The bodies that this is the mass of.
+        # Bodies that make up the payload.
         self.bears: tuple[str, ...] = ()
         self.press_n: Vector = np.zeros(3)
-        self.wanted: Setpoint | None = None
+        self.setpoint: Setpoint | None = None
         self.shows_hand = True
         self._joints = self.kinematics.home_rad
         self.limit_nm = np.array(robot.model.torque_nm)
 
     def fit(self, hand: Hand) -> None:
-        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""
         if hand == self.hand:
             return
         client = self.world.client
@@ -108,22 +108,22 @@ class SimulatedArm:
             pybullet.resetJointState(self.number, joint, state[0], state[1], physicsClientId=client)
         for joint in self.file.jaws:
             pybullet.resetJointState(
-                self.number, joint, self._jaw_wanted_m, 0.0, physicsClientId=client
+                self.number, joint, self._jaw_goal_m, 0.0, physicsClientId=client
             )
         self.world.renew(ROBOT)
 
     def _load(self, hand: Hand) -> None:
-        """Have the simulator load the arm with a hand."""
+        """Load the arm with a hand."""
         world, robot, settings = self.world, self.robot, self.settings
         self.hand = hand
         self.file: RobotFile = robot_file(robot.model, robot.tip, self.hand)
-        # What the links that handle parts are called.
+        # Names of the links that handle parts.
         self.link_names = dict(
             zip((self.file.hand, *self.file.jaws), (HAND, *FINGERS), strict=True)
         )
         world.link_names = self.link_names
         client = world.client
-        # Pictures are painted elsewhere: nothing here needs to know what the arm looks like.
+        # Pictures come from the painter, so visual shapes are not loaded.
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_IGNORE_VISUAL_SHAPES
         with quiet_output():
             self.number = int(
@@ -137,7 +137,7 @@ class SimulatedArm:
                 )
             )
         world.name(self.number, ROBOT)
-        # The simulator's own know nothing of a base that leans.
+        # pybullet's own dynamics ignore a tilted base.
         by_pinocchio = settings.dynamics == "pinocchio" or not robot.mount.is_upright
         self.dynamics: Dynamics = (
             PinocchioDynamics(self.file, robot.mount)
@@ -145,7 +145,7 @@ class SimulatedArm:
             else PybulletDynamics(client, self.number, self.file, robot.mount)
         )
         self._jaw_target_m = self.hand.opening_m / 2
-        self._jaw_wanted_m = self._jaw_target_m
+        self._jaw_goal_m = self._jaw_target_m
         self._jaw_force_n = _OPENING_FORCE_N
         self._prepare()
 
@@ -180,19 +180,19 @@ class SimulatedArm:
             )
 
     def stand(self, joints: Vector, opening_m: float) -> None:
-        """Put the arm at rest in a posture [rad], its jaws so far open."""
+        """Put the arm at rest in a posture [rad], with the jaws open by `opening_m`."""
         self._joints = joints
         client = self.world.client
         for joint, angle in zip(self.file.joints, joints.tolist(), strict=True):
             pybullet.resetJointState(self.number, joint, angle, 0.0, physicsClientId=client)
         for joint in self.file.jaws:
             pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
-        self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
+        self._jaw_target_m = self._jaw_goal_m = opening_m / 2
         tip = self.kinematics.tip(joints)
-        self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
+        self.setpoint = Setpoint.at_rest(tip.position, tip.rotation, joints)
 
     def tip(self) -> TipPose:
-        """Return where the tip is."""
+        """Return the pose of the tip."""
         link = pybullet.getLinkState(
             self.number,
             self.file.hand,
@@ -202,9 +202,9 @@ class SimulatedArm:
         return TipPose(np.array(link[4]), World.rotation(link[5]))
 
     def tip_error_m(self) -> float:
-        """Return how far the tip is from where it is to be [m]."""
-        assert self.wanted is not None
-        return float(np.linalg.norm(self.tip().position - self.wanted.position))
+        """Return the distance between the tip and its target [m]."""
+        assert self.setpoint is not None
+        return float(np.linalg.norm(self.tip().position - self.setpoint.position))
 
     def joints_rad(self) -> tuple[float, ...]:
         """Return the joint angles [rad]."""
@@ -223,17 +223,17 @@ class SimulatedArm:
     def open(self, opening_m: float) -> None:
         """Begin to open the jaws to a distance."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
+        self._jaw_goal_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
 
     def close(self, force_n: float) -> None:
         """Begin to close the jaws until they grip with a force."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = 0.0, force_n
+        self._jaw_goal_m, self._jaw_force_n = 0.0, force_n
 
     def actuate(self) -> None:
-        """Set motors for the step to come."""
+        """Set the motors for the next step."""
         self._move_jaws()
-        assert self.wanted is not None
+        assert self.setpoint is not None
         if self.settings.control == "position":
             self._follow_by_position()
             return
@@ -246,24 +246,24 @@ class SimulatedArm:
         rates = np.array([state[1] for state in states])
         lift_n, moment_nm = self._lift()
         terms = self.dynamics.terms(angles, rates)
-        if self.wanted.tracks_joints and self.wanted.joints is not None:
-            found = tracking_torques(
+        if self.setpoint.tracks_joints and self.setpoint.joints is not None:
+            torques_nm = tracking_torques(
                 terms,
                 angles[:arm],
                 rates[:arm],
-                self.wanted.posture,
-                self.wanted.joints,
+                self.setpoint.posture,
+                self.setpoint.joints,
                 stiffness_per_s2=self.settings.stiffness_per_s2,
                 load=np.concatenate([lift_n, moment_nm]),
                 limit_nm=self.limit_nm,
             )
         else:
-            found = torques(
+            torques_nm = torques(
                 terms,
                 angles[:arm],
                 rates[:arm],
                 self.tip(),
-                self.wanted,
+                self.setpoint,
                 stiffness_per_s2=self.settings.stiffness_per_s2,
                 force_n=lift_n + self.press_n,
                 moment_nm=moment_nm,
@@ -273,19 +273,19 @@ class SimulatedArm:
             self.number,
             self.file.joints,
             pybullet.TORQUE_CONTROL,
-            forces=found.tolist(),
+            forces=torques_nm.tolist(),
             physicsClientId=client,
         )
 
     def _lift(self) -> tuple[Vector, Vector]:
         """Return the force [N] and the moment about the tip [N m] that bear the payload.
 
-        Beneath a hand that points down, the moment counts for nothing.
+        Under a hand that points down, the moment is neglected.
         """
-        assert self.wanted is not None
+        assert self.setpoint is not None
         lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
         moment_nm = np.zeros(3)
-        if points_down(self.wanted.rotation):
+        if points_down(self.setpoint.rotation):
             return lift_n, moment_nm
         tip = self.tip().position
         for name in self.bears:
@@ -294,16 +294,16 @@ class SimulatedArm:
         return lift_n, moment_nm
 
     def grip_friction(self, friction: float) -> tuple[float, float]:
-        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
+        """Return the lateral [-] and torsional friction [m] between a jaw and a body."""
         return _FINGER_FRICTION * friction, _FINGER_SPINNING_M * friction
 
     def show_hand(self, visible: bool) -> None:
-        """Take the hand and its fingers out of collision and sight, or put them back."""
+        """Enable or disable collisions of the hand and its fingers."""
         self.shows_hand = visible
         self.world.withdraw(ROBOT, () if visible else (self.file.hand, *self.file.jaws))
 
     def grip(self, name: str) -> int:
-        """Fix a body to the hand as it is; return the constraint."""
+        """Fix a body to the hand in its current pose; return the constraint."""
         client = self.world.client
         other = self.world.numbers[name]
         link = pybullet.getLinkState(
@@ -312,7 +312,7 @@ class SimulatedArm:
         position, orientation = pybullet.getBasePositionAndOrientation(
             other, physicsClientId=client
         )
-        # Fixed joints are given from the hand's centre of mass.
+        # Fixed joints are relative to the hand's centre of mass.
         away = pybullet.invertTransform(link[0], link[1])
         offset, turn = pybullet.multiplyTransforms(*away, position, orientation)
         return int(
@@ -332,12 +332,12 @@ class SimulatedArm:
         )
 
     def clasp(self, name: str) -> StaticFriction:
-        """Have friction hold a body that is between the jaws still."""
+        """Let friction hold a body between the jaws still."""
         return StaticFriction(self.world, self, name)
 
     def _move_jaws(self) -> None:
         step_m = JAW_SPEED_M_PER_S * STEP_S
-        left_m = self._jaw_wanted_m - self._jaw_target_m
+        left_m = self._jaw_goal_m - self._jaw_target_m
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
         pybullet.setJointMotorControlArray(
             self.number,
@@ -349,8 +349,8 @@ class SimulatedArm:
         )
 
     def _follow_by_position(self) -> None:
-        assert self.wanted is not None
-        self._joints = self._posture_for(self.wanted)
+        assert self.setpoint is not None
+        self._joints = self._posture_for(self.setpoint)
         pybullet.setJointMotorControlArray(
             self.number,
             self.file.joints,
@@ -361,12 +361,12 @@ class SimulatedArm:
             physicsClientId=self.world.client,
         )
 
-    def _posture_for(self, wanted: Setpoint) -> Vector:
-        """Return joint angles near the last ones that bring the tip where it is to be."""
-        if wanted.tracks_joints:
-            return wanted.posture
-        x, y, z = wanted.position.tolist()
-        follow = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)
-        if follow is None:
-            raise unreachable((x, y, z), wanted.rotation)
-        return follow
+    def _posture_for(self, setpoint: Setpoint) -> Vector:
+        """Return joint angles near the current ones for the target of the tip."""
+        if setpoint.tracks_joints:
+            return setpoint.posture
+        x, y, z = setpoint.position.tolist()
+        posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._joints)
+        if posture is None:
+            raise unreachable((x, y, z), setpoint.rotation)
+        return posture

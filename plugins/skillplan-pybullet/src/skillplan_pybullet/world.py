@@ -28,7 +28,7 @@ from skillplan_simulation.simulator import (
 )
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
-# What a body of the simulator takes; more write past its end, and it crashes.
+# Maximum number of shapes of a body; with more, pybullet writes out of bounds and crashes.
 _MOST_SHAPES = 16
 _SIDES = 64
 
@@ -45,15 +45,15 @@ def make_body(
     Parameters
     ----------
     client
-        Where to.
+        Physics client.
     solid
-        What collides. Meshes that are not convex do so exactly, but only where the mass is 0.
+        Collision shapes. Meshes that are not convex collide exactly, but only with mass 0.
     mass_kg
-        0 for what never moves [kg].
+        Mass [kg]; 0 for a fixed body.
     centre
-        Of its mass, in the frame of the shapes [m], shape (3,).
+        Centre of mass in the frame of the shapes [m], shape (3,).
     """
-    # The simulator takes meshes in files only.
+    # pybullet reads meshes from files only.
     has_mesh = any(isinstance(shape, Mesh) for shape in solid)
     bundles = _bundles(solid)
     with (
@@ -77,10 +77,10 @@ def make_body(
 
 
 def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
-    """Return shapes one by one, or of more than the simulator takes meshes that share a file.
+    """Return shapes one by one; if they are too many, meshes share a file.
 
-    Of a file each object becomes a hull of its own, or all of them one surface, if they are not
-    convex. Where there are too many boxes and cylinders, they become meshes, too.
+    Each object of a file becomes a hull, or all of them one surface if they are not convex. If
+    there are too many boxes and cylinders, they become meshes, too.
     """
     if len(shapes) <= _MOST_SHAPES:
         return [(shape,) for shape in shapes]
@@ -94,7 +94,7 @@ def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
 
 
 def _as_mesh(shape: Shape) -> Mesh:
-    """Return a shape as a mesh: a box exactly, a cylinder as a prism about as wide."""
+    """Return a shape as a mesh: a box exactly, a cylinder as a prism."""
     if isinstance(shape, Mesh):
         return shape
     if isinstance(shape, Box):
@@ -105,7 +105,7 @@ def _as_mesh(shape: Shape) -> Mesh:
     half, count = shape.box.size[2] / 2, len(turns)
     rings = [np.column_stack([outline, np.full(count, z)]) for z in (-half, half)]
     corners = np.concatenate(rings) + np.array(shape.centre)
-    after = [(one + 1) % count for one in range(count)]
+    after = [(number + 1) % count for number in range(count)]
     faces = [(a, b, count + b) for a, b in enumerate(after)]
     faces += [(a, count + b, count + a) for a, b in enumerate(after)]
     faces += [(0, b + 1, b) for b in range(1, count - 1)]
@@ -114,18 +114,18 @@ def _as_mesh(shape: Shape) -> Mesh:
 
 
 def _flags(shape: Shape) -> int:
-    """Return how the simulator is to take a shape."""
+    """Return pybullet's flags for a shape."""
     is_hollow = isinstance(shape, Mesh) and not shape.convex
     return int(pybullet.GEOM_FORCE_CONCAVE_TRIMESH) if is_hollow else 0
 
 
 def _origin(shape: Shape) -> NDArray[np.float64]:
-    """Return the origin of a shape's own geometry; corners of a mesh are the body's already."""
+    """Return the origin of a shape's geometry; a mesh is in the frame of its body."""
     return np.zeros(3) if isinstance(shape, Mesh) else np.array(shape.centre)
 
 
 def _written(bundle: Sequence[Shape], folder: Path) -> str:
-    """Write meshes to a file, unless it is there, and return its name; "" for others."""
+    """Write meshes to a file if it does not exist; return its name, or "" for other shapes."""
     meshes = [shape for shape in bundle if isinstance(shape, Mesh)]
     if not meshes:
         return ""
@@ -142,70 +142,69 @@ def _written(bundle: Sequence[Shape], folder: Path) -> str:
 
 
 class PairFilter:
-    """Lets pairs of bodies, or links of a body, touch nothing.
+    """Disables collisions of pairs of bodies, or of links of a body.
 
     Parameters
     ----------
     client
-        Where the bodies are.
+        Physics client.
     numbers
-        Of the bodies there by name, kept up to date.
+        Numbers of the bodies by name, kept up to date.
     """
 
     def __init__(self, client: int, numbers: Mapping[str, int]) -> None:
         self._client, self._numbers = client, numbers
-        # Pairs that pass through each other for the time being, and links that nothing touches.
+        # Pairs that pass through each other, and links without collisions.
         self._parted: set[tuple[str, str]] = set()
         self._withdrawn: dict[str, frozenset[int]] = {}
 
-    def part(self, one: str, others: Iterable[str]) -> None:
+    def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
         for other in others:
-            self._parted.add(_pair(one, other))
-            self._tell(one, self._links(one), other)
+            self._parted.add(_pair(name, other))
+            self._set_filters(name, self._links(name), other)
 
-    def join(self, one: str, others: Iterable[str]) -> None:
+    def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
         for other in others:
-            self._parted.discard(_pair(one, other))
-            self._tell(one, self._links(one), other)
+            self._parted.discard(_pair(name, other))
+            self._set_filters(name, self._links(name), other)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let these links of a body touch nothing, what is added later included.
+        """Disable collisions of these links only, also with bodies added later.
 
-        Its other links, and those that were withdrawn before, touch what they may. That of a
-        body without joints is -1.
+        -1 is the link of a body without joints.
         """
         before, now = self._withdrawn.get(name, frozenset()), frozenset(links)
         self._withdrawn[name] = now
         for other in self._numbers:
             if other != name:
-                self._tell(name, sorted(before ^ now), other)
+                self._set_filters(name, sorted(before ^ now), other)
 
     def added(self, body: str) -> None:
-        """Tell the simulator of a body that is new, or has been made anew."""
+        """Apply the filters to a new or recreated body."""
         for name, links in self._withdrawn.items():
             for other in self._numbers if name == body else [body]:
                 if name != other:
-                    self._tell(name, sorted(links), other)
-        for one, other in sorted(self._parted):
-            if body in (one, other):
-                self._tell(one, self._links(one), other)
+                    self._set_filters(name, sorted(links), other)
+        for first, second in sorted(self._parted):
+            if body in (first, second):
+                self._set_filters(first, self._links(first), second)
 
     def _links(self, name: str) -> range:
         """Return the numbers of a body's links, from -1 for its base."""
         return range(-1, pybullet.getNumJoints(self._numbers[name], physicsClientId=self._client))
 
-    def _tell(self, one: str, links: Iterable[int], other: str) -> None:
-        """Set in the simulator which links of a body may touch another."""
-        parted = _pair(one, other) in self._parted
-        hidden = self._withdrawn.get(one, frozenset())
+    def _set_filters(self, name: str, links: Iterable[int], other: str) -> None:
+        """Set which links of a body may touch another."""
+        parted = _pair(name, other) in self._parted
+        hidden = self._withdrawn.get(name, frozenset())
         others_hidden = self._withdrawn.get(other, frozenset())
         for link in links:
             for other_link in self._links(other):
                 may = not parted and link not in hidden and other_link not in others_hidden
                 pybullet.setCollisionFilterPair(
-                    self._numbers[one],
+                    self._numbers[name],
                     self._numbers[other],
                     link,
                     other_link,
@@ -214,26 +213,25 @@ class PairFilter:
                 )
 
 
-def _pair(one: str, other: str) -> tuple[str, str]:
-    return min(one, other), max(one, other)
+def _pair(name: str, other: str) -> tuple[str, str]:
+    return min(name, other), max(name, other)
 
 
-# How far ahead of its middle the ground bears what rolls, by the coefficient of friction of the
-# other [m]: a few tenths of a millimetre on plastics and metals. Without it a round part rolls away
-# from where it is let go, since the simulator keeps the point of contact where it was.
+# Rolling friction, per unit of the other body's friction [m]: a few tenths of a millimetre on
+# plastics and metals. Without it a released round part rolls away, because pybullet keeps the point
+# of contact.
 _ROLLING_M = 5e-4
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
 _SOLVER_ITERATIONS = 100
-# Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
+# Greatest distance [m] and speed [m/s] of a body in a simulation that has not blown up.
 _FAR_M = 10.0
 _FAST_M_PER_S = 50.0
-# Bodies that are this close bear on each other [m]; and where their distance is in what the
-# simulator says of the two.
+# Distance below which bodies bear on each other [m]; index of the distance in pybullet's points.
 _NEAR_M = 0.0005
 _DISTANCE = 8
-# Of a contact as the simulator gives it: bodies, links, place on the first body, place and normal
-# on the second, normal force, and the two friction forces with their directions.
+# Indices in pybullet's contacts: bodies, links, position on the first body, position and normal on
+# the second, normal force, and two friction forces with their directions.
 _FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _OWN_PLACE, _PLACE = 1, 2, 3, 4, 5, 6
 _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 
@@ -241,12 +239,7 @@ _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 class World:
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
-    To be used as a context manager: the simulator's memory is given back at the end.
-
-    Parameters
-    ----------
-    friction
-        Coefficient of lateral friction of bodies and table [-].
+    A context manager: it frees the simulator's memory at the end.
     """
 
     def __init__(self, friction: float) -> None:
@@ -254,11 +247,11 @@ class World:
         self.steps = 0
         self.numbers: dict[str, int] = {}
         self.names: dict[int, str] = {}
-        # What the links of the arm that handle parts are called.
+        # Names of the arm's links that handle parts.
         self.link_names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
-        # Bodies that are not convex, and whether nothing can move them now.
+        # Bodies that are not convex, and whether they are fixed.
         self._hollow: dict[str, tuple[Body, bool]] = {}
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
@@ -299,7 +292,7 @@ class World:
         self.names[number] = name
 
     def renew(self, name: str) -> None:
-        """Have a body that was loaded anew touch what it might touch before."""
+        """Apply the collision filters to a body that was loaded anew."""
         self._filter.added(name)
 
     def step(self) -> None:
@@ -312,11 +305,9 @@ class World:
 
         Parameters
         ----------
-        body, pose
-            What, and where.
         stands
-            Whether it is not to be moved. Where it is not convex, its shape is exact then, and it
-            is as if it were screwed down; what moves is made of convex pieces.
+            True if the body is fixed. A fixed body that is not convex has its exact shape; moving
+            bodies consist of convex pieces.
         """
         properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
         is_fixed = stands and bool(body.surfaces)
@@ -350,18 +341,18 @@ class World:
 
     @property
     def fixed(self) -> frozenset[str]:
-        """Bodies that nothing can move for the time being."""
+        """Bodies that are fixed now."""
         return frozenset(name for name, (_, fixed) in self._hollow.items() if fixed)
 
     def stand(self, moving: Iterable[str]) -> None:
-        """Have all bodies stand but some, which are to be moved; see `add`."""
+        """Fix all bodies except those to be moved; see `add`."""
         free = set(moving)
         for name, (body, is_fixed) in list(self._hollow.items()):
             if is_fixed == (name in free):
                 self._remake(body, stands=not is_fixed)
 
     def _remake(self, body: Body, *, stands: bool) -> None:
-        """Make a body anew where it is, and what is fastened to it."""
+        """Recreate a body in place, with its fastenings."""
         pose, name = self.pose(body.name), body.name
         fastened = [pair for pair in self._fastened if name in pair]
         for pair in fastened:
@@ -371,8 +362,8 @@ class World:
         with quiet_output():
             pybullet.removeBody(number, physicsClientId=self.client)
         self.add(body, pose, stands=stands)
-        for one, other in fastened:
-            self.fasten(one, other)
+        for part, bearing in fastened:
+            self.fasten(part, bearing)
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
@@ -385,7 +376,7 @@ class World:
         )
 
     def pose(self, name: str) -> Pose:
-        """Return where a body is: the pose of the centre of its bottom."""
+        """Return the pose of the centre of a body's bottom."""
         position, orientation = pybullet.getBasePositionAndOrientation(
             self.numbers[name], physicsClientId=self.client
         )
@@ -396,19 +387,19 @@ class World:
         return Pose((float(origin[0]), float(origin[1]), float(origin[2])), (x, y, z, w))
 
     def centre(self, name: str) -> NDArray[np.float64]:
-        """Return where the centre of mass of a body is [m], shape (3,)."""
+        """Return the centre of mass of a body [m], shape (3,)."""
         position, _ = pybullet.getBasePositionAndOrientation(
             self.numbers[name], physicsClientId=self.client
         )
         return np.array(position)
 
     def velocity(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return how fast a body's centre of mass moves [m/s] and the body turns [rad/s]."""
+        """Return the velocity of a body's centre of mass [m/s] and its angular velocity [rad/s]."""
         linear, angular = pybullet.getBaseVelocity(self.numbers[name], physicsClientId=self.client)
         return np.array(linear), np.array(angular)
 
     def is_sane(self) -> bool:
-        """Whether every body is at a finite place and none races off."""
+        """Return whether every body has a finite position and a plausible speed."""
         for name in self._properties:
             position, _ = pybullet.getBasePositionAndOrientation(
                 self.numbers[name], physicsClientId=self.client
@@ -426,16 +417,16 @@ class World:
         return self._masses[name]
 
     def inertia_kg_m2(self, name: str) -> NDArray[np.float64]:
-        """Return the inertia of a body about its centre of mass in the world, shape (3, 3)."""
+        """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
         _, orientation = pybullet.getBasePositionAndOrientation(
             self.numbers[name], physicsClientId=self.client
         )
         rotation = self.rotation(orientation)
-        found: NDArray[np.float64] = rotation * self._properties[name].inertia_kg_m2 @ rotation.T
-        return found
+        inertia: NDArray[np.float64] = rotation * self._properties[name].inertia_kg_m2 @ rotation.T
+        return inertia
 
     def weigh(self, name: str, mass_kg: float) -> None:
-        """Change the mass of a body for a while; its shape stays."""
+        """Change the mass of a body temporarily; its shape stays."""
         properties = self._properties[name]
         factor = mass_kg / self._masses[name]
         pybullet.changeDynamics(
@@ -452,27 +443,27 @@ class World:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of the scene, in the order in which they were put."""
+        """Names of the bodies of the scene, in order of insertion."""
         return tuple(self._properties)
 
     def others(self, name: str) -> list[str]:
         """Return the names of the table and all bodies but one."""
         return [other for other in (TABLE, *self.bodies) if other != name]
 
-    def part(self, one: str, others: Iterable[str]) -> None:
+    def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        self._filter.part(one, others)
+        self._filter.part(name, others)
 
-    def join(self, one: str, others: Iterable[str]) -> None:
+    def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        self._filter.join(one, others)
+        self._filter.join(name, others)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let links of a body touch nothing; see :meth:`PairFilter.withdraw`."""
+        """Disable collisions of links of a body; see :meth:`PairFilter.withdraw`."""
         self._filter.withdraw(name, links)
 
     def hold(self, name: str) -> int:
-        """Fix a body where it is; return the constraint, to be given to `release`."""
+        """Fix a body in place; return the constraint for `release`."""
         number = self.numbers[name]
         position, orientation = pybullet.getBasePositionAndOrientation(
             number, physicsClientId=self.client
@@ -494,27 +485,27 @@ class World:
         )
 
     def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
-        """Return which of the others touches a body, or is nearest to it by 0.5 mm; else None."""
-        found: list[tuple[float, str]] = []
+        """Return the body that touches or is nearest to another within 0.5 mm, or None."""
+        close: list[tuple[float, str]] = []
         for other in self.others(name) if others is None else sorted(others):
             points = pybullet.getClosestPoints(
                 self.numbers[name], self.numbers[other], _NEAR_M, physicsClientId=self.client
             )
-            found += [(point[_DISTANCE], other) for point in points]
-        return min(found)[1] if found else None
+            close += [(point[_DISTANCE], other) for point in points]
+        return min(close)[1] if close else None
 
-    def is_near(self, one: str, other: str, distance_m: float) -> bool:
-        """Whether two bodies are no farther apart than a distance [m]."""
-        numbers = self.numbers[one], self.numbers[other]
+    def is_near(self, name: str, other: str, distance_m: float) -> bool:
+        """Return whether two bodies are within a distance [m]."""
+        numbers = self.numbers[name], self.numbers[other]
         return bool(pybullet.getClosestPoints(*numbers, distance_m, physicsClientId=self.client))
 
     def touches(self) -> list[Touch]:
-        """Return where bodies press on each other, after the last step."""
+        """Return the contacts of the last step."""
         points = pybullet.getContactPoints(physicsClientId=self.client)
         return [self._touch(point, _PLACE) for point in points if point[_FORCE] > 0.0]
 
     def points_on(self, name: str) -> list[Touch]:
-        """Return where a body is touched, as what is felt by it, also where nothing presses."""
+        """Return the contacts of a body, as it feels them, with zero forces included."""
         points = pybullet.getContactPoints(self.numbers[name], physicsClientId=self.client)
         return [self._touch(point, _OWN_PLACE) for point in points]
 
@@ -529,9 +520,9 @@ class World:
         )
 
     def pulled_n(self, name: str, constraint: int) -> NDArray[np.float64]:
-        """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""
+        """Return the force of a constraint on its body, fixed to the robot [N], shape (3,)."""
         pull = pybullet.getConstraintState(constraint, physicsClientId=self.client)[:3]
-        # The constraint says what the body does to the hand, along the body's own axes.
+        # pybullet returns the force of the body on the hand, along the body's axes.
         turn, still = self.pose(name).orientation, (0.0, 0.0, 0.0, 1.0)
         turned, _ = pybullet.multiplyTransforms((0, 0, 0), turn, pull, still)
         return -np.array(turned)
@@ -541,15 +532,15 @@ class World:
         return self.link_names.get(link, ROBOT) if name == ROBOT else name
 
     def fasten(self, name: str, other: str) -> None:
-        """Fix a body to another as it is; the two pass through each other from now on."""
+        """Fix a body to another in its current pose; from now on they pass through each other."""
         self.part(name, [other])
         if other == TABLE:
             self._fastened[name, other] = self.hold(name)
             return
         number, bearing = self.numbers[name], self.numbers[other]
         here, there = (
-            pybullet.getBasePositionAndOrientation(one, physicsClientId=self.client)
-            for one in (number, bearing)
+            pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
+            for body in (number, bearing)
         )
         offset, turn = pybullet.multiplyTransforms(*pybullet.invertTransform(*there), *here)
         self._fastened[name, other] = int(
@@ -569,7 +560,7 @@ class World:
         )
 
     def release(self, constraint: int) -> None:
-        """Undo a constraint."""
+        """Remove a constraint."""
         pybullet.removeConstraint(constraint, physicsClientId=self.client)
 
     @staticmethod
@@ -586,12 +577,12 @@ class World:
 
 
 def _rolling_m(body: Body) -> float:
-    """Return how a body resists being rolled; boxes do not roll, and cost less without."""
+    """Return the rolling friction of a body; 0 for boxes, which is faster."""
     return 0.0 if all(isinstance(shape, Box) for shape in body.shapes) else _ROLLING_M
 
 
 def _force_on_first(point: Sequence[Any]) -> NDArray[np.float64]:
-    """Return what the first body of a contact feels of the second [N]."""
+    """Return the force of the second body of a contact on the first [N]."""
     # The normal points from the second body to the first.
     force: NDArray[np.float64] = point[_FORCE] * np.array(point[_NORMAL])
     for index in (_FRICTION, _OTHER_FRICTION):

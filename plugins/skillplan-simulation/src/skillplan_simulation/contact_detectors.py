@@ -1,4 +1,4 @@
-"""What both detectors that read contacts share: whose simulation they read."""
+"""Detectors that read the contacts of an execution: base class, and `contact-pairs`."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ class WindowOptions(back_end.Options):
         default=FRAMES,
         ge=1,
         le=60,
-        description="frames of 1/60 s that a force is averaged over [-]",
+        description="number of frames of 1/60 s over which a force is averaged [-]",
     )
 
 
 class ContactDetector(Detector):
-    """Reads the simulation of an engine: the one beside it, or one of its own.
+    """Reads the contacts of an engine's execution.
 
-    An engine and detectors that get the same query share one execution. What the engine has a
-    verdict on is left to it: a motion that the arm cannot follow, a world that does not stand.
-    Where no engine is beside it, the detector has a verdict on that, too.
+    The engine in use, or one of its own, shares one execution per query with its detectors. The
+    engine alone decides about motions that the arm cannot follow and states that do not stand;
+    without an engine in use, the detector does.
     """
 
-    # A little less than the engine: a collision is named before the disorder that it causes.
+    # Slightly less than the engine, so that a collision is named before its consequences.
     expected_s = 0.5
     expensive = True
 
     Options: ClassVar[type[back_end.Options]] = WindowOptions
-    # Of what kind that is; without one, the engine that is installed.
+    # Class of the engine without another engine; default: the installed one.
     engine_alone: ClassVar[type[SimulatingEngine] | None] = None
 
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
         self._engine: SimulatingEngine | None = None
         self._is_alone = True
-        # Of several detectors without an engine beside them, all read the engine of one.
+        # Without an engine, several detectors share the engine of one of them.
         self._lender: ContactDetector = self
 
     def refuses(self) -> str | None:
-        """Refuse what the engine refuses; and everything, where no engine is installed."""
+        """Refuse a task if the engine refuses it, or if no engine is installed."""
         if self._lender is self and self._engine is None and self._alone() is None:
             known = " or ".join(f"skillplan-{name}" for name in PREFERRED)
             return f"it reads the contacts of an engine that moves bodies: pip install {known}"
@@ -67,17 +67,17 @@ class ContactDetector(Detector):
         return self.engine.faults()
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Read the simulation of the engine beside this detector from now on."""
+        """Read the execution of the engine among other back ends."""
         engine = next((other for other in others if isinstance(other, SimulatingEngine)), None)
         self._is_alone = engine is None
-        lenders = [self, *(one for one in others if isinstance(one, ContactDetector))]
+        lenders = [self, *(other for other in others if isinstance(other, ContactDetector))]
         self._lender = min(lenders, key=lambda lender: lender.name)
         if engine is not None:
             self._engine, self._lender = engine, self
 
     @property
     def engine(self) -> SimulatingEngine:
-        """Whose simulation it reads; with default options where it is the detector's own."""
+        """Engine whose execution is read. Default: a new engine with default options."""
         if self._lender is not self:
             return self._lender.engine
         if self._engine is None:
@@ -87,12 +87,12 @@ class ContactDetector(Detector):
         return self._engine
 
     def _alone(self) -> type[SimulatingEngine] | None:
-        """Return of what kind the engine is where none is beside it."""
+        """Return the class of engine without another engine."""
         return self.engine_alone or _installed_engine()
 
     @property
     def basis(self) -> Mapping[str, Any]:
-        """The engine's version and options, and whether the engine is queried, too."""
+        """Version and options of the engine, and whether the engine is queried, too."""
         engine = self.engine
         return {
             "engine": engine.name,
@@ -109,13 +109,7 @@ class ContactDetector(Detector):
         return self.verdict_on(self.engine.record(skill, state))
 
     def verdict_on(self, record: Record) -> Verdict:
-        """Return the verdict on an execution.
-
-        Parameters
-        ----------
-        record
-            Of a skill of the detector's task.
-        """
+        """Return the verdict on the record of an execution."""
         present, absent = record.present, record.absent
         if record.upset is None and record.unreachable is None and record.unsettled is None:
             return self.contact_verdict(record)
@@ -137,7 +131,7 @@ class ContactDetector(Detector):
 
 
 def _installed_engine() -> type[SimulatingEngine] | None:
-    """Return the engine that ``auto`` stands for, or else any that executes skills."""
+    """Return the engine of ``auto``, or else any engine that executes skills."""
     known = {entry.name: entry for entry in registered("physics")}
     first = [name for name in PREFERRED if name in known]
     for name in [*first, *sorted(set(known) - set(first))]:
@@ -150,13 +144,12 @@ def _installed_engine() -> type[SimulatingEngine] | None:
 class ContactPairsDetector(ContactDetector):
     """A verdict on forces between bodies that should not touch, and on bodies pushed aside.
 
-    A skill is infeasible where the normal force of an unexpected pair, averaged over the last
-    frames, exceeds the threshold, or where a body that the skill does not handle moves further
-    than the displacement at any moment. What is expected is the same for every task: bodies
-    that touch when the skill begins, the hand and what it handles, what was let go or is being
-    driven and whatever it lands on. A right execution thus reads 0 N, so that a threshold below
-    the friction of the lightest part will do; a part so light that it is swept aside without a
-    force is betrayed by its displacement.
+    A skill is infeasible if the normal force of an unexpected pair, averaged over the last frames,
+    exceeds the threshold, or if a body that the skill does not handle moves farther than the
+    displacement limit at any moment. Expected contacts are the same for every task: bodies that
+    touch when the skill begins, the hand and its part, and released or driven parts with their
+    surroundings. So a correct execution reads 0 N, and the threshold may be below the friction of
+    the lightest part; a part too light for a measurable force shows its displacement.
     """
 
     name = "contact-pairs"
@@ -181,7 +174,7 @@ class ContactPairsDetector(ContactDetector):
     options: Options
 
     def contact_verdict(self, record: Record) -> Verdict:
-        """Return it; the pair or displacement that came first is the reason."""
+        """Return the verdict; its reason is the first pair or displacement."""
         options = self.options
         limits = PairLimits(options.threshold_n, options.displacement_m, options.frames)
         return pair_verdict(record, limits, self.parts)

@@ -1,6 +1,7 @@
-"""Rotations of the hand, as matrices of shape (3, 3) and as rotation vectors of shape (3,) [rad].
+"""Kinematics of a robot's hand, and its rotations as matrices and rotation vectors.
 
-The hand's z points out of it, its y along the closing axis of its jaws.
+The hand's z points out of it, its y along the closing axis of its jaws. Matrices have shape (3, 3),
+rotation vectors shape (3,) [rad].
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from skillplan_pinocchio.kinematics.serial_arm import SerialArm
 
 Vector = NDArray[np.float64]
 
-# A hand points down where the cosine of its tilt is this near to 1.
+# Tolerance of the cosine of a hand that points down.
 _DOWN = 1e-9
 
 
 def points_down(rotation: Vector) -> bool:
-    """Whether a hand points straight down."""
+    """Return whether a hand points straight down."""
     return bool(rotation[2, 2] <= _DOWN - 1.0)
 
 
@@ -39,7 +40,7 @@ def of_quaternion(orientation: Quaternion) -> Vector:
 
 
 def pose_of(position: Vector, rotation: Vector) -> Pose:
-    """Return a position [m] and a rotation, which may be off by rounding, as a pose."""
+    """Return a position [m] and a rotation, up to rounding, as a pose."""
     x, y, z = position.tolist()
     across, out = ((rotation[:, axis] / length(rotation[:, axis])).tolist() for axis in (1, 2))
     return Pose.of_axes((x, y, z), tuple(across), tuple(out))
@@ -57,7 +58,7 @@ def rpy_of(rotation: Vector) -> tuple[float, float, float]:
 
 
 def turn_between(start: Vector, end: Vector) -> Vector:
-    """Return the shortest turn about a fixed axis that takes one rotation to another [rad]."""
+    """Return the shortest rotation vector from one rotation to another [rad]."""
     change = times(end, start.T)
     axis = 0.5 * np.array(
         [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
@@ -74,17 +75,16 @@ def turn_between(start: Vector, end: Vector) -> Vector:
     return np.asarray(math.pi * column / length(column))
 
 
-def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
-    """Return the rotation that is left to be made, as an axis times the sine of the angle."""
-    return np.array(rotation_left(rotation, wanted))
+def rotation_error(rotation: Vector, target: Vector) -> Vector:
+    """Return the remaining rotation as an axis times the sine of the angle."""
+    return np.array(rotation_left(rotation, target))
 
 
-def rotation_left(rotation: Vector, wanted: Vector) -> tuple[float, float, float]:
-    """Return `rotation_error` as three numbers."""
-    # Half the sum of what the axes of the hand lack, each a cross product; numbers are quicker here
-    # than arrays of three.
+def rotation_left(rotation: Vector, target: Vector) -> tuple[float, float, float]:
+    """Return `rotation_error` as three floats."""
+    # Half the sum of the cross products of the hand's axes; floats are faster here than arrays.
     (a, d, g), (b, e, h), (c, f, i) = rotation.tolist()
-    (p, s, v), (q, t, w), (r, u, x) = wanted.tolist()
+    (p, s, v), (q, t, w), (r, u, x) = target.tolist()
     return (
         0.5 * ((b * r - c * q) + (e * u - f * t) + (h * x - i * w)),
         0.5 * ((c * p - a * r) + (f * s - d * u) + (i * v - g * x)),
@@ -94,27 +94,25 @@ def rotation_left(rotation: Vector, wanted: Vector) -> tuple[float, float, float
 
 @dataclass(frozen=True, slots=True)
 class TipPose:
-    """Where the tip of the hand is: its position [m], and the hand's axes as columns."""
+    """Pose of the tip of the hand: position [m], and the hand's axes as columns."""
 
     position: Vector
     rotation: Vector
 
 
 class UnreachableError(Exception):
-    """Raised, in words, where no joint angles bring the tip to a pose."""
+    """No joint angles bring the tip to a pose."""
 
 
 class ArmKinematics:
-    """Kinematics of an arm as it is mounted, with its hand.
+    """Kinematics of a mounted arm with its hand.
 
     Parameters
     ----------
-    description
-        The robot.
     base
-        Where it stands in the world.
+        Pose of the base in the world.
     tool
-        Where the tip is, seen from the flange.
+        Pose of the tip in the frame of the flange.
     """
 
     def __init__(self, description: ArmDescription, base: Transform, tool: Transform) -> None:
@@ -126,41 +124,41 @@ class ArmKinematics:
         self._data = self.arm.model.createData()
 
     def tip(self, joints_rad: Vector) -> TipPose:
-        """Return where the tip is.
+        """Return the pose of the tip.
 
         Parameters
         ----------
         joints_rad
-            Shape (joints,).
+            Joint angles [rad], shape (joints,).
         """
-        found = self.arm.tip(joints_rad)
-        return TipPose(found.translation.copy(), found.rotation.copy())
+        pose = self.arm.tip(joints_rad)
+        return TipPose(pose.translation.copy(), pose.rotation.copy())
 
     def frames(self, joints_rad: Vector) -> list[Any]:
-        """Return where the joints are, from the first, and the tip at last, as `pinocchio.SE3`."""
+        """Return the poses of the joints in order, then of the tip, as `pinocchio.SE3`."""
         model, data = self.arm.model, self._data
         pinocchio.framesForwardKinematics(model, data, joints_rad)
         joints = [data.oMi[index].copy() for index in range(1, model.njoints)]
         return [*joints, data.oMf[self._tip].copy()]
 
     def follow(self, position: Point, rotation: Vector, joints_rad: Vector) -> Vector | None:
-        """Return joint angles near given ones that bring the tip to a pose close by, or None."""
+        """Return joint angles near given ones for a nearby pose of the tip, or None."""
         return self._numeric.solve_from(joints_rad, _se3(position, rotation))
 
 
 @lru_cache(maxsize=16)
-def _made(description: ArmDescription, base: Transform, tool: Transform) -> ArmKinematics:
+def _kinematics(description: ArmDescription, base: Transform, tool: Transform) -> ArmKinematics:
     return ArmKinematics(description, base, tool)
 
 
 def kinematics_of(robot: Robot) -> ArmKinematics:
-    """Return the kinematics of a robot of a task."""
+    """Return the kinematics of a robot of a task, cached."""
     base = Transform(robot.base, rpy_of(np.array(robot.mount.rotation)))
-    return _made(robot.model, base, robot.tip)
+    return _kinematics(robot.model, base, robot.tip)
 
 
 def unreachable(position: Point, rotation: Vector) -> UnreachableError:
-    """Return that a pose is out of reach, in words."""
+    """Return the error that a pose is out of reach."""
     x, y, z = position
     along = ", ".join(f"{value + 0.0:.2f}" for value in rotation[:, 2].round(2))
     points = "pointing straight down" if points_down(rotation) else f"pointing along ({along})"

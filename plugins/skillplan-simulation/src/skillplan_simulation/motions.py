@@ -1,7 +1,4 @@
-"""Straight moves of the tip with bounded speed and acceleration, at rest at both ends.
-
-The hand is not turned meanwhile.
-"""
+"""Timed motions of the arm: straight moves of the tip, joint moves, and planned motions."""
 
 from __future__ import annotations
 
@@ -19,19 +16,19 @@ from skillplan_simulation.kinematics import ArmKinematics, points_down
 
 Vector = NDArray[np.float64]
 
-# Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
+# Peak speed and acceleration of the minimum-jerk profile, relative to mean speed and duration.
 _PEAK_SPEED = 1.875
 _PEAK_ACCELERATION = 10 / math.sqrt(3)
 
 
 class PosturePath(Protocol):
-    """A path of the joints on which the tip goes straight."""
+    """A joint path on which the tip moves straight."""
 
     def at(self, place: float) -> Vector:
-        """Return the joint angles [rad] after a share of it, shape (joints,)."""
+        """Return the joint angles [rad] at a share of the path, shape (joints,)."""
 
     def at_each(self, places: Sequence[float]) -> tuple[Vector, Vector, Vector]:
-        """Return joint angles [rad], first and second derivative by the share, at many shares.
+        """Return joint angles [rad], first and second derivatives at many shares.
 
         Shape (places, joints) each.
         """
@@ -39,7 +36,7 @@ class PosturePath(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class JointRates:
-    """How fast joints are to move.
+    """Target speeds and accelerations of joints.
 
     Parameters
     ----------
@@ -53,24 +50,23 @@ class JointRates:
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """Where the tip is to be, how fast, and how the hand is to be turned.
+    """Target pose and motion of the tip.
 
     Parameters
     ----------
     position, velocity, acceleration
-        [m], [m/s], [m/s2], shape (3,).
+        Target [m], [m/s], [m/s2], shape (3,).
     rotation
-        How the hand is turned, shape (3, 3).
+        Target rotation of the hand, shape (3, 3).
     spin_rad_per_s
-        How fast it turns about the world's axes, shape (3,).
+        Target angular velocity about the world's axes, shape (3,).
     posture
-        Joint angles that the arm is drawn to as far as the tip is not moved by it, shape
-        (joints,) [rad].
+        Joint angles that attract the arm in the null space of the tip, shape (joints,) [rad].
     joints
-        How fast the posture changes; None where it does not.
+        Rates of the posture; None if it is constant.
     tracks_joints
-        Whether every joint follows the posture, of which the pose is that of the tip; else the tip
-        follows the pose, and joints the posture as far as that leaves them free.
+        True if every joint tracks the posture. Otherwise the tip tracks the pose, and the joints
+        follow the posture in its null space.
     """
 
     position: Vector
@@ -84,24 +80,24 @@ class Setpoint:
 
     @classmethod
     def at_rest(cls, position: Vector, rotation: Vector, posture: Vector) -> Setpoint:
-        """Return a setpoint that does not move."""
+        """Return a setpoint at rest."""
         return cls(position, rotation, posture, np.zeros(3), np.zeros(3), np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """The profile of least jerk: the share of a move that is done, its rate and its change.
+    """The minimum-jerk profile: share of a move, its rate and the change of the rate.
 
     Parameters
     ----------
     duration_s
-        How long the move takes [s], > 0.
+        Duration of the move [s], > 0.
     """
 
     duration_s: float
 
     def at(self, time_s: float) -> tuple[float, float, float]:
-        """Return share [-], rate [1/s] and change of the rate [1/s2] after some time."""
+        """Return share [-], rate [1/s] and change of the rate [1/s2] at a time."""
         fraction = min(max(time_s / self.duration_s, 0.0), 1.0)
         share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
         rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
@@ -111,18 +107,18 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class StraightMotion:
-    """A straight move of the tip.
+    """A straight move of the tip between two rests; the hand is not turned.
 
     Parameters
     ----------
     start
-        Where it begins.
+        Setpoint at the start.
     end
-        Position [m], shape (3,).
+        Target position [m], shape (3,).
     path
-        Of the joints, on which the tip goes there; None where the posture is kept.
+        Joint path on which the tip moves; None keeps the posture.
     profile
-        How it goes on.
+        Time profile.
     """
 
     start: Setpoint
@@ -159,18 +155,18 @@ class StraightMotion:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return self.profile.duration_s
 
     def at(self, time_s: float) -> Setpoint:
-        """Return the setpoint after some time; the end from the duration on."""
+        """Return the setpoint at a time; from the duration on, the end."""
         return next(self.at_each([time_s]))
 
     def at_each(self, times_s: Sequence[float]) -> Iterator[Setpoint]:
-        """Yield the setpoints after many times, as `at` does each of them."""
+        """Yield the setpoints at many times, equal to `at`."""
         course = [self.profile.at(time_s) for time_s in times_s]
         shares = [share for share, _, _ in course]
-        # Powers as of numbers: those of an array may differ in the last digit.
+        # Scalar powers: numpy's may differ in the last digit.
         table = np.array([(*values, values[1] ** 2) for values in course])
         share, rate, change, rate_squared = table.T[:, :, np.newaxis]
         start, still = self.start, np.zeros(3)
@@ -194,20 +190,20 @@ class StraightMotion:
             )
 
 
-# A way is looked at in so many pieces at least, and in so many between two nodes.
+# Minimum number of pieces of a path, and number of pieces between two nodes.
 _PIECES, _PIECES_PER_NODE = 32, 4
-# Accelerations of the tip are looked at in so many steps.
+# Number of samples for accelerations of the tip.
 _SAMPLES = 100
-# Of what is held, from the tip, along the axes of the hand [m].
+# Points of a held part along the axes of the hand, from the tip [m].
 _HELD_M = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
 
 
 class JointRun(Protocol):
-    """A path of the joints, and when they are where on it."""
+    """A joint path with its timing."""
 
     @property
     def duration_s(self) -> float:
-        """From rest to rest [s]; 0 where the path leads nowhere."""
+        """Duration from rest to rest [s]; 0 if the path has no length."""
 
     def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
         """Return angles [rad], speeds [rad/s] and accelerations [rad/s2], each (joints,)."""
@@ -215,14 +211,14 @@ class JointRun(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SlowedRun:
-    """A run that takes longer, by one factor all along.
+    """A run that is slowed down by a constant factor.
 
     Parameters
     ----------
     run
-        The faster one.
+        Original run.
     factor
-        How many times as long it takes, >= 1.
+        Ratio of the durations, >= 1.
     """
 
     run: JointRun
@@ -232,9 +228,9 @@ class SlowedRun:
     def within(
         cls, run: JointRun, kinematics: ArmKinematics, acceleration_m_per_s2: float
     ) -> JointRun:
-        """Return a run, slowed where what is held would exceed an acceleration [m/s2], > 0.
+        """Return a run, slowed down if a held part would exceed an acceleration [m/s2], > 0.
 
-        Looked at are the tip and points about it, so that how fast the hand is turned counts.
+        Samples the tip and points around it, so rotations of the hand count.
         """
         step_s = run.duration_s / _SAMPLES
         if step_s <= 0:
@@ -248,7 +244,7 @@ class SlowedRun:
 
     @property
     def duration_s(self) -> float:
-        """From rest to rest [s]."""
+        """Duration from rest to rest [s]."""
         return self.factor * self.run.duration_s
 
     def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
@@ -259,16 +255,16 @@ class SlowedRun:
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A move along a path of the joints.
+    """A move along a joint path.
 
     Parameters
     ----------
     kinematics
-        The arm's.
+        Kinematics of the arm.
     nodes_rad
-        Joint angles that the path goes through, shape (nodes, joints).
+        Joint angles on the path, shape (nodes, joints).
     run
-        The path with its times.
+        The path with its timing.
     """
 
     kinematics: ArmKinematics
@@ -277,28 +273,28 @@ class JointMotion:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return self.run.duration_s
 
     def at(self, time_s: float) -> Setpoint:
-        """Return the setpoint after some time; the end from the duration on."""
+        """Return the setpoint at a time; from the duration on, the end."""
         if time_s >= self.duration_s:
             joints: Vector = self.nodes_rad[-1]
             speeds = gains = np.zeros(len(joints))
         else:
             joints, speeds, gains = self.run.at(time_s)
         tip = self.kinematics.tip(joints)
-        # The joints are told how fast to go, and the tip follows.
+        # Only joint rates are commanded; the tip follows.
         still = np.zeros(3)
         rates = JointRates(speeds, gains)
         return Setpoint(tip.position, tip.rotation, joints, still, still, still, rates, True)
 
     def at_each(self, times_s: Sequence[float]) -> Iterator[Setpoint]:
-        """Yield the setpoints after many times, as `at` does each of them."""
+        """Yield the setpoints at many times, equal to `at`."""
         return map(self.at, times_s)
 
     def postures(self) -> list[Vector]:
-        """Return postures on the way, both ends included, so dense that it is straight between."""
+        """Return postures along the path, ends included, dense enough to interpolate linearly."""
         count = max(_PIECES, _PIECES_PER_NODE * (len(self.nodes_rad) - 1))
         times_s = np.linspace(0.0, self.duration_s, count + 1)[:-1].tolist()
         return [*(self.run.at(time_s)[0] for time_s in times_s), self.nodes_rad[-1]]
@@ -306,24 +302,24 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True)
 class ArmMotion:
-    """A motion of the hand with how the arm follows it.
+    """A motion of the hand with its joint paths.
 
     Parameters
     ----------
     motion
-        Of the task.
+        Linear motion of the task.
     rotation
-        How the hand is turned in it, shape (3, 3).
+        Rotation of the hand, shape (3, 3).
     down
-        The paths of the joints along the stretches of the approach.
+        Joint paths along the stretches of the approach.
     up
-        The same of the retreat.
+        Joint paths along the stretches of the retreat.
     travel
-        From where the arm was before to the first of them.
+        Travel from the previous posture to the start of the approach.
     matters
-        Whether something may be met on the travel, or the hand is turned in space on it.
+        True if the travel may meet an obstacle, or turns the hand in space.
     around
-        Bodies that the travel goes round; none where it is straight.
+        Bodies that the travel avoids; empty if it is straight.
     """
 
     motion: LinearMotion
@@ -341,12 +337,12 @@ class ArmMotion:
 
     @property
     def retreat(self) -> tuple[Vector, ...]:
-        """The same of the retreat."""
+        """Postures at the points of the retreat [rad], shape (joints,) each."""
         return _ends(self.up)
 
     @property
     def points_down(self) -> bool:
-        """Whether the hand points straight down."""
+        """Return whether the hand points straight down."""
         return points_down(self.rotation)
 
 

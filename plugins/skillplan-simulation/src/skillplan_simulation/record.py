@@ -1,4 +1,4 @@
-"""What one simulated execution of a skill left behind: what the verdicts are about."""
+"""The record of one simulated execution of a skill, from which verdicts follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skillplan.task.scene import Pose
 from skillplan.task.state import State
 
-# Contacts are logged so many times a simulated second, as in the paper (section 4.3).
+# Frames of the contact log per simulated second, as in the paper (section 4.3).
 FRAMES_PER_S = 60
 
 Pair = tuple[str, str]
@@ -25,53 +25,49 @@ class Record:
     Parameters
     ----------
     skill
-        Its name.
+        Name of the skill.
     present, absent
-        The facts that decide what is in the simulated world, by their truth: the execution is
-        the same, bit for bit, in every state that agrees on them.
+        Facts that decide the bodies in the simulated world, by their truth: the execution is the
+        same, bit for bit, in every state that agrees on them.
     phases
-        What the robot was at, and the frame at which it began, in order, such as
-        ``(12, "the approach to switch_1")``.
+        Start frame and label of every phase in order, such as ``(12, "the approach to switch_1")``.
     forces_n
         Net contact force on every body in the world [N], shape (frames, 3), as the simulator
-        gives it: a part at rest shows its weight upwards.
+        returns it: a part at rest shows its weight upwards.
     weights_n
-        Weight of every such body [N].
+        Weights of these bodies [N].
     pairs_n
-        Normal force of every pair that touched without being expected to [N], shape (frames,).
-        Expected are: pairs that touch when the skill begins, the hand and what it handles, and
-        what was released or is driven and anything.
+        Normal force of every pair that touched unexpectedly [N], shape (frames,). Expected are
+        pairs that touch when the skill begins, the hand with its part, and any contact of released
+        or driven parts.
     moved_m
-        How far every body that the skill does not handle is from where it stood [m], shape
-        (frames,).
+        Displacement of every body that the skill does not handle [m], shape (frames,).
     final
-        Where every body came to rest.
+        Final pose of every body.
     expected
-        Where the prediction has it.
+        Predicted poses.
     sensed
-        What the robot's sensors say in the end, as JSON values: ``tool_attached``,
-        ``coupling_error_m``, ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``,
-        ``tip_error_m``, as far as the skill has to do with it, and ``stuck_on`` where the arm was
-        stopped.
+        Final sensor values as JSON values: ``tool_attached``, ``coupling_error_m``,
+        ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as
+        the skill involves them, and ``stuck_on`` if the arm was stopped.
     unreachable
-        Why the arm cannot follow the motion, in words; None where it can.
+        Reason why the arm cannot follow the motion, or None.
     upset
-        Why the execution says nothing: the simulation blew up or took too long, or no way was
-        found in time; None where it does.
+        Reason why the execution is inconclusive: the simulation blew up or took too long, or no
+        path was found in time; or None.
     unsettled
-        Why the world itself could not be, before the robot moved, such as a part without a
-        support; None where it stood.
+        Reason why the world was not at rest before the robot moved, such as a part without a
+        support; or None.
     travels
-        Travels that go round something, as JSON values.
+        Travels around obstacles, as JSON values.
     steps
         Simulation steps.
     begin_s
-        Simulated time of the first frame [s]: zero for a skill executed by itself, later for one
-        of a whole plan.
+        Simulated time of the first frame [s]: zero for a single skill, later within a plan.
     pauses
-        Dwells at rest, as the number of the frame after it and its length [s].
+        Dwells at rest, as the number of the next frame and the duration [s].
     beside
-        Pairs of ``pairs_n`` that first touched by their sides: across the way of what is handled.
+        Pairs of ``pairs_n`` whose first contact was sideways to the motion of the handled part.
     """
 
     skill: str
@@ -100,7 +96,7 @@ class Record:
         return self.begin_s + frame / FRAMES_PER_S + paused_s
 
     def phase(self, frame: int) -> str:
-        """Return what the robot was at in a frame; empty before it began."""
+        """Return the phase in a frame; empty before the first."""
         label = ""
         for begin, name in self.phases:
             if begin > frame:

@@ -1,4 +1,4 @@
-"""What is at the end of the arm, in the frame of the tip: hand, fingers, and tools as bodies."""
+"""Shapes at the end of the arm, in the frame of the tip: hand, fingers, and tools as bodies."""
 
 from __future__ import annotations
 
@@ -14,45 +14,42 @@ from skillplan.robots.arm_description import Hand, Hull, LinkShape
 from skillplan.task.scene import Body, Box, Robot, Tool, ToolKind
 
 _TOOL_KG = 0.3
-# How far the wrist and what of the forearm is near it reach from the axis of the hand, and up
-# from its flange [m].
+# Reach of wrist and forearm from the axis of the hand, and height above its flange [m].
 _WRIST_REACH_M = 0.20
 _WRIST_HEIGHT_M = 0.60
-# How far the body of a hand reaches beyond its frame [m].
+# Extent of the body of a hand beyond its frame [m].
 _HAND_ABOVE_M = 0.03
 
 
 def hand_of(robot: Robot, tool: Tool | None = None) -> Hand:
-    """Return the hand that a robot has with a tool.
+    """Return the hand of a robot with a tool.
 
     Parameters
     ----------
-    robot
-        Whose hand it is.
     tool
-        A gripper is a hand with jaws of its own. With any other tool, or none, the hand is that
-        of the first gripper, or what is on the flange where there is no gripper.
+        A gripper has its own jaws. With any other tool or none, the hand is that of the first
+        gripper, or the one on the flange if there is no gripper.
     """
     if tool is not None and tool.kind is ToolKind.GRIPPER:
         return robot.hand_of(tool)
-    grippers = (one for one in robot.tools if one.kind is ToolKind.GRIPPER)
+    grippers = (item for item in robot.tools if item.kind is ToolKind.GRIPPER)
     return robot.hand_of(next(grippers, None))
 
 
 def hands_of(robot: Robot) -> tuple[Hand, ...]:
-    """Return all hands that a robot can have; first the one without a tool, or with any other."""
+    """Return all hands that a robot can have, first the one without a gripper."""
     grippers = [tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER]
     return tuple(dict.fromkeys([hand_of(robot), *map(robot.hand_of, grippers)]))
 
 
 def tool_body(tool: Tool, hand: Hand) -> Body | None:
-    """Return a tool as a body whose origin is its tip; None for the hand itself."""
+    """Return a tool as a body with its origin at the tip; None for the hand itself."""
     shapes = tool_shapes(tool, hand)
     return Body(tool.name, shapes, (), _TOOL_KG) if shapes else None
 
 
 def tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
-    """Return boxes about a tool, from its tip; of the gripper those of the open hand."""
+    """Return boxes about a tool, from its tip; for a gripper, about the open hand."""
     if tool is None:
         return ()
     shapes = tool_shapes(tool, hand)
@@ -63,7 +60,7 @@ def tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
 
 def hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
     """Return boxes about jaws and hand, from the tip, x along the closing axis."""
-    found = []
+    boxes = []
     for below, above in pairwise(hand.jaw_m):
         low_m, high_m = below[0], above[0]
         half_m = max(below[1], above[1])
@@ -73,16 +70,16 @@ def hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
         for side in (-1, 1):
             centre_x = side * (opening_m / 2 + (near_m + far_m) / 2)
             size = (far_m - near_m, 2 * half_m, high_m - low_m)
-            found.append(Box(size, (centre_x, 0.0, (low_m + high_m) / 2)))
+            boxes.append(Box(size, (centre_x, 0.0, (low_m + high_m) / 2)))
     low_m = hand.tip_m - hand.underside_m
     high_m = hand.tip_m + _HAND_ABOVE_M
     size = (2 * hand.half_length_m, 2 * hand.half_width_m, high_m - low_m)
-    found.append(Box(size, (0.0, 0.0, (low_m + high_m) / 2)))
-    return found
+    boxes.append(Box(size, (0.0, 0.0, (low_m + high_m) / 2)))
+    return boxes
 
 
 def wrist_box(hand: Hand) -> Box:
-    """Return a box about the last links of the arm above the hand, wherever they lead."""
+    """Return a box about the last links of the arm above the hand, in any posture."""
     low_m, high_m = hand.tip_m, hand.tip_m + _WRIST_HEIGHT_M
     size = (2 * _WRIST_REACH_M, 2 * _WRIST_REACH_M, high_m - low_m)
     return Box(size, (0.0, 0.0, (low_m + high_m) / 2))
@@ -90,11 +87,11 @@ def wrist_box(hand: Hand) -> Box:
 
 Vector = NDArray[np.float64]
 
-# By so much the simulator makes hulls larger [m].
+# Margin by which pybullet enlarges hulls [m].
 MARGIN_M = 0.001
-# Hulls of a jaw begin so far behind its face, which is a box [m].
+# Distance of a jaw's hulls behind its face, which is a box [m].
 _BEHIND_FACE_M = 0.002
-# Pieces that are thinner than this are left out [m].
+# Minimum thickness of a piece [m].
 _THINNEST_M = 1e-4
 
 
@@ -105,7 +102,7 @@ class Block:
     Parameters
     ----------
     low_m, high_m
-        Its corners [m], shape (3,).
+        Lower and upper corner [m], shape (3,).
     """
 
     low_m: tuple[float, float, float]
@@ -116,7 +113,7 @@ Piece = LinkShape | Block
 
 
 def body_pieces(hand: Hand) -> tuple[Piece, ...]:
-    """Return the body of a hand, from the tip, z out of the hand."""
+    """Return the body of a hand in the frame of the tip, z out of the hand."""
     return tuple(
         _shrunk(np.array([(across, along, depth - hand.tip_m) for along, across, depth in piece]))
         for piece in hand.body
@@ -124,12 +121,10 @@ def body_pieces(hand: Hand) -> tuple[Piece, ...]:
 
 
 def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
-    """Return a jaw, its end and face at the origin, z out of the hand.
+    """Return a jaw with its end and face at the origin, z out of the hand.
 
     Parameters
     ----------
-    hand
-        Whose it is.
     side
         1 for the jaw on the side of the hand's y, -1 for the other.
     """
@@ -137,9 +132,9 @@ def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
     half_m = min(row[1] for row in hand.jaw_m)
     near_m = max(row[2] for row in hand.jaw_m)
     far_m = min(row[3] for row in hand.jaw_m)
-    found: list[Piece] = []
+    pieces: list[Piece] = []
     if far_m - near_m > _THINNEST_M:
-        found.append(_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
+        pieces.append(_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
     for below, above in pairwise(hand.jaw_m):
         if above[0] - below[0] <= 2 * MARGIN_M:
             continue
@@ -149,8 +144,8 @@ def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
             for x_m in (-width_m, width_m)
             for y_m in (from_m, to_m)
         ]
-        found.append(_shrunk(np.array(corners)))
-    return tuple(found)
+        pieces.append(_shrunk(np.array(corners)))
+    return tuple(pieces)
 
 
 def _block(low: Sequence[float], high: Sequence[float], side: int) -> Block:

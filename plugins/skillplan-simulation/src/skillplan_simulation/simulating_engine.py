@@ -1,4 +1,4 @@
-"""What engines that execute skills with a simulated arm have in common."""
+"""Base classes of engines that execute skills with a simulated arm."""
 
 from __future__ import annotations
 
@@ -38,57 +38,57 @@ from skillplan_simulation.verdicts import (
     postcondition_verdict,
 )
 
-# Engine and detectors are queried about the same skill and state, one after the other.
+# Engine and detectors are queried in turn about the same skill and state.
 _KEPT_RECORDS = 8
 
 
 class SimulatingEngine(Engine):
     """Execute the skill with a simulated arm and sense its postcondition.
 
-    The verdict rests on the facts that put bodies near the motion. It is about sensed
-    postconditions: where parts come to rest, what is in the hand, which tool is attached, the
-    force a screw is driven with. Collisions are for the detectors that read the same execution.
+    The verdict rests on the facts that put bodies near the motion. Postconditions are where parts
+    come to rest, which part is in the hand, which tool is attached, and the force that drives a
+    screw. Detectors read collisions from the same execution.
     """
 
     expensive = True
-    # Detectors that rule on its contacts, the one that is taken where none is chosen first.
+    # Detectors of its contacts, the default first.
     contact_detectors: ClassVar[tuple[str, ...]] = ("contact-pairs",)
-    # Whether a mesh that is not convex is exact while it stands, and not made of convex pieces.
+    # True if fixed meshes that are not convex are exact instead of convex pieces.
     stands_exact: ClassVar[bool] = False
 
     class Options(ExecutionSettings):
-        """Options of motion and of what counts as done."""
+        """Options of motion, and tolerances of postconditions."""
 
         position_tolerance_m: float = Field(
             default=0.0005,
             gt=0,
             le=0.05,
-            description="how far from its goal a part may come to rest [m]",
+            description="maximum distance of a part at rest from its goal [m]",
         )
         tilt_tolerance_rad: float = Field(
             default=math.radians(1.5),
             gt=0,
             le=1.0,
-            description="how far a part may be turned from its goal [rad]",
+            description="maximum rotation of a part at rest from its goal [rad]",
         )
         held_tolerance_m: float = Field(
             default=0.003,
             gt=0,
             le=0.05,
-            description="how far a part may slip in the hand [m]",
+            description="maximum slip of a part in the hand [m]",
         )
         min_fastening_force_n: float = Field(
             default=3.0,
             gt=0,
             le=60.0,
-            description="least force with which a screw counts as driven [N]",
+            description="minimum force with which a screw counts as driven [N]",
         )
 
         max_insertion_force_n: float = Field(
             default=20.0,
             gt=0,
             le=200.0,
-            description="greatest force with which a part is pushed into place [N]",
+            description="maximum force that pushes a part into place [N]",
         )
 
     options: Options
@@ -100,9 +100,9 @@ class SimulatingEngine(Engine):
         self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Have the contacts of whole plans, and of pictures, ruled on by the detectors beside it.
+        """Let the detectors in use decide about contacts of whole plans and of pictures.
 
-        Without one, by the default limits of ``contact-pairs``.
+        Without a detector, the default limits of ``contact-pairs`` apply.
         """
         self._judges = judges_among(others, self._parts())
 
@@ -111,18 +111,18 @@ class SimulatingEngine(Engine):
 
     @property
     def workcell(self) -> Workcell:
-        """Where skills are executed; set up when it is first needed."""
+        """The workcell, created when first needed."""
         if self._workcell is None:
             self._workcell = self.make_workcell()
         return self._workcell
 
     @abstractmethod
     def make_workcell(self) -> Workcell:
-        """Return a workcell of the engine's own."""
+        """Return the engine's own workcell."""
 
     @property
     def tolerances(self) -> Tolerances:
-        """How exactly predictions have to come true."""
+        """Tolerances of predictions."""
         options = self.options
         return Tolerances(
             options.position_tolerance_m,
@@ -148,17 +148,17 @@ class SimulatingEngine(Engine):
         return {**blocked_fits(self.task, as_pieces=not self.stands_exact), **jaw_faults(self.task)}
 
     def warnings(self) -> Mapping[str, str]:
-        """Return fits that convex pieces make tight; see :meth:`BackEnd.warnings`."""
+        """Return fits that convex pieces narrow; see :meth:`BackEnd.warnings`."""
         if self.refuses() is not None:
             return {}
         return tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
-        """Return what the arm's description leaves out; see :meth:`BackEnd.not_checked`."""
+        """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
         return () if self.refuses() is not None else self.task.scene.robots[0].model.not_checked
 
     def record(self, skill: Skill, state: State) -> Record:
-        """Return the execution of a skill, shared by all back ends that are queried about it."""
+        """Return the execution of a skill, shared by all back ends with the same query."""
         key = (skill.name, state.bits)
         known = self._records.get(key)
         if known is None:
@@ -176,18 +176,18 @@ class SimulatingEngine(Engine):
 
 @cache
 def versions(*distributions: str) -> Mapping[str, str]:
-    """Return the installed versions of distributions, read once a process: each has a README in it.
+    """Return the installed versions of distributions, read once per process.
 
     Parameters
     ----------
     *distributions
-        Their names.
+        Names of the distributions.
     """
     return {name: version(name) for name in distributions}
 
 
 class PerformingEngine(SimulatingEngine, Performer):
-    """Shows what an engine executes; see :class:`skillplan.physics.performance.Performer`."""
+    """An engine that can show executions; see :class:`skillplan.physics.performance.Performer`."""
 
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""

@@ -1,4 +1,4 @@
-"""What a physics engine has to offer for skills to be executed in it."""
+"""The interface of a physics engine for the execution of skills."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Vector = NDArray[np.float64]
 STEPS_PER_S = 240
 STEP_S = 1 / STEPS_PER_S
 GRAVITY_M_PER_S2 = 9.81
-# How fast jaws move [m/s].
+# Speed of jaws [m/s].
 JAW_SPEED_M_PER_S = 0.05
-# Light parts turn as if they had this moment of inertia: below it, parts between two jaws flicker
-# about the vertical at 240 steps a second until they fall out.
+# Minimum moment of inertia of a part: below it, parts between two jaws oscillate at 240 steps a
+# second until they fall out.
 LEAST_INERTIA_KG_M2 = 2e-5
 # Names with a space, which no part of a task can have.
 TABLE = "work table"
@@ -33,25 +33,25 @@ FINGERS = ("left finger", "right finger")
 
 
 class UpsetError(Exception):
-    """Raised, in words, where the simulation blew up and says nothing any more."""
+    """The simulation blew up, so it is inconclusive."""
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A point at which two bodies press on each other.
+    """A contact point of two bodies.
 
     Parameters
     ----------
     first, second
-        Their names; of the robot, those of its hand and fingers count.
+        Names of the bodies; of the robot, names of its hand and fingers.
     place
-        Where [m], shape (3,).
+        Position [m], shape (3,).
     normal
-        From the second to the first, shape (3,).
+        Normal from the second to the first, shape (3,).
     normal_n
         Normal force [N], > 0.
     force_n
-        What the first feels of the second, friction included [N], shape (3,).
+        Force of the second on the first, friction included [N], shape (3,).
     """
 
     first: str
@@ -62,7 +62,7 @@ class Touch:
     force_n: Vector
 
     def turned(self) -> Touch:
-        """Return it as the second feels it of the first."""
+        """Return the contact from the point of view of the second body."""
         normal, force_n = -self.normal, -self.force_n
         return Touch(self.second, self.first, self.place, normal, self.normal_n, force_n)
 
@@ -70,16 +70,16 @@ class Touch:
 class World(Protocol):
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
-    To be used as a context manager: what it takes up is given back at the end.
+    A context manager that frees its resources at the end.
 
     Attributes
     ----------
     friction
         Coefficient of lateral friction of bodies and table [-].
     steps
-        How often it was advanced.
+        Number of simulation steps.
     numbers
-        The simulator's numbers of what is there, by name.
+        The simulator's numbers of bodies, by name.
     """
 
     friction: float
@@ -87,7 +87,7 @@ class World(Protocol):
     numbers: dict[str, int]
 
     def __enter__(self) -> Self:
-        """Return it."""
+        """Return the world."""
 
     def __exit__(
         self,
@@ -95,7 +95,7 @@ class World(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give back what it takes up."""
+        """Free all resources."""
 
     def step(self) -> None:
         """Advance by 1/240 s."""
@@ -104,103 +104,103 @@ class World(Protocol):
         """Put a body at a pose; return its number."""
 
     def stand(self, moving: Iterable[str]) -> None:
-        """Have all bodies stand but some, which are to be moved."""
+        """Fix all bodies except those to be moved."""
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
 
     def pose(self, name: str) -> Pose:
-        """Return where a body is: the pose of the centre of its bottom."""
+        """Return the pose of the centre of a body's bottom."""
 
     def is_sane(self) -> bool:
-        """Whether every body is at a finite place and none races off."""
+        """Return whether every body has a finite position and a plausible speed."""
 
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""
 
     def weigh(self, name: str, mass_kg: float) -> None:
-        """Change the mass of a body for a while; its shape stays."""
+        """Change the mass of a body temporarily; its shape stays."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of the scene, in the order in which they were put."""
+        """Names of the bodies of the scene, in order of insertion."""
 
     @property
     def fixed(self) -> frozenset[str]:
-        """Bodies that nothing can move for the time being."""
+        """Bodies that are fixed now."""
 
     def others(self, name: str) -> list[str]:
         """Return the names of the table and all bodies but one."""
 
-    def part(self, one: str, others: Iterable[str]) -> None:
+    def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
 
-    def join(self, one: str, others: Iterable[str]) -> None:
+    def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let these links of a body touch nothing; that of a body without joints is -1."""
+        """Disable collisions of these links of a body only; -1 is a body without joints."""
 
     def hold(self, name: str) -> int:
-        """Fix a body where it is; return the constraint, to be given to `release`."""
+        """Fix a body in place; return the constraint for `release`."""
 
     def fasten(self, name: str, other: str) -> None:
-        """Fix a body to another as it is; the two pass through each other from now on."""
+        """Fix a body to another in its current pose; from now on they pass through each other."""
 
     def release(self, constraint: int) -> None:
-        """Undo a constraint."""
+        """Remove a constraint."""
 
     def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
-        """Return which of the others touches a body, or is nearest to it by 0.5 mm; else None."""
+        """Return the body that touches or is nearest to another within 0.5 mm, or None."""
 
-    def is_near(self, one: str, other: str, distance_m: float) -> bool:
-        """Whether two bodies are no farther apart than a distance [m]."""
+    def is_near(self, name: str, other: str, distance_m: float) -> bool:
+        """Return whether two bodies are within a distance [m]."""
 
     def touches(self) -> list[Touch]:
-        """Return where bodies press on each other, after the last step."""
+        """Return the contacts of the last step."""
 
     def pulled_n(self, name: str, constraint: int) -> Vector:
-        """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""
+        """Return the force of a constraint on its body, fixed to the robot [N], shape (3,)."""
 
 
 class Grip(Protocol):
-    """Static friction that holds a body still between jaws, for as long as it can.
+    """Static friction that holds a body still between jaws.
 
     Attributes
     ----------
     name
-        Of the body.
+        Name of the body.
     constraint
-        What holds it meanwhile; None once it slips, or where contacts alone hold it.
+        Constraint that holds the body; None once it slips, or if contacts alone hold it.
     """
 
     name: str
     constraint: int | None
 
     def hold(self, elapsed_s: float) -> None:
-        """Let the body slip if its load since the last time was beyond what friction holds."""
+        """Let the body slip if its load since the last call exceeds the friction limit."""
 
     def let_go(self) -> None:
-        """Leave the body to its contacts."""
+        """Release the body to its contacts."""
 
 
 class Arm(Protocol):
-    """The arm of a world: its joints, its jaws, and what it holds.
+    """The arm of a world: joints, jaws and payload.
 
     Attributes
     ----------
-    world, robot, hand, kinematics
-        Where it is, which it is, what jaws it has, and where its tip is.
+    robot, hand, kinematics
+        Robot of the task, current hand, and kinematics.
     link_names
-        What its links that handle parts are called, by the simulator's numbers.
+        Names of links that handle parts, by the simulator's numbers.
     payload_kg, bears
-        What the hand lifts beside itself [kg], and the bodies that this is the mass of.
+        Payload of the hand [kg], and the bodies it consists of.
     press_n
-        The force that it presses with [N], shape (3,).
-    wanted
-        Where the tip is to be.
+        Force that the tip presses with [N], shape (3,).
+    setpoint
+        Target of the tip.
     shows_hand
-        Whether hand and fingers are there: not while the arm has another tool, or none.
+        True if hand and fingers are present: not with another tool, or without a tool.
     """
 
     robot: Robot
@@ -210,20 +210,20 @@ class Arm(Protocol):
     payload_kg: float
     bears: tuple[str, ...]
     press_n: Vector
-    wanted: Setpoint | None
+    setpoint: Setpoint | None
     shows_hand: bool
 
     def fit(self, hand: Hand) -> None:
-        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        """Mount the jaws of another hand, wide open; no body may be fixed to the arm."""
 
     def stand(self, joints: Vector, opening_m: float) -> None:
-        """Put the arm at rest in a posture [rad], its jaws so far open."""
+        """Put the arm at rest in a posture [rad], with the jaws open by `opening_m`."""
 
     def tip(self) -> TipPose:
-        """Return where the tip is."""
+        """Return the pose of the tip."""
 
     def tip_error_m(self) -> float:
-        """Return how far the tip is from where it is to be [m]."""
+        """Return the distance between the tip and its target [m]."""
 
     def joints_rad(self) -> tuple[float, ...]:
         """Return the joint angles [rad]."""
@@ -238,23 +238,23 @@ class Arm(Protocol):
         """Begin to close the jaws until they grip with a force."""
 
     def actuate(self) -> None:
-        """Set motors for the step to come."""
+        """Set the motors for the next step."""
 
     def show_hand(self, visible: bool) -> None:
-        """Take the hand and its fingers out of collision and sight, or put them back."""
+        """Enable or disable collisions of the hand and its fingers."""
 
     def grip(self, name: str) -> int:
-        """Fix a body to the hand as it is; return the constraint."""
+        """Fix a body to the hand in its current pose; return the constraint."""
 
     def clasp(self, name: str) -> Grip:
-        """Have friction hold a body that is between the jaws still."""
+        """Let friction hold a body between the jaws still."""
 
 
 class Simulator(Protocol):
-    """Makes worlds, with the task's arm and without."""
+    """Creates worlds with and without the task's arm."""
 
     def world(self) -> World:
-        """Return a world with a table and nothing else."""
+        """Return a world with only a table."""
 
     def cell(self, hand: Hand) -> tuple[World, Arm]:
         """Return a world with a table and the task's arm, and the arm.
@@ -262,5 +262,5 @@ class Simulator(Protocol):
         Parameters
         ----------
         hand
-            What jaws it has.
+            Current hand of the arm.
         """

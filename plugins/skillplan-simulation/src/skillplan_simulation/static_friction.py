@@ -1,12 +1,11 @@
-"""Static friction between jaws and what they hold: nothing moves while friction can hold it.
+"""Static friction between jaws and a held part: the part does not move within the friction limit.
 
-Simulators work friction out as a velocity that is brought near to zero. What is left of it in every
-step, or what a turning arm strays from its velocity within one, adds up: a held part creeps by some
-tenths of a millimetre in a second, which no real part does. So a held part is fixed to the hand for
-as long as Coulomb's limit holds: its load, which is what the jaws have to do to it, stays within
-an ellipsoid in the space of forces and moments (Howe and Cutkosky, 1996). Its half axes are what
-the jaws' normal forces, the friction coefficients and the patches of contact allow. Beyond it the
-part is let slip, as the contacts say.
+Simulators implement friction as a velocity that is driven towards zero. The residue of every step,
+and the deviation of a turning arm within a step, add up: a held part creeps by some tenths of a
+millimetre per second, which real parts do not. So a held part is fixed to the hand as long as
+Coulomb's limit holds: its load, the force and moment of the jaws on it, stays within an ellipsoid
+(Howe and Cutkosky, 1996). The half axes follow from the jaws' normal forces, friction coefficients
+and contact patches. Beyond the limit the contacts alone hold the part.
 """
 
 from __future__ import annotations
@@ -25,26 +24,26 @@ from skillplan_simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
 
 Vector = NDArray[np.float64]
 
-# What a part at rest is accelerated by, so as not to fall [m/s2].
+# Acceleration that balances gravity for a part at rest [m/s2].
 _UPWARDS = np.array([0.0, 0.0, GRAVITY_M_PER_S2])
 
 
 @dataclass(frozen=True, slots=True)
 class Pads:
-    """What two jaws press with, and where.
+    """Contact patches of two jaws.
 
     Parameters
     ----------
     normal_n
         Sum of the normal forces of the weaker jaw, and of both [N].
     centre
-        Between the patches of contact [m], shape (3,).
+        Centre between the patches [m], shape (3,).
     closing
         Unit vector along which the jaws close, shape (3,).
     apart_m
-        Distance of the two patches.
+        Distance of the two patches [m].
     reach_m
-        Mean distance of points of contact from the middle of their patch.
+        Mean distance of contact points from the centre of their patch [m].
     """
 
     normal_n: tuple[float, float]
@@ -57,18 +56,18 @@ class Pads:
 def utilisation(
     pads: Pads, force_n: Vector, moment_nm: Vector, *, friction: float, spinning_m: float
 ) -> float:
-    """Return which share of what friction can hold a load takes; above 1 it slips.
+    """Return the load as a share of the friction limit; above 1 the part slips.
 
     Parameters
     ----------
     pads
-        Of the jaws.
+        Contact patches of the jaws.
     force_n, moment_nm
-        What the jaws do to the part, the moment about the centre of the pads, shape (3,) each.
+        Force and moment of the jaws on the part, about the centre of the pads, shape (3,) each.
     friction
         Coefficient of lateral friction [-].
     spinning_m
-        Torsional friction of a single point of contact, by its normal force [m].
+        Torsional friction of a contact point per unit of normal force [m].
     """
     weaker_n, both_n = pads.normal_n
     if weaker_n <= 0.0:
@@ -80,7 +79,7 @@ def utilisation(
     soft_m = spinning_m + friction * pads.reach_m
     return math.hypot(
         along / (friction * both_n),
-        # A jaw is pushed open by more.
+        # A larger force pushes a jaw open.
         across / (both_n / 2),
         twist / (soft_m * both_n),
         tilt / ((soft_m + pads.reach_m + friction * pads.apart_m / 2) * both_n),
@@ -88,7 +87,7 @@ def utilisation(
 
 
 class HeldWorld(Protocol):
-    """What of a world bears on a part in the jaws.
+    """The part of a world's interface that the grip needs.
 
     Attributes
     ----------
@@ -99,46 +98,46 @@ class HeldWorld(Protocol):
     friction: float
 
     def velocity(self, name: str) -> tuple[Vector, Vector]:
-        """Return how fast a body's centre of mass moves [m/s] and the body turns [rad/s]."""
+        """Return the velocity of a body's centre of mass [m/s] and its angular velocity [rad/s]."""
 
     def centre(self, name: str) -> Vector:
-        """Return where the centre of mass of a body is [m], shape (3,)."""
+        """Return the centre of mass of a body [m], shape (3,)."""
 
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""
 
     def inertia_kg_m2(self, name: str) -> Vector:
-        """Return the inertia of a body about its centre of mass in the world, shape (3, 3)."""
+        """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
 
     def points_on(self, name: str) -> Sequence[Touch]:
-        """Return where a body is touched, as what is felt by it, also where nothing presses."""
+        """Return the contacts of a body, as it feels them, with zero forces included."""
 
     def release(self, constraint: int) -> None:
-        """Undo a constraint."""
+        """Remove a constraint."""
 
 
 class HoldingArm(Protocol):
-    """What of an arm bears on a part in its jaws."""
+    """The part of an arm's interface that the grip needs."""
 
     def tip(self) -> TipPose:
-        """Return where the tip is."""
+        """Return the pose of the tip."""
 
     def grip(self, name: str) -> int:
-        """Fix a body to the hand as it is; return the constraint."""
+        """Fix a body to the hand in its current pose; return the constraint."""
 
     def grip_friction(self, friction: float) -> tuple[float, float]:
-        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
+        """Return the lateral [-] and torsional friction [m] between a jaw and a body."""
 
 
 class StaticFriction:
-    """Holds a part still in the jaws while friction can.
+    """Holds a part still between the jaws within the friction limit.
 
     Parameters
     ----------
     world, arm
-        Where, and whose jaws.
+        World, and arm with the jaws.
     name
-        Of the part.
+        Name of the part.
     """
 
     def __init__(self, world: HeldWorld, arm: HoldingArm, name: str) -> None:
@@ -146,16 +145,16 @@ class StaticFriction:
         self._reach_m = 0.0
         self._velocity: tuple[Vector, Vector] | None = None
         pads = self._pads(world.points_on(name))
-        # What jaws do not hold between them is held by nothing.
+        # A part that is not between both jaws is not held.
         self.constraint = None if pads is None else arm.grip(name)
 
     def hold(self, elapsed_s: float) -> None:
-        """Let the part slip if its load since the last time was beyond what friction holds.
+        """Let the part slip if its load since the last call exceeds the friction limit.
 
         Parameters
         ----------
         elapsed_s
-            Since then.
+            Time since the last call [s].
         """
         if self.constraint is None:
             return
@@ -178,7 +177,7 @@ class StaticFriction:
             self.let_go()
 
     def let_go(self) -> None:
-        """Leave the part to its contacts."""
+        """Release the part to its contacts."""
         if self.constraint is not None:
             self.world.release(self.constraint)
             self.constraint = None
@@ -186,9 +185,9 @@ class StaticFriction:
     def _load(
         self, linear: Vector, angular: Vector, points: Sequence[Touch]
     ) -> tuple[Vector, Vector]:
-        """Return the force and the moment about its centre of mass that jaws do to the part.
+        """Return the force of the jaws on the part, and the moment about its centre of mass.
 
-        They are what its acceleration takes beside its weight and what else touches it.
+        They follow from its acceleration, weight and other contacts.
         """
         force = self.world.mass_kg(self.name) * (linear + _UPWARDS)
         moment = times(self.world.inertia_kg_m2(self.name), angular)
@@ -200,7 +199,7 @@ class StaticFriction:
         return force, moment
 
     def _pads(self, points: Sequence[Touch]) -> Pads | None:
-        """Return the pads; None where the part is not between two jaws."""
+        """Return the pads, or None if the part is not between two jaws."""
         forces: list[float] = []
         middles: list[Vector] = []
         for jaw in FINGERS:
@@ -212,7 +211,7 @@ class StaticFriction:
                 for axis in zip(*(point.place.tolist() for point in touching), strict=True)
             ]
             away = sum(math.dist(point.place, middle) for point in touching) / len(touching)
-            # Points that are found anew are few at first.
+            # Refreshed contacts have few points at first.
             self._reach_m = max(self._reach_m, away)
             forces.append(sum(point.normal_n for point in touching))
             middles.append(np.array(middle))

@@ -1,4 +1,4 @@
-"""The contact threshold: from what force or displacement on a contact is a collision."""
+"""Verdicts on the record of an execution: postconditions, and unexpected contacts."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_simulation.record import Pair, Record
 from skillplan_simulation.simulator import TABLE
 
-# A mean force above this is a collision [N], and it is averaged over this many frames [-]; as in
-# Moller et al., section 4.3, those up to each.
+# Mean force of a collision [N], and number of frames that it is averaged over [-] (Moller et al.,
+# section 4.3).
 FORCE_N = 0.05
 FRAMES = 6
-# A body that is not handled and moves by more than this was pushed [m].
+# Displacement of a pushed body [m].
 DISPLACEMENT_M = 0.001
-# So much room on each side of a hole the shipped products have, which is enough [mm].
+# Sufficient clearance on each side of a hole, that of the shipped products [mm].
 CLEARANCE_MM = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """A pair that should not touch: when its mean force first exceeds a threshold.
+    """A pair that should not touch and exceeds a threshold of the mean force.
 
     Parameters
     ----------
     frame
-        Number of the frame.
+        First frame above the threshold.
     pair
         Names of the two.
     most_n
-        The greatest mean force [N].
+        Maximum of the mean force [N].
     """
 
     frame: int
@@ -64,7 +64,7 @@ def presses(record: Record, force_n: float = FORCE_N, frames: int = FRAMES) -> l
 
 
 def pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, int]:
-    """Return the bodies that moved too far, and the frame at which they first had."""
+    """Return the bodies that moved too far, with the first frame in which they had."""
     return {
         name: int(np.argmax(moved > displacement_m))
         for name, moved in record.moved_m.items()
@@ -73,19 +73,19 @@ def pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, 
 
 
 def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
-    """Return, at every frame, the mean over it and those before it.
+    """Return the mean over each frame and the preceding ones.
 
     Parameters
     ----------
     values
-        Shape (n, ...).
+        Values by frame, shape (n, ...).
     frames
-        How many are averaged, >= 1; before the first nothing touched.
+        Number of averaged frames, >= 1; values before the first are zero.
 
     Returns
     -------
     numpy.ndarray
-        Of the same shape.
+        Means of the same shape.
     """
     padding = np.zeros((frames - 1, *values.shape[1:]))
     padded = np.concatenate([padding, values])
@@ -96,29 +96,29 @@ def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]
 
 
 def rounded(value: float) -> float:
-    """Return a reading as it goes into evidence: to a millionth, and never minus zero."""
+    """Return a reading for evidence: rounded to a millionth, never minus zero."""
     return round(float(value), 6) + 0.0
 
 
-# Bodies that nobody handled may creep by this much [m].
+# Allowed creep of bodies that are not handled [m].
 _CREEP_M = 0.001
 _LEAST_SHOWN_M = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """How exactly a prediction has to come true.
+    """Tolerances of predictions.
 
     Parameters
     ----------
     position_m, tilt_rad
-        Of parts that were set down.
+        Tolerances of parts that were set down.
     held_m
-        Of parts in the hand.
+        Tolerance of parts in the hand.
     fastening_n
-        Least force with which a screw is driven.
+        Minimum force that drives a screw.
     insertion_n
-        Greatest force with which a part is pushed in.
+        Maximum force that pushes a part in.
     """
 
     position_m: float
@@ -147,14 +147,14 @@ def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) 
 
 
 def offset_m(final: Pose, expected: Pose) -> float:
-    """Return how far a pose is from another [m]."""
+    """Return the distance between two poses [m]."""
     return math.dist(final.position, expected.position)
 
 
 def tilt_rad(final: Pose, expected: Pose) -> float:
     """Return the angle of the rotation between two poses [rad], in [0, pi]."""
     aligned = abs(sum(a * b for a, b in zip(final.orientation, expected.orientation, strict=True)))
-    # The arc cosine is blind near one.
+    # The arc cosine is inaccurate near one.
     axis = length(_relative_axis(final, expected))
     return 2 * math.atan2(axis, aligned)
 
@@ -162,8 +162,8 @@ def tilt_rad(final: Pose, expected: Pose) -> float:
 def _relative_axis(final: Pose, expected: Pose) -> Any:
     x, y, z, w = final.orientation
     a, b, c, d = expected.orientation
-    one, other = np.array([x, y, z]), np.array([a, b, c])
-    return d * one - w * other - np.cross(other, one)
+    axis, other = np.array([x, y, z]), np.array([a, b, c])
+    return d * axis - w * other - np.cross(other, axis)
 
 
 def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
@@ -205,7 +205,7 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
 
 
 def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
-    """Return how far something is from where it was to be, in words."""
+    """Return the offset of a part from its target, in words."""
     x_m, y_m, z_m = (a - b for a, b in zip(final.position, expected.position, strict=True))
     aside_m = math.hypot(x_m, y_m)
     parts = []
@@ -219,7 +219,7 @@ def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
 
 
 def _evidence(record: Record, visit: Visit) -> dict[str, Any]:
-    """Return what was measured, rounded to what it is good for."""
+    """Return rounded measurements."""
     evidence: dict[str, Any] = {"body": visit.subject}
     if visit.subject in record.final and visit.subject in record.expected:
         final, expected = record.final[visit.subject], record.expected[visit.subject]
@@ -245,7 +245,7 @@ def _rounded(sensed: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class PairLimits:
-    """From when on an unexpected contact is a collision.
+    """Limits above which an unexpected contact is a collision.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ class PairLimits:
     displacement_m
         Displacement of a body that is not handled [m].
     frames
-        Over how many frames of 1/60 s the force is averaged [-].
+        Number of frames of 1/60 s that the force is averaged over [-].
     """
 
     force_n: float = FORCE_N
@@ -263,54 +263,56 @@ class PairLimits:
 
 
 def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> Verdict:
-    """Return the verdict; the pair or displacement that came first is the reason.
+    """Return the verdict on contacts; its reason is the first pair or displacement.
 
     Parameters
     ----------
     record
-        Of an execution that ran to its end.
-    limits
-        What its figures are compared with.
+        Record of an execution that ran to its end.
     parts
-        Names of the task's bodies; what is none of them has an article in a sentence.
+        Names of the task's bodies; other names get an article.
     """
     pressing = presses(record, limits.force_n, limits.frames)
     pushed = pushes(record, limits.displacement_m)
     evidence = _readings(record, limits)
     if not pressing and not pushed:
         return Verdict.feasible(record.present, record.absent, evidence)
-    press = min(pressing, key=lambda one: (one.frame, -one.most_n, one.pair), default=None)
+    press = min(
+        pressing,
+        key=lambda candidate: (candidate.frame, -candidate.most_n, candidate.pair),
+        default=None,
+    )
     moved = min(pushed, key=lambda name: (pushed[name], name), default=None)
     if press is not None and (moved is None or press.frame <= pushed[moved]):
         frame, bodies = press.frame, _mover_first(press.pair, record, parts)
         mover, other = (name if name in parts else f"the {name}" for name in bodies)
-        said = f"{mover} pressed on {other} with {_shown(press.most_n)} N"
+        event = f"{mover} pressed on {other} with {_shown(press.most_n)} N"
         limit = f"{limits.force_n:g} N"
         if press.pair in record.beside:
             limit += f"; leave {CLEARANCE_MM:g} mm between them"
-        found: dict[str, Any] = {"bodies": list(bodies), "force_n": rounded(press.most_n)}
+        details: dict[str, Any] = {"bodies": list(bodies), "force_n": rounded(press.most_n)}
     else:
         assert moved is not None
         frame, furthest_m = pushed[moved], float(record.moved_m[moved].max())
-        said = f"{moved} was pushed {1000 * furthest_m:.1f} mm aside"
+        event = f"{moved} was pushed {1000 * furthest_m:.1f} mm aside"
         limit = f"{1000 * limits.displacement_m:g} mm"
-        found = {"bodies": [moved]}
+        details = {"bodies": [moved]}
     phase, at_s = record.phase(frame), record.time_s(frame)
-    found |= {"during": phase, "at_s": rounded(at_s)}
-    found["moved_mm"] = {
+    details |= {"during": phase, "at_s": rounded(at_s)}
+    details["moved_mm"] = {
         name: rounded(1000 * record.moved_m[name].max()) for name in sorted(pushed)
     }
     when = f"on {phase} at {at_s:.2f} s" if phase else f"at {at_s:.2f} s"
-    reason = f"{said} {when}; the limit is {limit}"
-    return Verdict.infeasible(reason, record.present, record.absent, {**found, **evidence})
+    reason = f"{event} {when}; the limit is {limit}"
+    return Verdict.infeasible(reason, record.present, record.absent, {**details, **evidence})
 
 
 def _readings(record: Record, limits: PairLimits) -> dict[str, Any]:
-    """Return the greatest figures seen beside the limits that they are compared with."""
+    """Return the largest readings with their limits."""
     means = mean_forces(record, limits.frames)
     most_n = max((mean.max() for mean in means.values()), default=0.0)
-    peak_n = max((one.max() for one in record.pairs_n.values() if len(one)), default=0.0)
-    most_m = max((one.max() for one in record.moved_m.values() if len(one)), default=0.0)
+    peak_n = max((forces.max() for forces in record.pairs_n.values() if len(forces)), default=0.0)
+    most_m = max((moved.max() for moved in record.moved_m.values() if len(moved)), default=0.0)
     return {
         "peak_n": rounded(peak_n),
         "readings": {"force_n": rounded(most_n), "moved_mm": rounded(1000 * most_m)},
@@ -322,7 +324,7 @@ def _readings(record: Record, limits: PairLimits) -> dict[str, Any]:
 
 
 def _mover_first(pair: Pair, record: Record, parts: Collection[str]) -> Pair:
-    """Return a pair with what moved first: the robot, else what it handles."""
+    """Return a pair with the moving body first: the robot, else the part it handles."""
 
     def rank(name: str) -> int:
         if name in record.moved_m:
@@ -345,29 +347,29 @@ Judge = Callable[[Record], Verdict]
 
 @runtime_checkable
 class ContactJudge(Protocol):
-    """A detector that rules on contacts by the record of an execution."""
+    """A detector that decides about contacts from the record of an execution."""
 
     def contact_verdict(self, record: Record) -> Verdict:
         """Return the verdict on the contacts of an execution that ran to its end."""
 
 
 def judges_among(back_ends: Sequence[object], parts: Collection[str]) -> tuple[Judge, ...]:
-    """Return the judges among some back ends; where there is none, the limits of `PairLimits`.
+    """Return the judges among some back ends, or else one with the default `PairLimits`.
 
     Parameters
     ----------
     back_ends
-        Those that are queried beside an engine.
+        Back ends in use with an engine.
     parts
         Names of the task's bodies.
     """
-    found = [
+    judges = [
         back_end.contact_verdict for back_end in back_ends if isinstance(back_end, ContactJudge)
     ]
-    return tuple(found) or (partial(pair_verdict, limits=PairLimits(), parts=frozenset(parts)),)
+    return tuple(judges) or (partial(pair_verdict, limits=PairLimits(), parts=frozenset(parts)),)
 
 
 def collision_in(record: Record, judges: Sequence[Judge]) -> Verdict | None:
-    """Return the verdict of the first judge that finds a collision in an execution, or None."""
+    """Return the first judge's verdict of a collision in an execution, or None."""
     verdicts = (judge(record) for judge in judges)
     return next((verdict for verdict in verdicts if verdict.is_infeasible), None)

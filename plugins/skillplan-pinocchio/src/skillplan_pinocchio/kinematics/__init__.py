@@ -1,1 +1,1 @@
-"""Where any serial arm is, which joint angles bring it somewhere, and paths of its joints."""
+"""Kinematics of any serial arm: forward, and inverse by closed form or numerically."""

@@ -1,8 +1,8 @@
-"""Linear algebra whose sums have one order, whatever processor they are worked out on.
+"""Linear algebra whose sums have a fixed order on any processor.
 
-numpy hands `@` and `numpy.linalg` to a BLAS, which adds up as suits the processor: the last digits
-of a posture would depend on it, and so would those of all that follows from it. What is here is
-compiled once for all: sums of products by `numpy.einsum`, without a BLAS, and systems by Eigen.
+numpy passes `@` and `numpy.linalg` to a BLAS whose order of summation depends on the processor, and
+with it the last digits of every posture. These functions use `numpy.einsum` without a BLAS, and
+Eigen for linear systems.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ def times(left: Array, right: Array) -> Array:
     return np.asarray(np.einsum("...ij,...jk->...ik", left, right))
 
 
-def dot(one: Array, other: Array) -> float:
+def dot(left: Array, right: Array) -> float:
     """Return the inner product of two vectors, shape (n,) each."""
-    return float(np.einsum("i,i", one, other))
+    return float(np.einsum("i,i", left, right))
 
 
-def cross(one: Array, other: Array) -> Array:
+def cross(left: Array, right: Array) -> Array:
     """Return the cross product of two vectors, shape (3,) each."""
-    (a, b, c), (p, q, r) = one.tolist(), other.tolist()
+    (a, b, c), (p, q, r) = left.tolist(), right.tolist()
     return np.array([b * r - c * q, c * p - a * r, a * q - b * p])
 
 
@@ -48,12 +48,12 @@ def length(vector: Array) -> float:
 
 
 def solved(matrix: Array, right: Array) -> Array:
-    """Return what a matrix has to be multiplied by to become the right side.
+    """Return the solution x of ``matrix x = right``.
 
     Parameters
     ----------
     matrix
-        Shape (n, n); where it has no inverse, what is returned is not finite.
+        Shape (n, n). If it is singular, the solution is not finite.
     right
         Shape (n,) or (n, columns).
     """

@@ -1,7 +1,7 @@
-"""A path of the joints: a cubic spline through nodes, and how steep and how bent it is.
+"""A joint path: a cubic spline through nodes, with bounds on its slope.
 
-The links are checked along this curve, and it is timed as it stands: timing changes when the arm is
-somewhere on it, never where.
+Links are checked along this curve, and timing follows it exactly: it changes when the arm is at a
+point, never where.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class JointPath:
     Parameters
     ----------
     nodes
-        Joint angles [rad], shape (nodes, joints), two nodes at least.
+        Joint angles [rad], shape (nodes, joints), at least two nodes.
 
     Raises
     ------
@@ -37,12 +37,12 @@ class JointPath:
             raise ValueError(f"Path needs at least two nodes, not {len(self.nodes)}.")
         intervals = len(self.nodes) - 1
         self._step = 1 / intervals
-        # Second derivatives at the nodes; none at the ends (a natural spline).
+        # Second derivatives at the nodes; zero at the ends (natural spline).
         self._bends = times(_solver(intervals), self.nodes)
 
     @property
     def joints(self) -> int:
-        """How many joints it is of."""
+        """Number of joints."""
         return int(self.nodes.shape[1])
 
     def at(self, place: float) -> Array:
@@ -60,10 +60,10 @@ class JointPath:
 
     @cached_property
     def cubics(self) -> Array:
-        """Coefficients of the angles between every two nodes, shape (4, intervals, joints).
+        """Coefficients of the angles between neighbouring nodes, shape (4, intervals, joints).
 
-        Of the powers 0 to 3 of how much of the interval lies behind, in [0, 1]. For who asks
-        thousands of times; the angles may differ from those of `at` by rounding.
+        For powers 0 to 3 of the share of the interval, in [0, 1]. For callers with thousands of
+        points; the angles may differ from `at` by rounding.
         """
         before, after = self._step**2 / 6 * self._bends[:-1], self._step**2 / 6 * self._bends[1:]
         rise = np.diff(self.nodes, axis=0)
@@ -104,7 +104,7 @@ class JointPath:
     def rates(self, place: float) -> tuple[Array, Array]:
         """Return the first and second derivative at one parameter in [0, 1], (joints,) each.
 
-        To the bit those of `derivatives`, in a third of the time.
+        Equal bit for bit to `derivatives`, in a third of the time.
         """
         step = self._step
         intervals = len(self.nodes) - 1
@@ -117,9 +117,9 @@ class JointPath:
         return slope, v * m0 + u * m1
 
     def at_each(self, places: Sequence[float]) -> tuple[Array, Array, Array]:
-        """Return angles, first and second derivative at many parameters, shape (places, joints).
+        """Return angles, first and second derivatives at parameters, shape (places, joints).
 
-        To the bit those of `at` and `rates`, in a fraction of the time.
+        Equal bit for bit to `at` and `rates`, in a fraction of the time.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class JointPath:
         step, intervals = self._step, len(self.nodes) - 1
         numbers = [min(max(int(place * intervals), 0), intervals - 1) for place in places]
         shares = [place / step - number for place, number in zip(places, numbers, strict=True)]
-        # Powers as `at` takes them: those of an array may differ in the last digit.
+        # Scalar powers, as in `at`: numpy's may differ in the last digit.
         weights = np.array([(*_weights(u), *_weights(1 - u)) for u in shares])
         u, rise, bent, v, rise_before, bent_before = weights.T[:, :, np.newaxis]
         before = np.array(numbers)
@@ -141,12 +141,12 @@ class JointPath:
 
     @cached_property
     def steepest(self) -> Array:
-        """Greatest size of the first derivative of every joint, shape (joints,)."""
+        """Maximum of the absolute first derivative of every joint, shape (joints,)."""
         return np.asarray(self.steepest_by_interval.max(axis=0))
 
     @cached_property
     def steepest_by_interval(self) -> Array:
-        """The same between every two neighbouring nodes, shape (intervals, joints)."""
+        """Same maximum between neighbouring nodes, shape (intervals, joints)."""
         step, bends = self._step, self._bends
         rise = np.diff(self.nodes, axis=0) / step
         before, after = bends[:-1], bends[1:]
@@ -154,7 +154,7 @@ class JointPath:
             np.abs(rise - step / 6 * (2 * before + after)),
             np.abs(rise + step / 6 * (before + 2 * after)),
         )
-        # Within an interval it turns where the second derivative changes its sign.
+        # The slope has an extremum where the second derivative changes its sign.
         turns = before * after < 0
         share = np.divide(before, before - after, out=np.zeros_like(before), where=turns)
         inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
@@ -162,7 +162,7 @@ class JointPath:
 
 
 def _weights(share: float) -> tuple[float, float, float]:
-    """Return a share, and what a second derivative there does to the slope and to the angle."""
+    """Return a share, and its weights for a second derivative in slope and angle."""
     return share, 3 * share**2 - 1, share**3 - share
 
 
@@ -170,15 +170,14 @@ def _weights(share: float) -> tuple[float, float, float]:
 def _solver(intervals: int) -> Array:
     """Return the matrix from nodes to second derivatives, shape (nodes, nodes)."""
     count = intervals + 1
-    found = np.zeros((count, count))
-    # Row by row: m[i-1] + 4 m[i] + m[i+1] = 6 (q[i-1] - 2 q[i] + q[i+1]) / step^2, solved from the
-    # top down and back again.
+    matrix = np.zeros((count, count))
+    # Rows m[i-1] + 4 m[i] + m[i+1] = 6 (q[i-1] - 2 q[i] + q[i+1]) / step^2, solved down and back.
     ratios = np.zeros(count)
     for row in range(1, intervals):
-        found[row, row - 1 : row + 2] = np.array((1, -2, 1)) * 6 * intervals**2
+        matrix[row, row - 1 : row + 2] = np.array((1, -2, 1)) * 6 * intervals**2
         pivot = 4 - ratios[row - 1]
         ratios[row] = 1 / pivot
-        found[row] = (found[row] - found[row - 1]) / pivot
+        matrix[row] = (matrix[row] - matrix[row - 1]) / pivot
     for row in range(intervals - 1, 0, -1):
-        found[row] -= ratios[row] * found[row + 1]
-    return found
+        matrix[row] -= ratios[row] * matrix[row + 1]
+    return matrix

@@ -12,34 +12,34 @@ from numpy.typing import NDArray
 from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
-# A solution is this near, in position [m] and rotation [rad].
+# Accuracy of a solution in position [m] and rotation [rad].
 ACCURACY: Final = 1e-8
 
-# Postures among which starts are chosen, and how many of them are tried.
+# Number of postures from which starts are chosen, and number of starts tried.
 _SAMPLES = 1024
 _STARTS = 64
 _MOST_ITERATIONS = 40
-# A start is given up where this many iterations did not make the error this much smaller.
+# A start is given up if this many iterations do not reduce the error by this factor.
 _PATIENCE = 4
 _GAIN = 0.7
 _MOST_STEP_RAD = 0.6
 _DAMPING = 0.1
-# Postures that differ by less are one [rad].
+# Postures that differ by less are the same [rad].
 _SAME_RAD = 0.2
-# What a radian counts against a metre, when starts are compared [m].
+# Weight of a radian relative to a metre when starts are compared [m].
 _RADIAN_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Unreached:
-    """That no posture was found for a pose, and how near the nearest one found was.
+    """No posture was found for a pose; distance to the nearest one found.
 
     Parameters
     ----------
     distance_m
-        From the pose [m].
+        Distance from the pose [m].
     angle_rad
-        From its rotation [rad].
+        Angle from its rotation [rad].
     """
 
     distance_m: float
@@ -47,7 +47,7 @@ class Unreached:
 
     @property
     def reason(self) -> str:
-        """One clause."""
+        """The reason as one clause."""
         return (
             "no posture within the joints' limits was found; the nearest one is "
             f"{1e3 * self.distance_m:.3g} mm and {self.angle_rad:.3g} rad away"
@@ -57,26 +57,26 @@ class Unreached:
 class NumericInverse:
     """Joint angles for poses of an arm.
 
-    The same question has the same answer, whatever was asked before.
+    Results do not depend on earlier calls.
 
     Parameters
     ----------
     arm
-        With any number of joints; fewer than six reach few poses.
+        Arm with any number of joints; fewer than six reach few poses.
 
     Examples
     --------
     >>> from skillplan.robots.panda import PANDA
     >>> arm = SerialArm(PANDA)
-    >>> found = NumericInverse(arm).solve(arm.tip(arm.home_rad))
-    >>> bool(np.abs(arm.error(found, arm.tip(arm.home_rad))[0]).max() < 1e-6)
+    >>> joints_rad = NumericInverse(arm).solve(arm.tip(arm.home_rad))
+    >>> bool(np.abs(arm.error(joints_rad, arm.tip(arm.home_rad))[0]).max() < 1e-6)
     True
     """
 
     def __init__(self, arm: SerialArm) -> None:
         self.arm = arm
         low, high = arm.low_rad, arm.high_rad
-        # Angles beyond one turn lead nowhere else.
+        # Angles beyond one turn give no other poses.
         half = np.minimum((high - low) / 2, math.pi)
         middle = (low + high) / 2
         self._starts = middle + half * (2 * _even_points(_SAMPLES, len(low)) - 1)
@@ -88,16 +88,15 @@ class NumericInverse:
         Parameters
         ----------
         target
-            Where the tip is to be in the world, as `pinocchio.SE3`.
+            Target pose of the tip in the world, as `pinocchio.SE3`.
         near
-            A posture to start from first [rad], shape (joints,); moved into the limits.
+            Posture tried first as a start [rad], shape (joints,); clipped to the limits.
 
         Returns
         -------
-        Vector
-            Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-8 m
-            and 1e-8 rad of the pose; or that none were found, which is no proof that there are
-            none.
+        Vector or Unreached
+            Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-8 m and
+            1e-8 rad of the pose; or the nearest miss, which does not prove that there are none.
 
         Raises
         ------
@@ -122,51 +121,53 @@ class NumericInverse:
         return Unreached(*nearest)
 
     def several(self, target: Any, most: int, tries: int = _STARTS) -> list[Vector]:
-        """Return joint angles for a pose that differ from each other, in the order of the starts.
+        """Return distinct joint angles for a pose, in the order of the starts.
 
         Parameters
         ----------
         target
-            Where the tip is to be in the world, as `pinocchio.SE3`.
+            Target pose of the tip in the world, as `pinocchio.SE3`.
         most
-            How many are enough, >= 1.
+            Number of postures after which the search stops, >= 1.
         tries
-            How many starts are tried at most, >= 1.
+            Maximum number of starts, >= 1.
 
         Returns
         -------
         list of Vector
-            As from `solve`; empty where none were found.
+            Postures as from `solve`; empty if none were found.
         """
-        found: list[Vector] = []
+        postures: list[Vector] = []
         for index in self._nearest_first(_feature(target))[:tries]:
             joints, _ = self._descend(self._starts[index], target)
-            if joints is None or any(np.abs(joints - one).max() < _SAME_RAD for one in found):
+            if joints is None or any(
+                np.abs(joints - posture).max() < _SAME_RAD for posture in postures
+            ):
                 continue
-            found.append(joints)
-            if len(found) == most:
+            postures.append(joints)
+            if len(postures) == most:
                 break
-        return found
+        return postures
 
-    def _nearest_first(self, wanted: Vector) -> NDArray[np.intp]:
-        """Return the numbers of the starts, those first whose tips are nearest to a pose."""
-        away = self._features - wanted
+    def _nearest_first(self, feature: Vector) -> NDArray[np.intp]:
+        """Return the numbers of the starts, sorted by distance of their tips from a pose."""
+        away = self._features - feature
         return np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
 
     def solve_from(self, start: Vector, target: Any) -> Vector | None:
-        """Return the joint angles that one start leads to, or None where it leads to none.
+        """Return the joint angles that one start leads to, or None.
 
         Parameters
         ----------
         start
-            A posture [rad], shape (joints,); moved into the limits.
+            Posture [rad], shape (joints,); clipped to the limits.
         target
-            Where the tip is to be in the world, as `pinocchio.SE3`.
+            Target pose of the tip in the world, as `pinocchio.SE3`.
         """
         return self._descend(np.clip(start, self.arm.low_rad, self.arm.high_rad), target)[0]
 
     def _descend(self, start: Vector, target: Any) -> tuple[Vector | None, Vector]:
-        """Return the joint angles that a start leads to, if any, and the error that is left."""
+        """Return the joint angles that a start leads to, if any, and the remaining error."""
         low, high = self.arm.low_rad, self.arm.high_rad
         joints = start
         best, waited = math.inf, 0
@@ -185,7 +186,7 @@ class NumericInverse:
             moved = joints + step
             stuck = (moved < low) | (moved > high)
             if stuck.any():
-                # A joint that would leave its limits stays at them, and the others do the work.
+                # A joint that would leave its limits stays at them; the others compensate.
                 held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
                 free = jacobian * ~stuck
                 step = held + self._step(free, twist - times(jacobian, held), square)
@@ -194,7 +195,7 @@ class NumericInverse:
         return None, twist
 
     def _step(self, jacobian: Vector, twist: Vector, square: float) -> Vector:
-        """Return the change of the joints [rad]; the nearer, the less damped (Sugihara 2011)."""
+        """Return the joint step [rad], with less damping near the solution (Sugihara 2011)."""
         inner = times(jacobian, jacobian.T)
         inner.flat[::7] += _DAMPING * square + 1e-12
         step = times(jacobian.T, solved(inner, twist))
@@ -213,7 +214,7 @@ def _size(twist: Vector) -> tuple[float, float]:
 
 def _even_points(count: int, dimensions: int) -> Vector:
     """Return points that fill the unit cube evenly, shape (count, dimensions) (Roberts 2018)."""
-    # The root of x^(d + 1) = x + 1, by iterating what holds at it.
+    # Root of x^(d + 1) = x + 1, by fixed-point iteration.
     root = 2.0
     for _ in range(64):
         root = (1 + root) ** (1 / (dimensions + 1))

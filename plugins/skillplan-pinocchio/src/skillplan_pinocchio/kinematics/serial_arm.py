@@ -1,4 +1,4 @@
-"""A pinocchio model of any arm that is described, with its base and what is on its flange."""
+"""A pinocchio model of any described arm, with its base and the tool on its flange."""
 
 from __future__ import annotations
 
@@ -17,31 +17,27 @@ _NOWHERE = Transform()
 
 
 class SerialArm:
-    """An arm as it is mounted: where its tip is, and how the tip moves with the joints.
+    """A mounted arm: pose of its tip, and Jacobian.
 
-    It keeps no state between calls, but memory to work in: one for each thread.
+    Calls are independent but share work memory: use one object per thread.
 
     Parameters
     ----------
-    description
-        The robot.
     base
-        Where it stands in the world, as a `Transform` or `pinocchio.SE3`.
+        Pose of the base in the world, as a `Transform` or `pinocchio.SE3`.
     tool
-        Where the tip is, seen from the flange.
+        Pose of the tip in the frame of the flange.
 
     Attributes
     ----------
-    description
-        As given.
     base, flange_to_tip
-        As given, as `pinocchio.SE3`.
+        Poses as `pinocchio.SE3`.
     low_rad, high_rad
-        Limits of the joints [rad], shape (joints,).
+        Joint limits [rad], shape (joints,).
     home_rad
-        The description's posture [rad], shape (joints,).
+        Home posture [rad], shape (joints,).
     model
-        The `pinocchio.Model`, with masses; its frame `tip` is the tip.
+        `pinocchio.Model` with masses and the frame `tip`.
 
     Examples
     --------
@@ -67,30 +63,30 @@ class SerialArm:
         self._tip = self.model.getFrameId("tip")
 
     def tip(self, joints_rad: Vector) -> Any:
-        """Return where the tip is in the world, as `pinocchio.SE3`.
+        """Return the pose of the tip in the world, as `pinocchio.SE3`.
 
         Parameters
         ----------
         joints_rad
-            Shape (joints,).
+            Joint angles [rad], shape (joints,).
         """
         pin.framesForwardKinematics(self.model, self._data, joints_rad)
         return self._data.oMf[self._tip].copy()
 
     def error(self, joints_rad: Vector, target: Any) -> tuple[Vector, Vector]:
-        """Return how far the tip is from a pose, and the Jacobian, both in the tip's frame.
+        """Return the error of the tip's pose and the Jacobian, both in the tip's frame.
 
         Parameters
         ----------
         joints_rad
-            Shape (joints,).
+            Joint angles [rad], shape (joints,).
         target
-            Where the tip is to be in the world, as `pinocchio.SE3`.
+            Target pose of the tip in the world, as `pinocchio.SE3`.
 
         Returns
         -------
         twist
-            Displacement [m] and rotation vector [rad] that are left to go, shape (6,).
+            Remaining displacement [m] and rotation vector [rad], shape (6,).
         jacobian
             Shape (6, joints).
         """
@@ -101,7 +97,7 @@ class SerialArm:
 
 
 def placement(transform: Any) -> Any:
-    """Return a `Transform` as `pinocchio.SE3`; one of those as it is."""
+    """Return a `Transform` as `pinocchio.SE3`."""
     if isinstance(transform, pin.SE3):
         return transform
     roll, pitch, yaw = transform.rpy_rad
@@ -125,12 +121,10 @@ def build_model(
 
     Parameters
     ----------
-    description
-        The robot.
     base
-        Where it stands in the world, as a `Transform` or `pinocchio.SE3`.
+        Pose of the base in the world, as a `Transform` or `pinocchio.SE3`.
     tool
-        Where the frame `tip` is, seen from the frame `flange`.
+        Pose of the frame `tip` in the frame `flange`.
     """
     model = pin.Model()
     model.name = description.name

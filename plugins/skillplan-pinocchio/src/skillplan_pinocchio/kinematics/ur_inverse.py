@@ -1,11 +1,12 @@
-"""All joint angles for a pose of an arm built like those of Universal Robots, in closed form.
+"""All joint angles for a pose of an arm of Universal Robots' family, in closed form.
 
-Such an arm has a vertical first joint, three parallel ones after it, and two more, each at a right
-angle to the one before. The rotation of the flange gives, up to signs, the last two joints and the
-sum of the parallel ones; what is left of the latter is a triangle of upper arm and forearm
-(Hawkins 2013, "Analytic Inverse Kinematics for the Universal Robots UR-5/UR-10 Arms").
-Angles come from two sides of a triangle rather than from a cosine, so that none loses digits where
-the arm is nearly stretched or its last joint nearly parallel.
+Such an arm has a vertical first joint, then three parallel ones, then two more, each at a right
+angle to the previous one. The rotation of the flange gives, up to signs, the last two joints and
+the sum of the parallel ones; upper arm and forearm then form a triangle (Hawkins 2013, "Analytic
+Inverse Kinematics for the Universal Robots UR-5/UR-10 Arms").
+
+Angles come from two sides of a triangle instead of a cosine, which would lose digits if the arm is
+nearly stretched or its last joint nearly parallel.
 """
 
 from __future__ import annotations
@@ -20,24 +21,24 @@ import numpy as np
 from skillplan.robots.arm_description import ArmDescription, Transform
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
-# An angle this near to 0 or half a turn is it [rad]: its cosine does not tell.
+# Angles this near to 0 or half a turn are rounded to it [rad]; a cosine cannot resolve them.
 _SAME_RAD: Final = 1e-7
-# Up to this sine the fourth and the sixth joint have one axis.
+# Up to this sine the fourth and sixth axes coincide.
 _PARALLEL: Final = 1e-10
-# By so much a cosine may be beyond 1 where the arm is stretched exactly.
+# Tolerance of a cosine beyond 1, for an arm stretched exactly.
 _ROUNDING: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class UrLengths:
-    """The standard parameters of Denavit and Hartenberg that arms of the family differ in.
+    """Standard Denavit-Hartenberg parameters in which arms of the family differ.
 
     Parameters
     ----------
     d1_m
         Height of the second joint [m].
     a2_m, a3_m
-        Upper arm and forearm, negative in the maker's convention [m].
+        Lengths of upper arm and forearm, negative by the manufacturer's convention [m].
     d4_m, d5_m, d6_m
         Offsets of the wrist [m].
     """
@@ -51,7 +52,7 @@ class UrLengths:
 
     @classmethod
     def of(cls, description: ArmDescription) -> UrLengths | None:
-        """Return the lengths of an arm; none if it is not of the family."""
+        """Return the lengths of an arm, or None if it is not of the family."""
         if len(description.joints) != 6:
             return None
         ends = [joint.placement for joint in description.joints[1:]] + [description.tip]
@@ -65,12 +66,12 @@ class UrLengths:
         )
         upright = all(joint.axis == (0.0, 0.0, 1.0) for joint in description.joints)
         placed = (description.joints[0].placement, *ends)
-        # Without one of these, some joints turn freely wherever the flange is.
+        # If one of these is zero, some joints turn freely.
         whole = all((lengths.a2_m, lengths.a3_m, lengths.d4_m))
         return lengths if whole and upright and placed == lengths.placements() else None
 
     def placements(self) -> tuple[Transform, ...]:
-        """Return where the six joints and the tip are, each in the frame before."""
+        """Return the poses of the six joints and the tip, each in the previous frame."""
         right = math.pi / 2
         return (
             Transform(),
@@ -89,7 +90,7 @@ class UrInverse:
     Parameters
     ----------
     arm
-        Whose description has the family's structure, with any lengths.
+        Arm of the family, with any lengths.
 
     Raises
     ------
@@ -123,17 +124,15 @@ class UrInverse:
         Parameters
         ----------
         target
-            Where the tip is to be in the world, as `pinocchio.SE3`.
+            Target pose of the tip in the world, as `pinocchio.SE3`.
 
         Returns
         -------
         list of Vector
-            Up to eight postures [rad], each of shape (6,), within the limits: of a joint's full
-            turns the one nearest to 0. The elbow's side changes first, then the wrist's, the
-            shoulder's last; a posture beyond the limits is left out. Where the fourth and the
-            sixth axis are one, there are postures at many angles of the sixth joint: those at 0
-            are given or, if there are none, those with the wrist nearest to the shoulder, or
-            farthest.
+            Up to eight postures [rad], each of shape (6,), within the limits, each joint at its
+            full turn nearest to 0. The side of the elbow changes first, then the wrist's, then the
+            shoulder's. If the fourth and sixth axes coincide, postures exist at many angles of the
+            sixth joint: the list holds the ones at 0 or else the ones with the wrist nearest to the shoulder, or farthest.
 
         Raises
         ------
@@ -143,24 +142,24 @@ class UrInverse:
         flange = self._from_world * target * self._from_tip
         if not np.isfinite(flange.homogeneous).all():
             raise ValueError(f"Pose must be finite, not {target}.")
-        found = []
+        postures = []
         for angles in self._branches(flange.translation.tolist(), flange.rotation.tolist()):
             turned = [
                 _turned(angle, low, high)
                 for angle, (low, high) in zip(angles, self._limits, strict=True)
             ]
             if None not in turned:
-                found.append(np.array(turned, dtype=float))
-        return found
+                postures.append(np.array(turned, dtype=float))
+        return postures
 
     def _branches(
         self, position: list[float], rotation: list[list[float]]
     ) -> Iterator[tuple[float, ...]]:
-        """Yield the joint angles of every side of shoulder, wrist and elbow [rad]."""
+        """Yield the joint angles for all sides of shoulder, wrist and elbow [rad]."""
         lengths = self._lengths
         wx, wy, wz = (position[row] - lengths.d6_m * rotation[row][2] for row in range(3))
         for shoulder in _shoulders(wx, wy, lengths.d4_m):
-            # The frame after the first joint: along the plane of the arm, up, and across it.
+            # Frame after the first joint: along the plane of the arm, up, and across.
             cos, sin = math.cos(shoulder), math.sin(shoulder)
             turned = _Turned(
                 [cos * rotation[0][n] + sin * rotation[1][n] for n in range(3)],
@@ -177,21 +176,21 @@ class UrInverse:
                     break
 
     def _triangle(self, wrist: tuple[float, float], total: float) -> list[tuple[float, float]]:
-        """Return the second and the third joint for a wrist, and the sum of the parallel ones."""
+        """Return the second and third joint for a wrist and the sum of the parallel joints."""
         a2, a3, d5 = self._lengths.a2_m, self._lengths.a3_m, self._lengths.d5_m
         u, v = wrist[0] - d5 * math.sin(total), wrist[1] + d5 * math.cos(total)
         cosine = (u * u + v * v - a2 * a2 - a3 * a3) / (2 * a2 * a3)
         if abs(cosine) > 1 + _ROUNDING:
             return []
-        found = []
+        pairs = []
         for elbow in _both_signs(cosine):
             inner = math.atan2(a3 * math.sin(elbow), a2 + a3 * math.cos(elbow))
-            found.append((math.atan2(v, u) - inner, elbow))
-        return found
+            pairs.append((math.atan2(v, u) - inner, elbow))
+        return pairs
 
 
 class _Turned:
-    """The rotation of the flange in the frame after the first joint, by rows."""
+    """Rotation of the flange in the frame after the first joint, by rows."""
 
     def __init__(self, along: list[float], up: list[float], across: list[float]) -> None:
         self._along, self._up, self._across = along, up, across
@@ -199,7 +198,7 @@ class _Turned:
 
     @property
     def is_parallel(self) -> bool:
-        """Whether the fourth and the sixth axis are one."""
+        """Return whether the fourth and sixth axes coincide."""
         return self._sine <= _PARALLEL
 
     def sides(self) -> Iterator[tuple[float, float, float]]:
@@ -215,9 +214,9 @@ class _Turned:
             yield math.atan2(sin_sum, cos_sum), wrist_2, wrist_3
 
     def parallel(self, wrist: tuple[float, float]) -> Iterator[tuple[float, float, float]]:
-        """Yield the same where any sixth angle will do: at 0, then with the wrist near and far.
+        """Yield the same for coinciding axes: at 0, then with the wrist near and far.
 
-        Where the arm is stretched or folded to its end, the last two may be all that there is.
+        If the arm is stretched or folded completely, only the last two may exist.
         """
         turn = math.atan2(self._up[0], self._along[0])
         flipped = self._across[2] < 0
@@ -229,7 +228,7 @@ class _Turned:
 
 
 def _shoulders(wx: float, wy: float, d4_m: float) -> tuple[float, ...]:
-    """Return the angles of the first joint [rad] with the wrist at its offset from the plane."""
+    """Return the first joint's angles [rad] that put the wrist at its offset from the plane."""
     away = math.hypot(wx, wy)
     if away < abs(d4_m) * (1 - _ROUNDING) or away == 0.0:
         return ()
@@ -238,7 +237,7 @@ def _shoulders(wx: float, wy: float, d4_m: float) -> tuple[float, ...]:
 
 
 def _both_signs(cosine: float) -> tuple[float, ...]:
-    """Return the angles with a cosine [rad], one if they are the same but for rounding."""
+    """Return the angles with a cosine [rad]; one angle if both agree up to rounding."""
     angle = math.acos(max(-1.0, min(1.0, cosine)))
     if angle < _SAME_RAD:
         return (0.0,)
@@ -248,11 +247,11 @@ def _both_signs(cosine: float) -> tuple[float, ...]:
 
 
 def _turned(angle_rad: float, low_rad: float, high_rad: float) -> float | None:
-    """Return the turn of an angle that is nearest to 0 within limits, or none."""
+    """Return the full turn of an angle nearest to 0 within limits, or None."""
     turn = 2 * math.pi
-    least = math.remainder(angle_rad, turn)
-    if least < low_rad:
-        least += turn * math.ceil((low_rad - least) / turn)
-    elif least > high_rad:
-        least -= turn * math.ceil((least - high_rad) / turn)
-    return least if low_rad <= least <= high_rad else None
+    nearest = math.remainder(angle_rad, turn)
+    if nearest < low_rad:
+        nearest += turn * math.ceil((low_rad - nearest) / turn)
+    elif nearest > high_rad:
+        nearest -= turn * math.ceil((nearest - high_rad) / turn)
+    return nearest if low_rad <= nearest <= high_rad else None

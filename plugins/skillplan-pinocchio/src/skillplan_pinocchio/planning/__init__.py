@@ -1,4 +1,1 @@
-"""Travels of the arm: straight in joint space, or planned round what stands in the way.
-
-It looks at no task and gives no verdicts.
-"""
+"""Planned travels of the arm, and continuous collision checks."""

@@ -1,4 +1,4 @@
-"""An arm with what it holds: how far it moves when its joints turn, and which of it may collide."""
+"""Solids that move with an arm: bounds on their motion, and pairs that may collide."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skillplan_pinocchio.shapes import ConvexPiece
 
 Vector = NDArray[np.float64]
 
-# Boxes are not cut thinner than twice this [m], nor into more parts along an edge.
+# Minimum half thickness of a part of a box [m], and maximum number of parts along an edge.
 _LEAST_HALF_M: Final = 0.02
 _MOST_BALLS: Final = 5
 
@@ -30,22 +30,22 @@ class MovingSolid:
     Parameters
     ----------
     name
-        In words, as ``link 4 of the arm``.
+        Name in words, such as ``link 4 of the arm``.
     joint
-        Number of the joint that moves it, counted from 1; 0 for what stands still.
+        Number of its joint, counted from 1; 0 for a fixed solid.
     geometry
-        Of coal.
+        Geometry of coal.
     frame
-        Of the geometry in the frame of the joint, as `pinocchio.SE3`.
+        Pose of the geometry in the frame of the joint, as `pinocchio.SE3`.
     centre
-        Of a sphere about the solid, in the frame of the joint [m], shape (3,).
+        Centre of the bounding sphere in the frame of the joint [m], shape (3,).
     radius_m
-        Of that sphere, > 0.
+        Radius of that sphere, > 0.
     balls
-        Smaller spheres that it lies within: their centres, in the frame of the joint [m], shape
-        (balls, 3), and their common radius [m].
+        Centres of smaller covering spheres in the frame of the joint [m], shape (balls, 3), and
+        their common radius [m].
     of_arm
-        Whether it is a link of the arm; else it is at the arm's end.
+        True if it is a link; otherwise it is at the arm's end.
     """
 
     name: str
@@ -59,16 +59,16 @@ class MovingSolid:
 
 
 def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
-    """Return the base of an arm, which stands still, and its links."""
+    """Return the fixed base of an arm, and its links."""
     turned = pin.SE3(np.array(arm.mount.rotation), np.array(arm.mount.position))
     base = arm.description.shapes[0] if arm.description.shapes else ()
-    found = []
+    solids = []
     for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
         centre, half = piece.box
         placed = turned if piece.link == 0 else pin.SE3.Identity()
         centres, radius_m = balls_of_box(centre, half)
         name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
-        found.append(
+        solids.append(
             MovingSolid(
                 name,
                 piece.link,
@@ -80,22 +80,22 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
                 of_arm=True,
             )
         )
-    return tuple(found)
+    return tuple(solids)
 
 
 def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
-    """Return a piece that is in the hand.
+    """Return a piece in the hand as a solid.
 
     Parameters
     ----------
     name
-        In words.
+        Name in words.
     joint
         Number of the last joint, counted from 1.
     piece
-        Where it is in the world at some posture.
+        Piece in the world in some posture.
     back
-        Of the world in the frame of the joint at that posture, as `pinocchio.SE3`.
+        Pose of the world in the frame of the joint in that posture, as `pinocchio.SE3`.
     """
     corners = times(piece.corners, back.rotation.T) + back.translation
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -106,47 +106,46 @@ def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSo
 
 
 def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
-    """Return spheres that a box lies within, one for each near-cube of it.
+    """Return spheres that cover a box, one per near-cube of it.
 
     Parameters
     ----------
     centre, half
-        Of the box, and half its extents [m], each of shape (3,).
+        Centre of the box and half its extents [m], each of shape (3,).
 
     Returns
     -------
     tuple
-        Their centres [m], shape (balls, 3), and their common radius [m].
+        Centres [m], shape (balls, 3), and common radius [m].
     """
     x, y, z = half.tolist()
-    least = max(min(x, y, z), _LEAST_HALF_M)
-    counts = tuple(min(max(round(one / least), 1), _MOST_BALLS) for one in (x, y, z))
+    edge_half = max(min(x, y, z), _LEAST_HALF_M)
+    counts = tuple(min(max(round(extent / edge_half), 1), _MOST_BALLS) for extent in (x, y, z))
     radius_m = math.hypot(x / counts[0], y / counts[1], z / counts[2])
     return centre + _middles(counts) * half, radius_m
 
 
 @cache
 def _middles(counts: tuple[int, ...]) -> Vector:
-    """Return the middles of a box from -1 to 1 that is cut so often along each axis."""
+    """Return the centres of the parts of a box from -1 to 1."""
     steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts]
     return np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 class ArmFrames:
-    """The frames of an arm's joints, worked out for many postures at once.
+    """Joint frames of an arm, computed for many postures at once.
 
     Parameters
     ----------
     model
-        The arm's `pinocchio.Model`; all of its joints turn.
+        The arm's `pinocchio.Model`, revolute joints only.
 
     Attributes
     ----------
     axes
-        Of the joints, unit vectors in their own frames, shape (joints, 3).
+        Unit vectors of the joint axes in their own frames, shape (joints, 3).
     spans_m
-        How far the origin of each joint's frame is from the axis of the joint before, and from the
-        origin of the frame before [m].
+        Distances of each joint's origin from the previous joint's axis and from its origin [m].
     """
 
     def __init__(self, model: Any) -> None:
@@ -154,19 +153,19 @@ class ArmFrames:
         turned = []
         for angle_rad in (0.0, np.pi / 2, np.pi):
             pin.forwardKinematics(model, data, np.full(model.nv, angle_rad))
-            turned.append(np.array([one.rotation for one in data.liMi][1:]))
-        # A joint's rotation is still + sin q quarter + (1 - cos q) half, whatever its axis is.
+            turned.append(np.array([placement.rotation for placement in data.liMi][1:]))
+        # For any axis, a joint's rotation is still + sin q quarter + (1 - cos q) half.
         self._still, quarter, half = turned
         self._half = (half - self._still) / 2
         self._quarter = quarter - self._still - self._half
         cross = times(np.swapaxes(self._still, 1, 2), self._quarter)
         self.axes = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
-        self._offsets_m = np.array([one.translation for one in data.liMi][1:])
-        # Before the first joint there is none.
+        self._offsets_m = np.array([placement.translation for placement in data.liMi][1:])
+        # The first joint has no predecessor.
         beside = np.cross(self._offsets_m, np.concatenate([np.zeros((1, 3)), self.axes[:-1]]))
         self.spans_m: list[tuple[float, float]] = [
-            (float(one), float(other))
-            for one, other in zip(
+            (float(from_axis_m), float(from_origin_m))
+            for from_axis_m, from_origin_m in zip(
                 np.linalg.norm(beside, axis=1), np.linalg.norm(self._offsets_m, axis=1), strict=True
             )
         ]
@@ -177,12 +176,12 @@ class ArmFrames:
         Parameters
         ----------
         joints_rad
-            Shape (postures, joints).
+            Joint angles [rad], shape (postures, joints).
 
         Returns
         -------
         tuple
-            Of shapes (postures, 1 + joints, 3, 3) and (postures, 1 + joints, 3).
+            Shapes (postures, 1 + joints, 3, 3) and (postures, 1 + joints, 3).
         """
         sines = np.sin(joints_rad)[:, :, np.newaxis, np.newaxis]
         cosines = np.cos(joints_rad)[:, :, np.newaxis, np.newaxis]
@@ -200,45 +199,42 @@ class ArmFrames:
 
 Numbers = NDArray[np.intp]
 
-# What is nearer than this at home are shapes that are larger than links [m].
+# Solids nearer than this at home overlap because shapes are larger than links [m].
 _HOME_GAP_M: Final = 0.001
 
 
 class ArmBodies:
-    """Everything that moves with an arm.
+    """All solids that move with an arm.
 
     Parameters
     ----------
     model
         The arm's `pinocchio.Model`.
     solids
-        Those that stand still first.
+        Solids, fixed ones first.
     home_rad
-        A posture in which the arm does not collide with itself, shape (joints,).
+        Posture without self-collision, shape (joints,).
     alone
-        The arm without what it holds, if that is known already: `solids` begin with its own.
+        The arm without its load, if already built: `solids` starts with its solids.
 
     Attributes
     ----------
-    model, solids
-        As given.
     frames
-        Of the joints.
+        Joint frames.
     still
-        How many solids stand still.
+        Number of fixed solids.
     reach_m
-        How far from the axis of each joint any point of each solid can be, wherever the joints are
-        [m]; 0 for joints that do not move it. Shape (solids, joints). A path whose joints turn by
-        no more than some steps moves no point of a solid by more than the sum of its reaches times
-        these steps.
+        Maximum distance of each solid's points from each joint axis in any posture [m]; 0 for
+        joints that do not move it. Shape (solids, joints). A path whose joints turn by at most some
+        steps moves no point of a solid by more than the sum of its reaches times these steps.
     pairs
-        Solids that may run into each other, by number, the one nearer to the base first.
-        Neighbours are left out, as their joint keeps them apart, and so is what overlaps at home.
+        Numbers of solids that may collide, the one nearer to the base first. Neighbours and solids
+        that overlap at home are left out.
     pair_numbers
-        The same, shape (pairs, 2).
+        The pairs as an array, shape (pairs, 2).
     pair_reach_m
-        The same as `reach_m` for the motion of the second solid seen from the first, shape
-        (pairs, joints).
+        Like `reach_m`, for the motion of the second solid relative to the first, shape (pairs,
+        joints).
     """
 
     def __init__(
@@ -273,12 +269,12 @@ class ArmBodies:
         self.spheres = SolidSpheres(self.solids)
 
     def geometry(self, pairs: Sequence[tuple[int, int]] = ()) -> Any:
-        """Return a new `pinocchio.GeometryModel` of the solids, numbered as they are.
+        """Return a new `pinocchio.GeometryModel` of the solids, with the same numbers.
 
         Parameters
         ----------
         pairs
-            Of solids to be looked at.
+            Collision pairs of solids.
         """
         geometry = pin.GeometryModel()
         for number, solid in enumerate(self.solids):
@@ -291,20 +287,14 @@ class ArmBodies:
 
 
 class SolidSpheres:
-    """Spheres about solids: one about each, and the balls that each lies within.
-
-    Parameters
-    ----------
-    solids
-        The solids.
+    """Spheres about solids: one bounding sphere each, and covering balls.
 
     Attributes
     ----------
     joints, centres_m, radii_m
-        Of the spheres, shapes (solids,), (solids, 3) and (solids,); centres in the frames of the
-        joints.
+        Bounding spheres, shapes (solids,), (solids, 3) and (solids,); centres in joint frames.
     ball_joints, ball_centres_m, ball_radii_m
-        The same of all balls.
+        The same for all balls.
     """
 
     def __init__(self, solids: Sequence[MovingSolid]) -> None:
@@ -326,13 +316,13 @@ class SolidSpheres:
         Parameters
         ----------
         solids
-            Numbers of some, at least one.
+            Numbers of solids, at least one.
 
         Returns
         -------
         tuple
-            Numbers of balls, those of each solid in turn; of which of `solids` each is; and where
-            those of each begin.
+            Numbers of the balls, grouped by solid; index into `solids` for each ball; and the first
+            index of each group.
         """
         rows = [self._balls[solid] for solid in solids.tolist()]
         counts = [len(row) for row in rows]
@@ -340,17 +330,17 @@ class SolidSpheres:
         return np.concatenate(rows), owners, np.cumsum([0, *counts[:-1]])
 
     def ball_pairs(self, pairs: Sequence[tuple[int, int]]) -> tuple[Numbers, Numbers, Numbers]:
-        """Return every ball of one solid with every ball of another.
+        """Return all pairs of balls for pairs of solids.
 
         Parameters
         ----------
         pairs
-            Of solids, at least one.
+            Pairs of solids, at least one.
 
         Returns
         -------
         tuple
-            Numbers of the ones and of the others; and where those of each pair begin.
+            Numbers of the first and of the second balls, and the first index of each pair.
         """
         ones = [np.repeat(self._balls[a], len(self._balls[b])) for a, b in pairs]
         others = [np.tile(self._balls[b], len(self._balls[a])) for a, b in pairs]
@@ -365,28 +355,27 @@ def _apart(
     geometry = bodies.geometry(pairs)
     nearness = geometry.createData()
     pin.computeDistances(bodies.model, bodies.model.createData(), geometry, nearness, home_rad)
-    gaps_m = [distanceResult.min_distance for distanceResult in nearness.distanceResults]
+    gaps_m = [distance.min_distance for distance in nearness.distanceResults]
     return tuple(pair for pair, gap_m in zip(pairs, gaps_m, strict=True) if gap_m >= _HOME_GAP_M)
 
 
 def _reach_m(frames: ArmFrames, solid: MovingSolid) -> Vector:
-    """Return how far from the axis of each joint any point of a solid can be [m].
+    """Return the maximum distance of a solid's points from each joint axis [m].
 
-    From the axis to the next joint's origin, and from there on by the triangle inequality along
-    the chain of joints in between.
+    The bound adds the distances from axis to next origin along the chain (triangle inequality).
     """
     centres, radius_m = solid.balls
-    found = np.zeros(len(frames.axes))
+    reaches_m = np.zeros(len(frames.axes))
     if not solid.joint:
-        return found
-    # From the axis of its own joint, and from the origin of that joint's frame.
+        return reaches_m
+    # Distances from the axis of its own joint and from the origin of that joint's frame.
     squares = (centres**2).sum(axis=1)
     from_axis = squares - (centres @ frames.axes[solid.joint - 1]) ** 2
     from_axis_m = math.sqrt(max(float(from_axis.max()), 0.0)) + radius_m
     away_m = math.sqrt(float(squares.max())) + radius_m
     for joint in range(solid.joint, 0, -1):
-        found[joint - 1] = from_axis_m
+        reaches_m[joint - 1] = from_axis_m
         beside_m, offset_m = frames.spans_m[joint - 1]
         from_axis_m = away_m + beside_m
         away_m += offset_m
-    return found
+    return reaches_m

@@ -1,8 +1,9 @@
-"""What an arm runs into along a path of its joints, checked continuously.
+"""Continuous collision checks of an arm along a joint path, with obstacles and with itself.
 
-Conservative advancement, two solids at a time: from a posture at which their distance is computed,
-they touch nowhere as far as no point moves by more than that, on either side, whatever the joints
-do in between; see :class:`ArmBodies`. What is left is halved. Nothing is missed between postures.
+Conservative advancement for two solids at a time: from a posture with a known distance, they cannot
+touch until a point has moved by that distance, to either side, for any motion of the joints in
+between; see :class:`ArmBodies`. The remaining stretches are halved. No contact between postures is
+missed.
 """
 
 from __future__ import annotations
@@ -28,39 +29,39 @@ from skillplan_pinocchio.planning.arm_bodies import (
     balls_of_box,
     held_solid,
 )
-from skillplan_pinocchio.planning.outlook import NearPair, Outlook
+from skillplan_pinocchio.planning.near_pairs import NearPair, NearPairs
 from skillplan_pinocchio.shapes import ConvexPiece, Obstacle
 
 LEAST_CLEARANCE_M: Final = 2e-4
-"""What is nearer than this counts as touched [m]: so much is gone at least in a step."""
+"""Solids nearer than this count as touching [m]; it is also the minimum step."""
 ITSELF: Final = "the arm itself"
 
-# Distances that coal computes are right to less than this [m].
+# Error bound of distances from coal [m].
 _ROUNDING_M: Final = 1e-5
-# The first place where something is touched is told to what moves anything by so much [m].
+# Accuracy of the first contact, as motion of a point [m].
 _SHARPNESS_M: Final = 1e-3
 
 
 @dataclass(frozen=True)
 class Hit:
-    """What is touched, by what, and where on the path.
+    """A contact on a path.
 
     Parameters
     ----------
     body
-        Name of the body; `ITSELF` where one solid of the arm touches another.
+        Name of the touched body; `ITSELF` if the arm touches itself.
     fact
-        Holds while the body is there; None for what is there in every state.
+        Fact that holds while the body is there; None for a permanent body.
     mover
-        What touches it, in words.
+        Name of the moving solid, in words.
     of_arm
-        Whether that is a link of the arm; else it is at the arm's end.
+        True if that solid is a link; otherwise it is at the arm's end.
     place
         Parameter of the path, in [0, 1].
     position
-        Where they are nearest to each other [m].
+        Position of the contact [m].
     other
-        Which solid of the arm is touched, in words; empty for a body.
+        Name of the touched solid of the arm; empty for a body.
     """
 
     body: str
@@ -78,64 +79,56 @@ class ContinuousCheck:
     Parameters
     ----------
     bodies
-        What moves.
+        Moving solids.
     obstacles
-        What stands.
+        Fixed obstacles.
     """
 
     def __init__(self, bodies: ArmBodies, obstacles: Sequence[Obstacle]) -> None:
         self.bodies = bodies
         self.obstacles = tuple(obstacles)
-        found = [
+        numbered = [
             (number, piece)
             for number, obstacle in enumerate(obstacles)
             for piece in obstacle.pieces
         ]
-        self.pieces = tuple(piece for _, piece in found)
-        self.owners = tuple(number for number, _ in found)
+        self.pieces = tuple(piece for _, piece in numbered)
+        self.owners = tuple(number for number, _ in numbered)
         low = np.array([piece.low for piece in self.pieces]).reshape(-1, 3)
         high = np.array([piece.high for piece in self.pieces]).reshape(-1, 3)
         self.boxes = (low, high)
 
     def hits(self, path: JointPath) -> tuple[Hit, ...]:
-        """Return everything that is touched on a path, in its order; each where it is first."""
+        """Return all contacts on a path in order, the first one of each obstacle."""
         return _Run(self, path).hits()
 
     def hits_and_ends(
         self, path: JointPath
     ) -> tuple[tuple[Hit, ...], tuple[Hit, ...], tuple[Hit, ...]]:
-        """Return what is touched where a path begins, all along it, and where it ends."""
+        """Return the contacts at the start of a path, all along it, and at its end."""
         run = _Run(self, path)
         return run.touched(0.0), run.hits(), run.touched(1.0)
 
     def touched(self, joints_rad: Vector) -> tuple[Hit, ...]:
-        """Return everything that is touched at some joint angles [rad], shape (joints,)."""
+        """Return all contacts at some joint angles [rad], shape (joints,)."""
         return self.hits(JointPath([joints_rad, joints_rad]))
 
     def is_clear(self, path: JointPath) -> bool:
-        """Whether nothing is touched on a path."""
+        """Return whether a path is free of contacts."""
         return _Run(self, path).is_clear()
 
 
 class _Run:
-    """One way along a path.
-
-    Parameters
-    ----------
-    check
-        What moves, and what stands.
-    path
-        Of the joints.
-    """
+    """Check of one path."""
 
     def __init__(self, check: ContinuousCheck, path: JointPath) -> None:
         self._check, self._path = check, path
-        least_m = LEAST_CLEARANCE_M + _ROUNDING_M
-        outlook = Outlook(check.bodies, path, check.boxes, least_m)
-        self._places = outlook.places
+        touching_m = LEAST_CLEARANCE_M + _ROUNDING_M
+        near_pairs = NearPairs(check.bodies, path, check.boxes, touching_m)
+        self._places = near_pairs.places
         self._intervals = len(path.nodes) - 1
-        self._cubics = [tuple(swapax) for swapax in np.swapaxes(path.cubics, 0, 1)]
-        self._standing, self._own = outlook.standing, outlook.own
+        self._cubics = [tuple(cubic) for cubic in np.swapaxes(path.cubics, 0, 1)]
+        self._standing, self._own = near_pairs.standing, near_pairs.own
         bodies = check.bodies
         self._model, self._data = bodies.model, bodies.model.createData()
         self._geometry = bodies.geometry([(pair.other, pair.solid) for pair in self._own])
@@ -150,14 +143,14 @@ class _Run:
         self._nearness = self._geometry.createData()
 
     def hits(self) -> tuple[Hit, ...]:
-        """Return what is touched, in the order of the path."""
+        """Return the contacts in the order of the path."""
         return self._hits(self._first_touch)
 
     def touched(self, end: float) -> tuple[Hit, ...]:
-        """Return what is touched at one end of the path, 0 or 1."""
+        """Return the contacts at one end of the path, 0 or 1."""
 
         def touch(index: int, pair: NearPair, until: float) -> float | None:
-            # Where spheres are apart there is nothing to be touched.
+            # Solids with disjoint spheres cannot touch.
             first, last = pair.stretches_m[0][0], pair.stretches_m[-1][1]
             near = first <= 0 if end == 0 else last >= pair.lengths_m[-1]
             return end if near and self._distance_m(index, end) < LEAST_CLEARANCE_M else None
@@ -173,27 +166,27 @@ class _Run:
             place = first_touch(index, pair, until)
             if place is not None:
                 firsts[owner] = (place, index)
-        found = [
+        hits = [
             self._hit(check.obstacles[owner], *first) for owner, first in sorted(firsts.items())
         ]
         for index, pair in enumerate(self._own):
             place = first_touch(index, pair, 1.0)
             if place is not None:
-                found.append(self._own_hit(pair, place))
-        return tuple(sorted(found, key=lambda hit: hit.place))
+                hits.append(self._own_hit(pair, place))
+        return tuple(sorted(hits, key=lambda hit: hit.place))
 
     def is_clear(self) -> bool:
-        """Whether nothing is touched."""
+        """Return whether the path is free of contacts."""
         pairs = list(enumerate([*self._own, *self._standing]))
-        # What comes nearest is likeliest to be touched.
+        # The nearest pairs are the likeliest to touch.
         pairs.sort(key=lambda numbered: numbered[1].gap_m)
         return all(self._first_touch(index, pair, 1.0) is None for index, pair in pairs)
 
     def _first_touch(self, index: int, pair: NearPair, until: float) -> float | None:
-        """Return the first place where two solids touch, of those up to a place."""
+        """Return the first place up to a limit where two solids touch."""
         end_m = self._length_m(pair, until)
         left = [(begin, min(end, end_m)) for begin, end in reversed(pair.stretches_m)]
-        found = None
+        first = None
         while left:
             begin, end = left.pop()
             if begin > end:
@@ -202,14 +195,14 @@ class _Run:
             place = self._place(pair, middle)
             distance_m = self._distance_m(index, place)
             if distance_m < LEAST_CLEARANCE_M:
-                found = place
+                first = place
                 left = [(begin, middle)] if middle - begin > _SHARPNESS_M else []
             else:
                 left += [(middle + distance_m, end), (begin, middle - distance_m)]
-        return found
+        return first
 
     def _place(self, pair: NearPair, length_m: float) -> float:
-        """Return where a point of a solid may have moved by a length."""
+        """Return the first place up to which a point may have moved by a length."""
         lengths, places = pair.lengths_m, self._places
         number = min(bisect_right(lengths, length_m), len(lengths) - 1)
         before_m, after_m = lengths[number - 1], lengths[number]
@@ -223,7 +216,7 @@ class _Run:
         return lengths[number - 1] + share * (lengths[number] - lengths[number - 1])
 
     def _distance_m(self, index: int, place: float) -> float:
-        """Return the distance of a pair, by number, somewhere on the path."""
+        """Return the distance of a pair, by number, at a place of the path."""
         return float(self._nearest(index, place).min_distance) - _ROUNDING_M
 
     def _nearest(self, index: int, place: float) -> Any:
@@ -251,18 +244,18 @@ class _Run:
         return Hit(obstacle.body, obstacle.fact, solid.name, solid.of_arm, where, (x, y, z))
 
     def _own_hit(self, pair: NearPair, place: float) -> Hit:
-        one, other = (self._check.bodies.solids[number] for number in (pair.solid, pair.other))
+        solid, other = (self._check.bodies.solids[number] for number in (pair.solid, pair.other))
         rotations, origins = self._check.bodies.frames.at(self._path.at(place)[np.newaxis])
-        centre = times(rotations[0, one.joint], one.centre) + origins[0, one.joint]
+        centre = times(rotations[0, solid.joint], solid.centre) + origins[0, solid.joint]
         x, y, z = (round(float(value), 6) for value in centre)
         where = round(place, 6)
-        return Hit(ITSELF, None, one.name, one.of_arm, where, (x, y, z), other.name)
+        return Hit(ITSELF, None, solid.name, solid.of_arm, where, (x, y, z), other.name)
 
 
 Held = Sequence[tuple[str, tuple[ConvexPiece, ...]]]
-"""What is at the end of the arm: names, and pieces in the world."""
+"""Names and pieces in the world of hand, tool and load."""
 
-# By so many decimals corners of what is held are told apart [m].
+# Decimals to which corners of held pieces are compared [m].
 _DECIMALS: Final = 6
 _Key = tuple[str, bytes]
 
@@ -274,11 +267,11 @@ class _End:
     Parameters
     ----------
     name
-        Of what it is part of.
+        Name of the part it belongs to.
     piece
-        In the world.
+        Piece in the world.
     back
-        From the world into the frame of the last joint.
+        Transform from the world to the frame of the last joint.
     """
 
     name: str
@@ -287,32 +280,25 @@ class _End:
 
     @cached_property
     def corners(self) -> Vector:
-        """In the frame of the last joint [m], shape (corners, 3)."""
+        """Corners in the frame of the last joint [m], shape (corners, 3)."""
         return np.asarray(times(self.piece.corners, self.back.rotation.T) + self.back.translation)
 
     @property
     def balls(self) -> tuple[Vector, float]:
-        """Centres of spheres that it lies within, in the frame of the last joint; radius [m]."""
+        """Centres of covering spheres in the frame of the last joint, and their radius [m]."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         return balls_of_box((low + high) / 2, (high - low) / 2)
 
     @property
     def key(self) -> _Key:
-        """The same for whatever is held alike."""
+        """Key that equal pieces in the same grasp share."""
         return self.name, np.round(self.corners, _DECIMALS).tobytes()
 
 
 class SelfCheck:
-    """Checks paths of an arm for collisions with itself, continuously.
+    """Checks paths of an arm for self-collisions, continuously.
 
-    The solids, and which of them may run into each other, are those of travels; see
-    :class:`ArmBodies`. What is held is looked at more closely only where the sphere about it comes
-    near those about links, and what was prepared for it is kept for whatever is held alike.
-
-    Parameters
-    ----------
-    arm
-        The arm.
+    Travels use the same solids and pairs; see :class:`ArmBodies`. Held pieces are checked only if their spheres come near spheres of links; the check is cached per set of held pieces.
     """
 
     def __init__(self, arm: ArmModel) -> None:
@@ -322,19 +308,17 @@ class SelfCheck:
         self._known: dict[tuple[_Key, ...], ContinuousCheck] = {}
 
     def first_hit(self, path: JointPath, *held: tuple[Held, Vector]) -> Hit | None:
-        """Return where links, or what is held, first touch a link or the base; None if nowhere.
+        """Return the first contact of links or held pieces with a link or the base, or None.
 
         Parameters
         ----------
-        path
-            Of the joints.
         held
-            At the end of the arm, each with where the joints are while it is where its pieces say
-            [rad], shape (joints,). What is given twice counts once.
+            Pieces at the end of the arm, each group with the posture in which it is at the given
+            place [rad], shape (joints,). Duplicates count once.
         """
         ends: dict[_Key, _End] = {}
-        for one in self._near([end for some, at in held for end in self._ends(some, at)], path):
-            ends.setdefault(one.key, one)
+        for near in self._near([end for some, at in held for end in self._ends(some, at)], path):
+            ends.setdefault(near.key, near)
         return next(iter(self._with(ends).hits(path)), None)
 
     def _ends(self, held: Held, joints_rad: Vector) -> Iterator[_End]:
@@ -352,32 +336,32 @@ class SelfCheck:
 
     @cached_property
     def _chain_m(self) -> Vector:
-        """How far the origin of the last joint's frame can be from every joint's [m]."""
+        """Maximum distance of the last joint's origin from every joint's [m]."""
         lengths_m = [
-            float(np.linalg.norm(jointPlacement.translation))
-            for jointPlacement in self.arm.model.jointPlacements
+            float(np.linalg.norm(placement.translation))
+            for placement in self.arm.model.jointPlacements
         ]
         return np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
 
     def _near(self, ends: list[_End], path: JointPath) -> list[_End]:
-        """Return the pieces that come near the balls about links on a path.
+        """Return the pieces that come near the balls of links on a path.
 
-        By spheres that each lies within. From any node until midway to the next no point moves
-        farther, seen from any link, than the joints turn times its reach.
+        Compares covering spheres. From a node to midway to the next, no point moves farther,
+        relative to any link, than its reach times the joints' turn.
         """
-        # An arm whose description has no shapes has no links that anything could touch.
+        # An arm described without shapes has no links to touch.
         if not ends or not self._solids:
             return []
         near = _Nearness(self._links.bodies, self._chain_m, path)
         balls = [end.balls for end in ends]
         counts = [len(centres) for centres, _ in balls]
         centres = np.concatenate([centres for centres, _ in balls])
-        found = near.of(centres, np.repeat([radius_m for _, radius_m in balls], counts))
-        some = np.logical_or.reduceat(found, np.cumsum([0, *counts[:-1]]))
+        is_near = near.of(centres, np.repeat([radius_m for _, radius_m in balls], counts))
+        some = np.logical_or.reduceat(is_near, np.cumsum([0, *counts[:-1]]))
         return [ends[number] for number in np.flatnonzero(some).tolist()]
 
     def _with(self, ends: dict[_Key, _End]) -> ContinuousCheck:
-        """Return the check of links, and of pieces that are held against them."""
+        """Return the check of the links with held pieces."""
         if not ends:
             return self._links
         key = tuple(ends)
@@ -393,7 +377,7 @@ class SelfCheck:
 
 
 class _Nearness:
-    """Tells spheres at the end of the arm that come near a link from those that do not."""
+    """Separates spheres at the end of the arm that come near a link from the others."""
 
     def __init__(self, bodies: ArmBodies, chain_m: Vector, path: JointPath) -> None:
         spheres = bodies.spheres
@@ -410,7 +394,7 @@ class _Nearness:
         self._chain_m, self._turn_rad = float(turns @ chain_m), float(turns.sum())
 
     def of(self, centres: Vector, radii_m: Vector) -> NDArray[np.bool_]:
-        """Return which spheres come near, by centres in the frame of the last joint and radii."""
+        """Return a mask of the spheres that come near; centres are in the last joint's frame."""
         placed = centres @ self._rotations + self._origins[:, np.newaxis]
         squares = (placed**2).sum(axis=2)[:, :, np.newaxis] + self._squares
         squares -= 2 * placed @ np.swapaxes(self._balls, 1, 2)

@@ -1,8 +1,8 @@
-"""Travels between two postures: straight where that is free, else planned round what stands there.
+"""Travels between two postures: straight if that is free, otherwise planned around obstacles.
 
-What stands in the way is found out bit by bit. A way is planned round what the last one ran into,
-and among all that there may be in any state the new one is checked: so that only those bodies are
-asked for that some way met, and a travel is the same in all states that agree about them.
+Obstacles are considered one by one: a path is planned around obstacles of the last path, then
+checked against all obstacles of any state. So only facts of bodies that some path met are read, and
+a travel is equal in all states that agree on them.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from skillplan_pinocchio.shapes import Obstacle
 class PostureCheck:
     """Checks postures of an arm among obstacles.
 
-    Boxes about all that there is are compared first: at most places only few of them overlap.
+    Compares bounding boxes first: in most postures only few overlap.
 
     Parameters
     ----------
     bodies
-        What moves.
+        Moving solids.
     obstacles
-        What stands.
+        Fixed obstacles.
     ends_rad
         Free postures of the arm, each of shape (joints,).
     margin_m
-        So far everything keeps from what stands, or half as far as it does at the ends [m]; from
-        itself the arm keeps clear.
+        Clearance from obstacles, at most half the clearance at the ends [m]. It does not apply to
+        self-collisions.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class PostureCheck:
             geometry.addGeometryObject(
                 pin.GeometryObject(f"piece {number}", 0, pin.SE3.Identity(), piece.hull)
             )
-        # The base of the arm stands where it is put.
+        # The base of the arm is fixed.
         solids = len(bodies.solids)
         for solid in range(bodies.still, solids):
             for number in range(solids, solids + len(pieces)):
@@ -67,62 +67,62 @@ class PostureCheck:
         nearness = geometry.createData()
         for end_rad in ends_rad:
             pin.computeDistances(self._model, self._data, geometry, nearness, end_rad)
-            for distanceResult in nearness.distanceResults:
-                margin_m = min(margin_m, distanceResult.min_distance / 2)
+            for distance in nearness.distanceResults:
+                margin_m = min(margin_m, distance.min_distance / 2)
         standing = len(geometry.collisionPairs)
         for pair in bodies.pairs:
             geometry.addCollisionPair(pin.CollisionPair(*pair))
         nearness = geometry.createData()
         for number in range(standing):
             nearness.collisionRequests[number].security_margin = margin_m
-        # The manager looks into them.
+        # The manager keeps references to them.
         self._looked_into = (geometry, nearness)
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(
             bodies.model, geometry, nearness
         )
 
     def is_free(self, joints_rad: Vector) -> bool:
-        """Whether nothing is touched at some joint angles [rad], shape (joints,)."""
+        """Return whether some joint angles [rad], shape (joints,), are free of contacts."""
         return not pin.computeCollisions(self._model, self._data, self._manager, joints_rad, True)
 
 
-# How far apart postures of an edge are checked, and how far a tree grows at once: in metres, by
-# what a joint moves the arm's end at most.
+# Spacing of checked postures on an edge, and longest step of a tree [m], measured by the joints'
+# reach.
 SPACING_M: Final = 0.03
 _RANGE_M: Final = 0.5
 
 
 @dataclass(frozen=True)
 class JointSpace:
-    """In which ways are looked for.
+    """Joint space of the search.
 
     Parameters
     ----------
     low_rad, high_rad
-        Limits of the joints, shape (joints,).
+        Joint limits, shape (joints,).
     reach_m
-        How far from its axis a joint moves anything at most, > 0, shape (joints,): the weight of
-        the joint in a distance.
+        Maximum distance from a joint's axis to a point that it moves, > 0, shape (joints,): the
+        weight of the joint in a distance.
     """
 
     low_rad: Vector
     high_rad: Vector
     reach_m: Vector
 
-    def length_m(self, one_rad: Vector, other_rad: Vector) -> float:
-        """Return how far apart two postures are [m]."""
-        return length((other_rad - one_rad) * self.reach_m)
+    def length_m(self, begin_rad: Vector, end_rad: Vector) -> float:
+        """Return the distance between two postures [m]."""
+        return length((end_rad - begin_rad) * self.reach_m)
 
     def edge_is_free(
-        self, is_free: Callable[[Vector], bool], one_rad: Vector, other_rad: Vector
+        self, is_free: Callable[[Vector], bool], begin_rad: Vector, end_rad: Vector
     ) -> bool:
-        """Whether no posture on a straight edge, `SPACING_M` apart, is blocked."""
-        count = max(int(np.ceil(self.length_m(one_rad, other_rad) / SPACING_M)), 1)
+        """Return whether all postures on a straight edge, with spacing `SPACING_M`, are free."""
+        count = max(int(np.ceil(self.length_m(begin_rad, end_rad) / SPACING_M)), 1)
         shares = np.arange(1, count) / count
-        # From the middle outwards: what is nearer to the ends is likelier to be free.
+        # From the middle outwards: postures near the ends are likelier to be free.
         ordered = sorted(shares.tolist(), key=lambda share: (abs(share - 0.5), share))
-        turn_rad = other_rad - one_rad
-        return all(is_free(one_rad + share * turn_rad) for share in ordered)
+        turn_rad = end_rad - begin_rad
+        return all(is_free(begin_rad + share * turn_rad) for share in ordered)
 
 
 def connection(
@@ -132,20 +132,20 @@ def connection(
     seed: int,
     most_checks: int,
 ) -> tuple[list[Vector] | None, int]:
-    """Return postures that lead from one to another along straight edges, and the checks made.
+    """Return postures that connect two others by straight edges, and the number of checks.
+
+    RRT-Connect (Kuffner and LaValle, 2000) in OMPL's version.
 
     Parameters
     ----------
-    space
-        The joints.
     is_free
-        Says of a posture whether it is.
+        Check of a posture.
     ends_rad
         Two free postures.
     seed
-        Of the random numbers, >= 1.
+        Seed of the random numbers, >= 1.
     most_checks
-        After so many postures checked it gives up, and there is None.
+        Number of checks after which the search gives up and returns None.
     """
     base, geometric, util = _ompl()
     joints = len(space.reach_m)
@@ -189,26 +189,26 @@ def connection(
 
 @cache
 def _ompl() -> tuple[Any, Any, Any]:
-    """Return OMPL's modules; only who plans needs them."""
+    """Return OMPL's modules, imported on first use."""
     from ompl import base, geometric, util
 
-    # It would print what is said better by what is returned.
+    # Keep OMPL's log off the terminal; results carry the same information.
     util.setLogLevel(util.LogLevel.LOG_NONE)
     atexit.register(_end_in_silence)
     return base, geometric, util
 
 
 def _end_in_silence() -> None:
-    """Have what OMPL's bindings print of leaks, once all else has ended, go nowhere."""
+    """Discard the leak reports of OMPL's bindings at exit."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
 _CUTS: Final = 16
-# Steps of the golden ratio, and of the plastic number's square: even, and never the same twice.
+# Steps of the plastic number and its square: evenly spread, never repeating.
 _GOLDEN: Final = (0.7548776662466927, 0.5698402909980532)
-# Shorter pieces of a way are left as they are, as a fraction of it.
+# Pieces below this share of a path are not shortened.
 _SHORTEST_CUT: Final = 0.05
 _DECIMALS: Final = 6
 
@@ -216,47 +216,43 @@ _DECIMALS: Final = 6
 def shortened(
     space: JointSpace, is_free: Callable[[Vector], bool], nodes: Sequence[Vector]
 ) -> list[Vector]:
-    """Return a way with the same ends, from which needless corners are cut.
+    """Return a path with the same ends and needless corners cut off.
 
     Parameters
     ----------
-    space
-        The joints.
     is_free
-        Says of a posture whether it is.
+        Check of a posture.
     nodes
         Postures with free straight edges between them.
     """
-    found = _without_detours(space, is_free, list(nodes))
+    kept = _without_detours(space, is_free, list(nodes))
     for number in range(1, _CUTS + 1):
-        if len(found) == 2:
+        if len(kept) == 2:
             break
         begin, end = sorted((number * step) % 1.0 for step in _GOLDEN)
         if end - begin < _SHORTEST_CUT:
             continue
-        places = _places(space, found)
-        one, other = _at(found, places, begin), _at(found, places, end)
-        if not space.edge_is_free(is_free, one, other):
+        places = _places(space, kept)
+        first, last = _at(kept, places, begin), _at(kept, places, end)
+        if not space.edge_is_free(is_free, first, last):
             continue
-        before = [node for node, place in zip(found, places, strict=True) if place < begin]
-        after = [node for node, place in zip(found, places, strict=True) if place > end]
-        found = [*before, one, other, *after]
-    return _without_detours(space, is_free, found)
+        before = [node for node, place in zip(kept, places, strict=True) if place < begin]
+        after = [node for node, place in zip(kept, places, strict=True) if place > end]
+        kept = [*before, first, last, *after]
+    return _without_detours(space, is_free, kept)
 
 
 def rounded(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> JointPath:
-    """Return a spline along a way, through postures at equal distances from each other.
+    """Return a spline through postures at equal distances along a path.
 
-    The more there are, the closer it follows the way. Inner ones are rounded to microradians.
+    More intervals follow the path more closely. Inner postures are rounded to microradians.
 
     Parameters
     ----------
-    space
-        The joints.
     nodes
-        Of the way.
+        Nodes of the path.
     intervals
-        Of the spline, >= 1.
+        Intervals of the spline, >= 1.
     """
     places = _places(space, nodes)
     inner = [
@@ -269,22 +265,22 @@ def rounded(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> Joint
 def _without_detours(
     space: JointSpace, is_free: Callable[[Vector], bool], nodes: list[Vector]
 ) -> list[Vector]:
-    """Return a way that goes from every node to the last that a straight edge leads to."""
-    found, here = [nodes[0]], 0
+    """Return a path that skips nodes wherever a straight edge is free."""
+    kept, here = [nodes[0]], 0
     while here < len(nodes) - 1:
         here = next(
             there
             for there in range(len(nodes) - 1, here, -1)
             if there == here + 1 or space.edge_is_free(is_free, nodes[here], nodes[there])
         )
-        found.append(nodes[here])
-    return found
+        kept.append(nodes[here])
+    return kept
 
 
 def _places(space: JointSpace, nodes: Sequence[Vector]) -> list[float]:
-    """Return how much of a way lies before each of its nodes, from 0 to 1."""
-    sums = np.cumsum([0.0] + [space.length_m(one, other) for one, other in pairwise(nodes)])
-    # Where nothing moves, any places do.
+    """Return the share of a path before each of its nodes, from 0 to 1."""
+    sums = np.cumsum([0.0] + [space.length_m(before, after) for before, after in pairwise(nodes)])
+    # If the posture does not change, any places will do.
     shares = sums / sums[-1] if sums[-1] > 0 else np.linspace(0.0, 1.0, len(nodes))
     return [float(share) for share in shares]
 
@@ -297,27 +293,25 @@ def _at(nodes: Sequence[Vector], places: Sequence[float], place: float) -> Vecto
 
 
 Holds = Callable[[str], bool]
-"""Says of a fact whether it holds where the travel starts."""
+"""Returns whether a fact holds where the travel starts."""
 
 _SEED: Final = 1
-# Postures of a planned way keep so far from everything, or half as far as its ends do [m].
+# Clearance of planned postures, at most half that of the ends [m].
 _MARGIN_M: Final = 0.01
-# A spline with more intervals follows the edges of a way more closely.
+# Spline intervals to try; more intervals follow the edges more closely.
 _INTERVALS: Final = (8, 16, 32, 64)
-# So often it is planned anew where the spline along a way is not free.
+# Planning attempts if the spline along a path is not free.
 _ATTEMPTS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Travel:
-    """A path that is free, and what was planned round.
+    """A free joint path.
 
     Parameters
     ----------
-    path
-        Of the joints.
     around
-        Bodies that stand in the straight way; none where it is the straight one.
+        Bodies in the way of the straight path; empty if the path is straight.
     """
 
     path: JointPath
@@ -325,25 +319,25 @@ class Travel:
 
     @property
     def is_straight(self) -> bool:
-        """Whether all joints go straight from start to end."""
+        """Return whether all joints move straight from start to end."""
         return not self.around
 
 
 @dataclass(frozen=True)
 class Unfound:
-    """That no travel was found, and why.
+    """Failure to find a travel, and its reason.
 
     Parameters
     ----------
     reason
-        One clause.
+        Reason as one clause.
     is_proof
-        Whether there is none: what the hand holds, or the hand, runs into something at one of
-        the ends, however the arm gets there. Else it was not found within the budget.
+        True if no travel exists: hand or load collide at one of the ends in any posture. Otherwise
+        none was found within the budget.
     hit
-        What is touched; at an end, or on the straight way.
+        Contact at an end or on the straight path.
     checks
-        How many postures were checked in vain.
+        Number of postures checked.
     """
 
     reason: str
@@ -354,7 +348,7 @@ class Unfound:
 
 @dataclass
 class _Known:
-    """What was worked out of the travels between two postures."""
+    """Results for travels between two postures."""
 
     bodies: ArmBodies
     all: ContinuousCheck
@@ -367,18 +361,18 @@ class _Known:
 
 
 class TravelSearch:
-    """Finds travels of an arm with what it holds.
+    """Finds travels of an arm with its load.
 
-    It keeps what it found. That changes no answer, only how long it takes.
+    Results are cached; the cache changes only run times.
 
     Parameters
     ----------
     obstacles
-        All that there may be in any state.
+        Obstacles of all states.
     space
-        The joints.
+        Joint space.
     most_checks
-        Postures that are checked for one travel before it is given up.
+        Number of postures checked for one travel before it is given up.
     """
 
     def __init__(self, obstacles: Sequence[Obstacle], space: JointSpace, most_checks: int) -> None:
@@ -395,20 +389,20 @@ class TravelSearch:
         spares: frozenset[str],
         holds: Holds,
     ) -> Travel | Unfound:
-        """Return a travel where some facts hold.
+        """Return a travel in a state.
 
         Parameters
         ----------
         key
-            Hashable; says what `bodies` and `spares` are.
+            Hashable that identifies `bodies` and `spares`.
         bodies
-            Makes what moves.
+            Builds the moving solids.
         ends_rad
-            Where the joints start and end, two of shape (joints,).
+            Start and end posture, two of shape (joints,).
         spares
             Bodies that may be touched.
         holds
-            Asked only for facts that the answer rests on.
+            Called only for facts that the result rests on.
         """
         start, end = ends_rad
         full = (key, start.tobytes(), end.tobytes())
@@ -416,7 +410,7 @@ class TravelSearch:
             self._known[full] = self._looked_at(bodies(), ends_rad, spares)
         known = self._known[full]
         for hits, where in zip(known.ends, ("begins", "ends"), strict=True):
-            hit = next((one for one in hits if _is_there(one, holds)), None)
+            hit = next((candidate for candidate in hits if _is_there(candidate, holds)), None)
             if hit is not None:
                 reason = f"{hit.mover} runs into {hit.body} where the travel {where}"
                 return Unfound(reason, not hit.of_arm, hit)
@@ -424,7 +418,7 @@ class TravelSearch:
         met: frozenset[int] = frozenset()
         first: Hit | None = None
         while True:
-            there = [one for one in hits if _is_there(one, holds)]
+            there = [hit for hit in hits if _is_there(hit, holds)]
             if not there:
                 around = sorted({self.obstacles[number].body for number in met})
                 return Travel(path, tuple(around) if first is None or around else (first.body,))
@@ -455,7 +449,7 @@ class TravelSearch:
     def _planned(
         self, known: _Known, met: frozenset[int]
     ) -> tuple[JointPath, tuple[Hit, ...]] | int:
-        """Return a path round what was met and all that it hits, or the checks made in vain."""
+        """Return a path around met obstacles with all its contacts, or the number of checks."""
         always = {number for number, obstacle in enumerate(self.obstacles) if obstacle.fact is None}
         world = met | always
         if world not in known.planned:
@@ -466,7 +460,9 @@ class TravelSearch:
     def _way_round(self, known: _Known, world: frozenset[int]) -> JointPath | int:
         standing = {obstacle.body for obstacle in known.all.obstacles}
         some = [self.obstacles[number] for number in sorted(world)]
-        check = ContinuousCheck(known.bodies, [one for one in some if one.body in standing])
+        check = ContinuousCheck(
+            known.bodies, [obstacle for obstacle in some if obstacle.body in standing]
+        )
         ends = (known.straight.nodes[0], known.straight.nodes[-1])
         is_free = PostureCheck(known.bodies, check.obstacles, ends, _MARGIN_M).is_free
         spent = 0
@@ -486,7 +482,7 @@ class TravelSearch:
         return spent
 
     def _is_within(self, path: JointPath) -> bool:
-        """Whether the joints stay within their limits, sampled as densely as splines bend."""
+        """Return whether the joints stay within their limits, sampled densely."""
         places = np.linspace(0.0, 1.0, 4 * (len(path.nodes) - 1) + 1)
         angles = np.array([path.at(place) for place in places.tolist()])
         low, high = self.space.low_rad, self.space.high_rad

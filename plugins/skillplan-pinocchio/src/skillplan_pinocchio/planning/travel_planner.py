@@ -1,4 +1,4 @@
-"""Travels of a scene's robot, in any state: what swept checks, engines track and toppra times."""
+"""Travels of a scene's robot in any state, and lower bounds on their heights."""
 
 from __future__ import annotations
 
@@ -29,20 +29,18 @@ MOST_CHECKS: Final = 5_000
 
 
 class TravelPlanner:
-    """Finds how the arm travels to where a motion begins, with what it holds there.
+    """Finds travels of the arm, with its load, to where a motion begins.
 
     Parameters
     ----------
-    arm
-        The arm.
     sweeps
-        Say what is at its end.
+        Pieces at the end of the arm.
     obstacles
-        All that there may be in any state.
+        Obstacles of all states.
     most_checks
-        Postures that are checked for one travel before it is given up, >= 1.
+        Number of postures checked for one travel before it is given up, >= 1.
     check_arm
-        Whether the links of the arm are checked.
+        True if the links of the arm are checked.
     """
 
     def __init__(
@@ -62,54 +60,51 @@ class TravelPlanner:
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot, clearance_m: float = 0.004) -> TravelPlanner:
-        """Return the planner of a scene's robot, for whoever tracks the paths that it finds.
+        """Return the planner of a scene's robot.
 
         Parameters
         ----------
-        scene
-            The task's scene.
         robot
-            One of its robots.
+            One of the scene's robots.
         clearance_m
-            How far open jaws are from the part on either side [m], >= 0.
+            Clearance of open jaws on either side of a part [m], >= 0.
         """
         sweeps = HandSweeps(scene, robot, clearance_m)
         return cls(ArmModel.of(robot), sweeps, obstacles_of(scene))
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """All that there may be in any state."""
+        """Obstacles of all states."""
         return self._search.obstacles
 
     def travel(
         self, start_rad: Vector, goal_rad: Vector, motion: LinearMotion, holds: Holds
     ) -> Travel | Unfound:
-        """Return how the arm gets to where a motion begins.
+        """Return the travel of the arm to where a motion begins.
 
         Parameters
         ----------
         start_rad
-            Where the joints are, shape (joints,).
+            Start posture, shape (joints,).
         goal_rad
-            Where they are with the tip at the motion's first point.
+            Posture with the tip at the motion's first point.
         motion
-            What follows; what it carries and the tool that it uses travel along.
+            Motion after the travel; its load and tool travel along.
         holds
-            Says of a fact whether it holds. It is asked only for those that the answer rests on:
-            in every state that agrees about them, the travel is the same. Of a state,
-            ``state.__contains__`` does.
+            Returns whether a fact holds; called only for facts that the travel rests on.
+            ``state.__contains__`` does for a state.
 
         Returns
         -------
-        Travel
-            With the path that `swept` checked, the same for whoever asks; or why none was found.
+        Travel or Unfound
+            Path that `swept` checked, the same for every caller; or the reason why none was found.
         """
         ends = (np.asarray(start_rad, dtype=float), np.asarray(goal_rad, dtype=float))
         spares = frozenset() if motion.carries is None else frozenset({motion.carries})
         return self._search.find(motion, lambda: self._bodies(motion, ends[1]), ends, spares, holds)
 
     def _bodies(self, motion: LinearMotion, goal_rad: Vector) -> ArmBodies:
-        """Return what moves: what is held is fixed to the last joint as it is at the goal."""
+        """Return the moving solids; the load is fixed to the last joint as at the goal."""
         model = self.arm.model
         data = model.createData()
         pin.forwardKinematics(model, data, goal_rad)
@@ -122,37 +117,37 @@ class TravelPlanner:
 
 
 def joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpace:
-    """Return the joints of an arm with how far each moves anything at most.
+    """Return the joint space of an arm, weighted by the joints' reach.
 
     Parameters
     ----------
     model
         The arm's `pinocchio.Model`, with a frame `tip`.
     low_rad, high_rad
-        Limits of the joints, shape (joints,).
+        Joint limits, shape (joints,).
     """
     tip = model.frames[model.getFrameId("tip")].placement.translation
     links = [*(placement.translation for placement in list(model.jointPlacements)[2:]), tip]
     lengths_m = [length(link) for link in links]
     reach_m = np.cumsum(lengths_m[::-1])[::-1]
-    # What is about the last joint's own axis is moved by it, too.
+    # The last joint also moves what surrounds its own axis.
     return JointSpace(low_rad, high_rad, np.maximum(reach_m, 0.1))
 
 
-# A travel is sampled at the ends of so many intervals.
+# Number of intervals at whose ends a travel is sampled.
 _INTERVALS: Final = 8
 _SAG: Final = 1.5 / (8 * _INTERVALS**2)
 
 
 class TravelHeights:
-    """Lowest heights of straight travels.
+    """Lower bounds on the heights of straight travels.
+
+    Computed for all pairs of a task's postures at once.
 
     Parameters
     ----------
-    arm
-        The arm.
     width_m
-        How far hand and load reach from the axis of the hand, at most [m].
+        Maximum reach of hand and load from the axis of the hand [m].
     """
 
     def __init__(self, arm: ArmModel, width_m: float) -> None:
@@ -167,13 +162,13 @@ class TravelHeights:
         self._axes = [np.array(joint.axis) for joint in arm.description.joints]
         _, centres, halves = arm.boxes
         joints, reach_m = arm.boxes[0], np.linalg.norm(np.abs(centres) + halves, axis=1)
-        spans_m = [float(np.linalg.norm(one.translation)) for one in placements]
-        # From the first joint's axis, which does not move, to any point of each link.
+        spans_m = [float(np.linalg.norm(placement.translation)) for placement in placements]
+        # From the first joint's axis, which does not move, to the farthest point of each link.
         self._lengths_m = np.cumsum([0.0, *spans_m[1:]])
         self._tip_length_m = float(self._lengths_m[-1] + np.linalg.norm(tip.translation))
         for number in range(len(placements)):
             self._lengths_m[number] += float(reach_m[joints == number].max(initial=0.0))
-        # Turning about the vertical, or about the hand's own axis, changes no height of its tip.
+        # Turns about the vertical or about the hand's own axis do not change the tip's height.
         self._tilting = np.ones(len(placements))
         self._tilting_tip = np.ones(len(placements))
         if abs(float((placements[0].rotation @ self._axes[0])[2])) > 1 - 1e-12:
@@ -183,55 +178,55 @@ class TravelHeights:
         if float(np.abs(along).max()) < 1e-12:
             self._tilting_tip[-1] = 0.0
 
-    def lowest_m(self, one_rad: Vector, other_rad: Vector, safe_height_m: float) -> float:
-        """Return below which height nothing of arm, hand and load is on a straight travel [m].
+    def lowest_m(self, begin_rad: Vector, end_rad: Vector, safe_height_m: float) -> float:
+        """Return a lower bound on the height of arm, hand and load on a straight travel [m].
 
         Parameters
         ----------
-        one_rad, other_rad
-            Its ends, shape (joints,). Hand and load are at safe height there at least.
+        begin_rad, end_rad
+            Ends of the travel, shape (joints,). Hand and load are at least at safe height there.
         safe_height_m
-            That height [m].
+            Safe height [m].
         """
-        key = _key(one_rad, other_rad)
+        key = _key(begin_rad, end_rad)
         if key not in self._known:
-            self.prepare([one_rad, other_rad])
+            self.prepare([begin_rad, end_rad])
         dip_m, links_m = self._known[key]
         return min(safe_height_m - dip_m, links_m)
 
     def prepare(self, postures_rad: Iterable[Vector]) -> None:
-        """Work out all travels between some postures, each of shape (joints,)."""
+        """Compute all travels between some postures, each of shape (joints,)."""
         distinct = {posture.tobytes(): posture for posture in postures_rad}
         pairs = [
-            (one, other)
-            for one, other in combinations(distinct.values(), 2)
-            if _key(one, other) not in self._known
+            (begin_rad, end_rad)
+            for begin_rad, end_rad in combinations(distinct.values(), 2)
+            if _key(begin_rad, end_rad) not in self._known
         ]
         for posture in distinct.values():
             self._known[_key(posture, posture)] = (0.0, math.inf)
         if not pairs:
             return
-        begin = np.array([one for one, _ in pairs])[:, np.newaxis]
-        turn = np.array([other for _, other in pairs])[:, np.newaxis] - begin
+        begin = np.array([begin_rad for begin_rad, _ in pairs])[:, np.newaxis]
+        turn = np.array([end_rad for _, end_rad in pairs])[:, np.newaxis] - begin
         shares = np.linspace(0.0, 1.0, _INTERVALS + 1)[:, np.newaxis]
         tips_m, axes, links_m = self._heights(begin + shares * turn)
-        # A vector fixed to a link turns about axes that turn themselves: its second derivative is
-        # at most 1.5 times its length times the square of the sum of all rates.
+        # The second derivative of a vector fixed to a link is at most 1.5 times its length times
+        # the square of the sum of all rates.
         turned = np.abs(turn[:, 0])
         sag = _SAG * (turned * self._tilting_tip).sum(axis=1) ** 2
         lower_end_m = np.minimum(tips_m[:, 0], tips_m[:, -1])
         dips_m = lower_end_m - tips_m.min(axis=1) + sag * self._tip_length_m
-        # The hand's axis points down by so much at least; what is beside it sinks as it tilts.
+        # Bound on how far the hand tilts; points off its axis sink as it tilts.
         down = np.clip(-axes.max(axis=1) - sag, -1.0, 1.0)
         tilted = np.where(down > 0.5, np.sqrt(1 - down**2), np.inf)
         dips_m = np.maximum(dips_m, 0.0) + self.width_m * tilted
         links_sag_m = _SAG * np.cumsum(turned * self._tilting, axis=1) ** 2 * self._lengths_m
         lows_m = (links_m.min(axis=1) - links_sag_m).min(axis=1)
-        for (one, other), dip_m, low_m in zip(pairs, dips_m, lows_m, strict=True):
-            self._known[_key(one, other)] = (float(dip_m), float(low_m))
+        for (begin_rad, end_rad), dip_m, low_m in zip(pairs, dips_m, lows_m, strict=True):
+            self._known[_key(begin_rad, end_rad)] = (float(dip_m), float(low_m))
 
     def _heights(self, joints_rad: Vector) -> tuple[Vector, Vector, Vector]:
-        """Return heights of the tip [m], how far the hand points up, and heights of links [m]."""
+        """Return tip heights [m], upward components of the hand's axis, and link heights [m]."""
         rotation = np.broadcast_to(np.eye(3), (*joints_rad.shape[:-1], 3, 3))
         origin = np.zeros((*joints_rad.shape[:-1], 3))
         joints, centres, halves = self.arm.boxes
@@ -248,8 +243,8 @@ class TravelHeights:
         return tip_m, rotation[..., 2, :] @ self._tip[0][:, 2], links_m
 
 
-def _key(one: Vector, other: Vector) -> tuple[bytes, bytes]:
-    a, b = one.tobytes(), other.tobytes()
+def _key(begin: Vector, end: Vector) -> tuple[bytes, bytes]:
+    a, b = begin.tobytes(), end.tobytes()
     return (a, b) if a <= b else (b, a)
 
 

@@ -1,4 +1,1 @@
-"""How long the arm takes: paths in joint space timed within its limits, and bounds of their times.
-
-It plans no motion and gives no verdicts.
-"""
+"""Trajectories along joint paths, and durations of skills."""

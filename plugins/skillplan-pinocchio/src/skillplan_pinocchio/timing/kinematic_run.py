@@ -1,4 +1,4 @@
-"""A plan along its planned paths, moment by moment; what is held moves with the hand."""
+"""Playback of a plan along its joint paths; held parts move with the hand."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
-# A frame that is so much late is in time [s].
+# Tolerance for the time of a frame [s].
 _ROUNDING_S: Final = 1e-9
 
 PathsOf = Callable[[Skill, State, Vector | None], SkillPaths]
-"""Return the paths of a skill from a posture; raises ValueError in words where there is none."""
+"""Returns the paths of a skill from a posture; raises ValueError if there are none."""
 
 
 class KinematicRun:
@@ -36,13 +36,13 @@ class KinematicRun:
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     paths
-        Where the joints go.
+        Joint paths.
     limits
-        Of the joints.
+        Joint limits.
     frames_per_s
-        How many samples are taken a second, >= 1.
+        Samples per second, >= 1.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class KinematicRun:
         self._skill = self._phase = ""
         self._opening_m = 0.0
         self._joints: Vector | None = None
-        # What stands, and what is in the hand, seen from the tip.
+        # Poses of fixed bodies; the held body and its pose in the frame of the tip.
         self._poses: dict[str, Pose] = {}
         self._held: tuple[str, Pose] | None = None
 
@@ -73,14 +73,14 @@ class KinematicRun:
         Parameters
         ----------
         skills
-            Each applicable when its turn comes, and with one motion at most.
+            Skills in order, each applicable in its turn, with at most one motion.
         paths_of
-            Asked for the paths of each.
+            Returns the paths of a skill.
 
         Raises
         ------
         ValueError
-            If there is no path for one of them, or no run along it.
+            If there is no path for a skill, or no trajectory along it.
         """
         state = self.task.initial
         none = self.task.facts.none
@@ -103,7 +103,7 @@ class KinematicRun:
         return PlannedMotion(tuple(done), self._samples)
 
     def _stand_still(self, state: State) -> None:
-        """Put what stands in a state where that has it; feeders show nothing by themselves."""
+        """Place fixed bodies as a state has them; feeders show no parts."""
         self._poses = {
             body.name: placement.pose
             for body in self.task.scene.bodies
@@ -113,10 +113,10 @@ class KinematicRun:
         }
 
     def _move(self, paths: SkillPaths, state: State, after: State) -> None:
-        """Make the motions of a skill, one after the other."""
+        """Execute the motions of a skill in order."""
         if self._joints is None:
             self._joints = np.asarray(paths.begin_rad)
-        self._bring_out({one.motion.visit.subject for one in paths.motions}, state)
+        self._bring_out({motion.motion.visit.subject for motion in paths.motions}, state)
         goals = self.task.scene.at(after)
         for number, motion in enumerate(paths.motions):
             self._take_along(motion)
@@ -136,42 +136,42 @@ class KinematicRun:
                 self._along(path, self._opening_m)
 
     def _bring_out(self, subjects: set[str], state: State) -> None:
-        """Have feeders hand out what a skill handles."""
+        """Place the handled parts of feeders."""
         for subject in subjects:
-            body = next((one for one in self.task.scene.bodies if one.name == subject), None)
+            body = next((body for body in self.task.scene.bodies if body.name == subject), None)
             placement = None if body is None else body.placement(state)
             if placement is not None and placement.frame == WORLD:
                 self._poses.setdefault(subject, placement.pose)
 
-    def _take_along(self, one: MotionPaths) -> None:
-        """Have what a motion leaves be in the hand, as where nothing in the plan took it."""
-        carries = one.motion.carries
+    def _take_along(self, paths: MotionPaths) -> None:
+        """Put the part that a motion releases into the hand if no earlier skill took it."""
+        carries = paths.motion.carries
         if carries is not None and (self._held is None or self._held[0] != carries):
-            self._held = carries, self._in_hand(one)
+            self._held = carries, self._in_hand(paths)
             self._poses.pop(carries, None)
 
-    def _in_hand(self, one: MotionPaths) -> Pose:
-        """Return what a motion handles, seen from the tip: where it belongs while that acts."""
-        posture = one.strokes.down[-1].nodes[-1]
+    def _in_hand(self, paths: MotionPaths) -> Pose:
+        """Return the pose of the handled part in the frame of the tip during the action."""
+        posture = paths.strokes.down[-1].nodes[-1]
         _, rotation = self.arm.tip(posture)
-        tip = _pose(one.motion.grasp_tip, rotation)
-        return tip.inverse().then(one.motion.visit.pose)
+        tip = _pose(paths.motion.grasp_tip, rotation)
+        return tip.inverse().then(paths.motion.visit.pose)
 
     def _act(
-        self, one: MotionPaths, later: Sequence[MotionPaths], goals: Mapping[str, Pose]
+        self, paths: MotionPaths, later: Sequence[MotionPaths], goals: Mapping[str, Pose]
     ) -> None:
-        """Have the hand do what it does at a target, while the arm stands."""
-        visit = one.motion.visit
+        """Execute the action at a target while the arm stands."""
+        visit = paths.motion.visit
         subject, dwell_s = visit.subject, visit.dwell_s
         if visit.event is Event.GRASP:
             grasp = visited_grasp(self.task.scene.body(subject), visit)
-            self._dwell(dwell_s, {}, grasp.width_m if self._has_jaws(one) else self._opening_m)
+            self._dwell(dwell_s, {}, grasp.width_m if self._has_jaws(paths) else self._opening_m)
             stood = self._poses.pop(subject, visit.pose)
             self._held = subject, self._tip().inverse().then(stood)
         elif visit.event is Event.FETCH:
             self._dwell(dwell_s, {}, self._opening_m)
             drives = (next_ for next_ in later if next_.motion.visit.event is Event.DRIVE)
-            driven = next((it for it in drives if it.motion.visit.subject == subject), one)
+            driven = next((it for it in drives if it.motion.visit.subject == subject), paths)
             self._poses.pop(subject, None)
             self._held = subject, self._in_hand(driven)
         elif visit.event in (Event.RELEASE, Event.DRIVE):
@@ -179,25 +179,25 @@ class KinematicRun:
             left = self._tip().then(self._held[1])
             self._held = None
             self._poses[subject] = left
-            # It comes down from where it is let go, or goes into its hole.
-            self._dwell(dwell_s, {subject: goals.get(subject, left)}, self._opening_for(one))
+            # The part falls to its goal, or the screw goes into its hole.
+            self._dwell(dwell_s, {subject: goals.get(subject, left)}, self._opening_for(paths))
         else:
             self._dwell(dwell_s, {}, self._opening_m)
 
-    def _has_jaws(self, one: MotionPaths) -> bool:
-        tool = one.motion.tool
+    def _has_jaws(self, paths: MotionPaths) -> bool:
+        tool = paths.motion.tool
         return tool is None or tool.kind is ToolKind.GRIPPER
 
-    def _opening_for(self, one: MotionPaths) -> float:
-        """Return how far jaws open about what a motion handles [m]; as they are without any."""
-        visit = one.motion.visit
-        if visit.event not in (Event.GRASP, Event.RELEASE) or not self._has_jaws(one):
+    def _opening_for(self, paths: MotionPaths) -> float:
+        """Return the jaws' opening for a motion [m]; unchanged for other tools."""
+        visit = paths.motion.visit
+        if visit.event not in (Event.GRASP, Event.RELEASE) or not self._has_jaws(paths):
             return self._opening_m
         grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-        return jaw_opening_m(grasp, self.clearance_m, one.motion.tool, self.robot.hand)
+        return jaw_opening_m(grasp, self.clearance_m, paths.motion.tool, self.robot.hand)
 
     def _along(self, path: JointPath, opening_m: float) -> None:
-        """Take a path from rest to rest, and open the jaws meanwhile."""
+        """Follow a path from rest to rest while the jaws open."""
         try:
             run = fastest_trajectory(path, self.limits)
         except ArithmeticError as error:
@@ -212,7 +212,7 @@ class KinematicRun:
         self._now_s = begin_s + whole_s
 
     def _dwell(self, whole_s: float, goals: Mapping[str, Pose], opening_m: float) -> None:
-        """Have the arm stand, the jaws move, and what was let go come to where it belongs."""
+        """Let the arm stand while the jaws move and released parts go to their goals."""
         if self._now_s + whole_s > MOST_PLAYED_S:
             raise ValueError(
                 f"the plan takes more than {MOST_PLAYED_S:,} s, and no more are played"
@@ -227,7 +227,7 @@ class KinematicRun:
         self._opening_m, self._now_s = opening_m, begin_s + whole_s
 
     def _frames(self, whole_s: float) -> list[float]:
-        """Return how much of the next seconds lies behind at every frame in them, in (0, 1]."""
+        """Return the share of the next seconds at every frame in them, in (0, 1]."""
         if whole_s <= 0 or self._joints is None:
             return []
         begin_s, end_s = self._now_s, self._now_s + whole_s
@@ -241,7 +241,7 @@ class KinematicRun:
         return _pose(position, rotation)
 
     def _frame(self) -> None:
-        """Note where everything is at the next frame."""
+        """Record the state at the next frame."""
         assert self._joints is not None
         tip = self._tip()
         bodies = dict(self._poses)
@@ -264,7 +264,7 @@ def _pose(position: Sequence[float] | Vector, rotation: Vector) -> Pose:
     return Pose.of_axes((x, y, z), closing, out)  # type: ignore[arg-type]
 
 
-def _between(one: Pose, other: Pose, share: float) -> Pose:
-    """Return a pose on the way; it is turned as at the end of it."""
-    x, y, z = (a + share * (b - a) for a, b in zip(one.position, other.position, strict=True))
-    return Pose((x, y, z), other.orientation)
+def _between(begin: Pose, end: Pose, share: float) -> Pose:
+    """Interpolate the position of two poses; the orientation is that of the end."""
+    x, y, z = (a + share * (b - a) for a, b in zip(begin.position, end.position, strict=True))
+    return Pose((x, y, z), end.orientation)

@@ -1,4 +1,4 @@
-"""How long skills take: transfer motions, linear motions down and up, and the task's dwells."""
+"""Durations of skills from travels, motions and dwells, and lower bounds on them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,7 @@ from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajector
 
 
 class SkillTimes:
-    """Times of linear motions and of the transfer motions between them.
-
-    Parameters
-    ----------
-    limits
-        Of the joints.
-    """
+    """Durations of linear motions and of the travels between them."""
 
     def __init__(self, limits: JointLimits) -> None:
         self.limits = limits
@@ -34,35 +28,35 @@ class SkillTimes:
         self._paths_s: dict[bytes, float] = {}
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
-        """Return how long some motions take in turn [s]; None where the arm cannot make them.
+        """Return the duration of some motions in order [s]; None if the arm cannot make them.
 
         Parameters
         ----------
         planned
-            One at least.
+            At least one motion.
         stand
-            Where the arm stands before.
+            Start of the arm.
         """
         here = stand.joints_rad
         total_s = 0.0
         if stand.came_from_rad is not None and here is not None:
             total_s = self._path_s(self.transfer(stand.came_from_rad, here))
-        for one in planned:
-            if not one.elbows or here is None:
+        for motion in planned:
+            if not motion.elbows or here is None:
                 return None
-            strokes = one.elbows[0].strokes
+            strokes = motion.elbows[0].strokes
             total_s += self._path_s(self.transfer(here, strokes.begin))
             stretches_s = sum(self._path_s(path) for path in strokes.distinct)
             if strokes.mirrored:
-                # Up as down: the same speeds, and the opposite accelerations.
+                # The way back has the same speeds and opposite accelerations.
                 stretches_s *= 2
-            total_s += stretches_s + one.motion.visit.dwell_s
+            total_s += stretches_s + motion.motion.visit.dwell_s
             here = strokes.end
-        # A nanosecond is beyond what the limits mean, and the same on every machine.
+        # Rounded to a nanosecond, which is equal on every machine.
         return round(total_s, 9)
 
     def _path_s(self, path: JointPath) -> float:
-        """Return how long a path takes from rest to rest [s]."""
+        """Return the duration of a path from rest to rest [s]."""
         key = path.nodes.tobytes()
         if key not in self._paths_s:
             self._paths_s[key] = fastest_trajectory(path, self.limits).duration_s
@@ -71,7 +65,7 @@ class SkillTimes:
     def transfer(self, start: Vector, end: Vector) -> JointPath:
         """Return the straight travel in joint space between two postures above targets.
 
-        Also where something stands in it: how long a skill takes depends on places, not on that.
+        Obstacles are ignored: the duration of a skill depends on places only.
         """
         key = (start.tobytes(), end.tobytes())
         if key not in self._transfers:
@@ -79,18 +73,18 @@ class SkillTimes:
         return self._transfers[key]
 
 
-# Times are rounded to a nanosecond, and neither sum is exact.
+# Durations are rounded to a nanosecond, and neither sum is exact.
 _SLACK_S = 2e-9
 
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """A skill's motions, whatever the place where it starts.
+    """A skill's motions, for any place where it starts.
 
     Parameters
     ----------
     begins
-        How the arm stands above the first target [rad].
+        Posture above the first target [rad].
     rest_s
         Lower bound on the time from there on [s].
     """
@@ -100,20 +94,16 @@ class _Course:
 
 
 class LeastTimes:
-    """Bounds the times of skills of which only some facts are known, from where they start.
+    """Lower bounds on durations of skills if only some facts of the start are known.
 
     Parameters
     ----------
-    task
-        The task.
-    robot
-        Its arm.
     times
-        Times of the motions.
+        Durations of motions.
     stands
-        How the arm stands at places.
+        Postures at places.
     plan
-        Returns the motions of a skill in a state as the arm makes them.
+        Returns the planned motions of a skill in a state.
     """
 
     def __init__(
@@ -134,14 +124,12 @@ class LeastTimes:
         self._courses: dict[tuple[str, int], _Course | None] = {}
 
     def least_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
-        """Return a lower bound on the times of a skill [s]; inf where it has none.
+        """Return a lower bound on the duration of a skill [s]; inf if it has none.
 
         Parameters
         ----------
-        skill
-            A skill of the task.
         true_bits, false_bits
-            Bits of the facts that are known to hold, and not to hold, where it starts.
+            Bits of the facts known to hold, and not to hold, where it starts.
         """
         if skill.motion is None:
             return math.inf
@@ -160,7 +148,7 @@ class LeastTimes:
         )
 
     def _open_places(self, true_bits: int, false_bits: int) -> Iterator[str]:
-        """Yield the places where the arm may stand."""
+        """Yield the possible places of the arm."""
         known = [fact for bit, fact in self._places.items() if bit & true_bits]
         if known:
             yield from known
@@ -168,7 +156,7 @@ class LeastTimes:
         yield from (fact for bit, fact in self._places.items() if not bit & false_bits)
 
     def _circumstances(self, skill: Skill, true_bits: int, false_bits: int) -> Iterator[int]:
-        """Yield the bits of the tool and the route that a skill may have."""
+        """Yield the bits of possible tools and routes of a skill."""
         assert skill.motion is not None
         every = sum(self._tools)
         for route in skill.motion.routes:
@@ -184,27 +172,27 @@ class LeastTimes:
             yield from (bit | route.when.bits for bit in self._tools if not bit & false_bits)
 
     def _course(self, skill: Skill, bits: int) -> _Course | None:
-        """Return the motions of a skill; None where the arm cannot make them."""
+        """Return the motions of a skill, or None if the arm cannot make them."""
         key = (skill.name, bits)
         if key not in self._courses:
-            self._courses[key] = self._found(self.plan(skill, self.task.facts.state(bits)))
+            self._courses[key] = self._compute_course(self.plan(skill, self.task.facts.state(bits)))
         return self._courses[key]
 
-    def _found(self, planned: tuple[ArmMotion, ...]) -> _Course | None:
+    def _compute_course(self, planned: tuple[ArmMotion, ...]) -> _Course | None:
         begins: Vector | None = None
         here: Vector | None = None
         rest_s = 0.0
-        for one in planned:
-            if not one.elbows:
+        for motion in planned:
+            if not motion.elbows:
                 return None
-            strokes = one.elbows[0].strokes
+            strokes = motion.elbows[0].strokes
             if here is None:
                 begins = strokes.begin
             else:
                 rest_s += self._between(here, strokes.begin)
             for path in (*strokes.down, *strokes.up):
                 rest_s += self._between(path.nodes[0], path.nodes[-1])
-            rest_s += one.motion.visit.dwell_s
+            rest_s += motion.motion.visit.dwell_s
             here = strokes.end
         return None if begins is None else _Course(begins, rest_s)
 
@@ -223,14 +211,12 @@ class LeastTimes:
 
 
 def least_between_s(start: Vector, end: Vector, limits: JointLimits) -> float:
-    """Return the least time from rest to rest between two postures [s].
+    """Return the minimum time from rest to rest between two postures [s].
 
     Parameters
     ----------
     start, end
         Joint angles [rad], shape (joints,).
-    limits
-        Of the joints.
     """
     speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
     way = np.abs(np.asarray(end) - np.asarray(start))

@@ -1,7 +1,7 @@
-"""toppra's problem of one path, without what its own constructors do besides.
+"""toppra's problem for one path, without the overhead of its constructors.
 
-These describe every limit as text, and look for linear solvers that are not installed; on the short
-paths of an arm that takes a third of the time. The numbers are the same.
+Those describe every limit as text and probe for linear solvers that are not installed, a third of
+the time on an arm's short paths. Results are the same.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from skillplan_pinocchio.kinematics.joint_path import Array
 
 
 class SpeedLimits(JointVelocityConstraint):  # type: ignore[misc]
-    """Greatest speeds, shape (n,), > 0, alike in both directions."""
+    """Symmetric speed limits, shape (n,), > 0."""
 
     def __init__(self, greatest: Array) -> None:
         LinearConstraint.__init__(self)
@@ -32,7 +32,7 @@ class SpeedLimits(JointVelocityConstraint):  # type: ignore[misc]
 
 
 class AccelerationLimits(JointAccelerationConstraint):  # type: ignore[misc]
-    """Greatest accelerations, shape (n,), > 0, alike in both directions."""
+    """Symmetric acceleration limits, shape (n,), > 0."""
 
     def __init__(self, greatest: Array) -> None:
         LinearConstraint.__init__(self)
@@ -43,16 +43,14 @@ class AccelerationLimits(JointAccelerationConstraint):  # type: ignore[misc]
 
 
 class FastestRun(TOPPRA):  # type: ignore[misc]
-    """The fastest run along a path on a grid, by the linear solver of toppra itself.
+    """The fastest run along a path on a grid, by toppra's own linear solver.
 
     Parameters
     ----------
-    speeds, accelerations
-        Limits of the joints.
     path
-        Derivatives at the places of the grid, as toppra asks for them.
+        Derivatives at the places of the grid, in toppra's interface.
     grid
-        Places from 0 to 1, rising.
+        Increasing places from 0 to 1.
     """
 
     def __init__(

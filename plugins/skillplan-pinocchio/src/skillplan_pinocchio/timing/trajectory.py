@@ -1,8 +1,8 @@
-"""The fastest run along a path of the joints, from rest to rest within their limits, by toppra.
+"""The fastest trajectory along a joint path, from rest to rest within joint limits, by toppra.
 
-toppra chooses the speed of the path's parameter on a grid; see `toppra_run`. Finer grids are taken
-until the limits hold between its places, too, but for a little: by that little the whole run is
-slowed down. The limits hold everywhere, not at samples only.
+toppra optimises the speed of the path's parameter on a grid. The grid is refined until the limits
+nearly hold between its places, too; the rest is removed by slowing down the whole run. So the
+limits hold everywhere, not only at samples.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ import numpy as np
 from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 
-# Intervals that lose more than this share of a run's time are split into so many.
+# Intervals that lose more than this share of a run's time are split into `_PARTS`.
 _LOST: Final = 0.0002
 _PARTS: Final = 8
 
-# What toppra imports to draw its insides, for splines of its own, and for another linear solver; a
-# path here tells its derivatives itself. With the names that it takes from there.
+# Modules, and names in them, that toppra imports only for plots, its own splines and another linear
+# solver.
 _UNUSED: Final = {
     "scipy": (),
     "matplotlib": (),
@@ -40,20 +40,20 @@ _UNUSED: Final = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridRun:
-    """What toppra finds on a grid, and how good it is.
+    """A run on a grid, and its quality.
 
     Parameters
     ----------
     places
-        The grid.
+        Places of the grid.
     rates
-        How fast the parameter changes there.
+        Rates of the parameter at the places.
     excess
-        By which factor a limit is exceeded between two places; 1 at most where none is.
+        Factor by which a limit is exceeded between two places; at most 1 if none is.
     lost
-        How much of its time the run loses to the grid, by interval, as a share. The parameter gains
-        speed evenly between two places: where hardly any acceleration is used, it might go at the
-        speed of the faster end sooner.
+        Share of its time that the run loses to the grid, by interval. The rate changes evenly
+        between two places; if little acceleration is used, it could reach the faster end's rate
+        sooner.
     """
 
     places: Array
@@ -70,18 +70,18 @@ class GridRun:
         used = (hardest / gain).max(axis=1)
         excess = max(float((fastest / speed).max()), math.sqrt(float(used.max())))
         steps_s = _steps_s(places, rates)
-        least_s = np.diff(places) / np.maximum(rates[1:], rates[:-1])
-        lost = (steps_s - least_s) * np.maximum(1 - used, 0.0) / steps_s.sum()
+        fastest_s = np.diff(places) / np.maximum(rates[1:], rates[:-1])
+        lost = (steps_s - fastest_s) * np.maximum(1 - used, 0.0) / steps_s.sum()
         return cls(places, rates, excess, lost)
 
     @property
     def duration_s(self) -> float:
-        """How long it takes within the limits [s]."""
+        """Duration within the limits [s]."""
         return float(_steps_s(self.places, self.rates).sum()) * max(self.excess, 1.0)
 
     @property
     def finer(self) -> Array:
-        """A grid with more places where the run might be faster."""
+        """A grid with more places where the run could be faster."""
         begins, steps = self.places[:-1], np.diff(self.places)
         parts = np.where(self.lost > _LOST, _PARTS, 1)
         number = np.concatenate([np.arange(count) for count in parts.tolist()])
@@ -90,25 +90,23 @@ class GridRun:
 
 
 def _steps_s(places: Array, rates: Array) -> Array:
-    """Return how long a run takes between every two places [s]."""
+    """Return the durations between neighbouring places [s]."""
     return np.asarray(2 * np.diff(places) / (rates[1:] + rates[:-1]))
 
 
 def _run(
     path: JointPath, nodes: tuple[int, int], places: Array, limits: tuple[Array, Array]
 ) -> Array:
-    """Return how fast the parameter changes at places, of which each node is one.
+    """Return the rates of the parameter at places, of which each node is one.
 
     Parameters
     ----------
-    path
-        Where the joints go.
     nodes
-        From which node to which, by number: the first place and the last.
+        Numbers of the first and last node.
     places
-        A grid between them.
+        Grid between them.
     limits
-        Speeds and accelerations.
+        Speed and acceleration limits.
     """
     first, last = nodes
     span = places[-1] - places[0]
@@ -121,14 +119,14 @@ def _run(
         raise ArithmeticError("toppra found no run between two nodes of a path of the joints")
     middle = (first + last) // 2
     cut = int(np.abs(places - middle / (len(path.nodes) - 1)).argmin())
-    one = _run(path, (first, middle), places[: cut + 1], limits)
-    other = _run(path, (middle, last), places[cut:], limits)
-    return np.concatenate([one[:-1], other])
+    begin = _run(path, (first, middle), places[: cut + 1], limits)
+    end = _run(path, (middle, last), places[cut:], limits)
+    return np.concatenate([begin[:-1], end])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Geometry:
-    """Derivatives of a path at the places of a grid, as toppra asks for them."""
+    """Derivatives of a path at the places of a grid, in toppra's interface."""
 
     slopes: Array
     bends: Array
@@ -146,11 +144,11 @@ class _Geometry:
 
 
 def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]) -> Array | None:
-    """Return how fast the parameter changes on a grid from 0 to 1; None where toppra fails."""
+    """Return the rates of the parameter on a grid from 0 to 1, or None if toppra fails."""
     speed, gain = limits
     steepest, sharpest = np.abs(slopes).max(axis=0), np.abs(bends).max(axis=0)
-    # In this unit of time, and each joint's angles in units of its own, what toppra multiplies with
-    # is 1 at most, however short the path is: its tolerances are absolute.
+    # In these units of time and of each joint's angle, toppra's coefficients are at most 1 for any
+    # path: its tolerances are absolute.
     unit_s = max(
         float((steepest / speed).max()),
         math.sqrt(float((np.maximum(steepest, sharpest) / gain).max())),
@@ -170,12 +168,12 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
 
 @cache
 def _problem() -> Any:
-    """Return what builds toppra's problems; toppra leaves out what only draws and interpolates.
+    """Import the builder of toppra's problems, without toppra's plotting and splines.
 
-    It is kept quiet: a run that it does not find is looked for in parts.
+    Its log is silenced: a run that toppra does not find is searched in parts.
     """
     with warnings.catch_warnings(), _without(_UNUSED):
-        # Of docstrings with escapes that Python does not know, where it was not compiled before.
+        # Its docstrings have invalid escapes.
         warnings.simplefilter("ignore")
         from skillplan_pinocchio.timing import toppra_problem
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
@@ -184,10 +182,10 @@ def _problem() -> Any:
 
 @contextmanager
 def _without(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
-    """Import what imports modules for parts of it that nobody asks for, and leave these alone.
+    """Replace unused modules by empty ones during an import.
 
-    They take several times as long as all the rest, and drawing fails where the environment names
-    a backend that is none.
+    They take several times as long as the rest, and matplotlib fails if the environment names an
+    unknown backend.
     """
     absent = {name: names for name, names in unused.items() if name not in sys.modules}
     for name, names in absent.items():
@@ -201,10 +199,11 @@ def _without(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
 
 
 def _peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
-    """Return the greatest speed and acceleration of every joint in each interval of a run.
+    """Return the maximum speed and acceleration of every joint in each interval of a run.
 
-    At a distance d into an interval a joint's slope is a square of d, its bend and the squared rate
-    are straight lines: its acceleration is a square of d, and its speed turns where that is 0.
+    At a distance d into an interval a joint's slope is quadratic in d, its bend and the squared
+    rate are linear. So its acceleration is quadratic, and its speed has an extremum where that is
+    0.
     """
     slopes, bends = path.derivatives(places)
     length = np.diff(places)[:, np.newaxis]
@@ -217,37 +216,37 @@ def _peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(np.maximum(once**2 - 4 * twice * none, 0.0))
         larger = -(once + np.copysign(root, once)) / 2
-        asked = [-once / (2 * twice), larger / twice, none / larger]
-    # Where there is no such place, some other place is asked about; none can do harm.
-    asked += [np.zeros_like(none), np.broadcast_to(length, none.shape)]
-    found = [np.clip(np.nan_to_num(d, posinf=0.0, neginf=0.0), 0.0, length) for d in asked]
-    squares = [np.maximum(start + 2 * gain * d, 0.0) for d in found]
+        candidates = [-once / (2 * twice), larger / twice, none / larger]
+    # Without such an extremum another place is evaluated, which does no harm.
+    candidates += [np.zeros_like(none), np.broadcast_to(length, none.shape)]
+    distances = [np.clip(np.nan_to_num(d, posinf=0.0, neginf=0.0), 0.0, length) for d in candidates]
+    squares = [np.maximum(start + 2 * gain * d, 0.0) for d in distances]
     speeds = [
         np.abs(slope + (bend + turn * d / 2) * d) * np.sqrt(square)
-        for d, square in zip(found, squares, strict=True)
+        for d, square in zip(distances, squares, strict=True)
     ]
-    gains = [np.abs(none + (once + twice * d) * d) for d in found]
+    gains = [np.abs(none + (once + twice * d) * d) for d in distances]
     return np.max(speeds, axis=0), np.max(gains, axis=0)
 
 
-# A grid has about so many intervals, and so many between two nodes at least. Finer ones are taken
-# until a run exceeds the limits by no more than this factor.
+# Intervals of a grid, and minimum between two nodes; grids are refined until a run exceeds the
+# limits by at most this factor.
 _GRIDS: Final = (64, 128, 256, 512, 1024)
 _FEWEST: Final = 8
 _EXCESS: Final = 1.001
-# Where a run loses more than this share of its time to its grid, it is split, so often at most.
+# Loss of a run above which its grid is split, and maximum number of splits.
 _MOST_LOST_SHARE: Final = 0.005
 _SPLITS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """How fast joints may move and gain speed.
+    """Speed and acceleration limits of joints.
 
     Parameters
     ----------
     speed_rad_per_s, acceleration_rad_per_s2
-        Of every joint, each > 0; shape (joints,).
+        Limits of every joint, each > 0; shape (joints,).
 
     Raises
     ------
@@ -270,7 +269,7 @@ class JointLimits:
         return cls(arm.speed_rad_per_s, arm.acceleration_rad_per_s2)
 
     def scaled(self, fraction: float) -> JointLimits:
-        """Return the limits of which a fraction in (0, 1] is used."""
+        """Return a fraction in (0, 1] of the limits."""
         return JointLimits(
             tuple(fraction * value for value in self.speed_rad_per_s),
             tuple(fraction * value for value in self.acceleration_rad_per_s2),
@@ -279,19 +278,17 @@ class JointLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """A path and when the joints are where on it.
+    """A path with its timing.
 
     Parameters
     ----------
-    path
-        Where the joints go.
     places
-        Of the path's parameter, rising from 0 to 1; a single one where the path leads nowhere.
+        Increasing path parameters from 0 to 1; a single one if the path has no length.
     rates_per_s
-        How fast the parameter changes there, 0 at both ends; between two places it gains speed
-        evenly.
+        Rates of the parameter there, 0 at both ends; between two places the rate changes evenly in
+        time.
     times_s
-        When the joints are there, from 0 on.
+        Times at the places, from 0 on.
     """
 
     path: JointPath
@@ -301,7 +298,7 @@ class Trajectory:
 
     @property
     def duration_s(self) -> float:
-        """From rest to rest [s]; 0 where the path leads nowhere."""
+        """Duration from rest to rest [s]; 0 if the path has no length."""
         return float(self.times_s[-1])
 
     def at(self, time_s: float) -> tuple[Array, Array, Array]:
@@ -310,7 +307,7 @@ class Trajectory:
         Parameters
         ----------
         time_s
-            In [0, `duration_s`].
+            Time in [0, `duration_s`].
 
         Returns
         -------
@@ -335,22 +332,15 @@ class Trajectory:
 def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     """Return the fastest run along a path within limits.
 
-    A straight path needs no toppra: its fastest run has a closed form. Where a path is so uneven
-    that toppra finds nothing on it, the run stops at its middle node.
-
-    Parameters
-    ----------
-    path
-        Where the joints go.
-    limits
-        Of their speeds and accelerations.
+    A straight path has a closed form. On a path too uneven for toppra, the run stops at the middle
+    node.
 
     Raises
     ------
     ArithmeticError
-        If toppra finds nothing between two nodes either.
+        If toppra finds no run between two nodes either.
     """
-    # What a rounding error leaves of a joint at rest is no motion.
+    # Rounding errors of a joint at rest do not count as motion.
     if float(path.steepest.max()) <= 1e-9:
         return Trajectory(path, np.zeros(1), np.zeros(1), np.zeros(1))
     speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
@@ -376,7 +366,7 @@ def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
 
 
 def _split(path: JointPath, run: GridRun, limits: tuple[Array, Array]) -> GridRun:
-    """Return the run on a finer grid, or the same one where toppra finds nothing on that."""
+    """Return the run on a finer grid, or the same run if toppra finds none."""
     try:
         return GridRun.on(path, run.finer, limits)
     except ArithmeticError:
@@ -384,7 +374,7 @@ def _split(path: JointPath, run: GridRun, limits: tuple[Array, Array]) -> GridRu
 
 
 def _straight(path: JointPath, speed: Array, gain: Array) -> Trajectory:
-    """Return the fastest run along a straight path: all joints gain speed, keep it, and lose it."""
+    """Return the fastest run along a straight path: accelerate, coast, decelerate."""
     turns = np.maximum(path.steepest, 1e-12)
     fastest, hardest = float((speed / turns).min()), float((gain / turns).min())
     if fastest**2 >= hardest:

@@ -1,4 +1,4 @@
-"""What is logged of an execution 60 times a simulated second: contacts and displacements."""
+"""Log of contacts and displacements, 60 frames a simulated second."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ Vector = NDArray[np.float64]
 
 STEPS_PER_FRAME = STEPS_PER_S // FRAMES_PER_S
 
-# Bodies at rest on each other lose touch now and then by less than this [m].
+# Gap that resting bodies occasionally open [m].
 _CLOSE_M = 0.0005
 
-# A body touches another by its side where it goes along it: the cosine of the angle between its way
-# and the force is below this.
+# Contacts are sideways if the cosine between velocity and force is below this.
 _ASIDE = 0.7
 
 
@@ -34,9 +33,9 @@ class ContactLog:
     Parameters
     ----------
     world, arm
-        What is watched.
+        World and arm to observe.
     handled
-        Bodies that the skill handles: their displacement is no sign of anything.
+        Handled bodies, whose displacement is not logged.
     """
 
     def __init__(self, world: World, arm: Arm, handled: Iterable[str]) -> None:
@@ -46,28 +45,28 @@ class ContactLog:
         self.phases: list[tuple[int, str]] = []
         self.forces: dict[str, list[Vector]] = {name: [] for name in world.bodies}
         self.pairs: dict[Pair, list[float]] = {}
-        # Those of them that first touched across the way of what is handled.
+        # Pairs whose first contact was sideways to the motion of the handled part.
         self.beside: set[Pair] = set()
         self.moved: dict[str, list[float]] = {}
         self.expected: set[Pair] = set()
-        # Bodies that may touch anything: what was let go, or is being driven.
+        # Bodies that may touch anything: released or driven parts.
         self.free: set[str] = set()
-        # What is pushed in, and how strongly what it goes into resists in every frame since [N].
+        # Inserted part, and resistance to it in every frame since [N].
         self.inserted: str | None = None
         self.resistance_n: list[float] = []
-        # Constraints whose force on a body is a contact's as well, such as a suction cup's.
+        # Constraints that act like contacts, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
         self._last_points: list[Touch] = []
-        # Where bodies that are not handled stood when the log was begun.
+        # Poses of bodies that are not handled at the start of the log.
         self.stood: dict[str, Pose] = {}
         self._origin: dict[str, Point] = {}
-        # Dwells at rest: the number of the frame after each, and its length [s].
+        # Dwells at rest: number of the next frame, and duration [s].
         self.pauses: list[tuple[int, float]] = []
         self._begun = False
 
     def begin(self) -> None:
-        """Take what touches now as expected, and where bodies are now as their places."""
+        """Record current contacts as expected, and current poses as reference."""
         self._begun = True
         self.expected |= self._close()
         self.stood = {
@@ -77,21 +76,21 @@ class ContactLog:
         self.moved = {name: [] for name in self._origin}
 
     def insert(self, name: str) -> None:
-        """Take what a body touches from now on as what it goes into, and note how strongly."""
+        """Start to log the resistance to a part that is inserted."""
         self.free.add(name)
         self.inserted = name
 
     def phase(self, label: str) -> None:
-        """Note what the robot is at from now on."""
+        """Record the start of a phase."""
         self.phases.append((self.frames, label))
 
     @property
     def phase_now(self) -> str:
-        """What the robot is at."""
+        """The current phase."""
         return self.phases[-1][1] if self.phases else ""
 
     def frame(self) -> None:
-        """Log a frame; nothing before the log was begun."""
+        """Log a frame, once the log has started."""
         if not self._begun:
             return
         forces = {name: np.zeros(3) for name in self.world.bodies}
@@ -126,7 +125,7 @@ class ContactLog:
         )
 
     def contacts(self) -> tuple[Contact, ...]:
-        """Return what touched in the last frame, one contact for every pair of bodies."""
+        """Return the contacts of the last frame, one per pair of bodies."""
         sums: dict[Pair, tuple[float, Vector, Vector]] = {}
         for point in self._last_points:
             normal_n, first, second = point.normal_n, point.first, point.second
@@ -145,19 +144,19 @@ class ContactLog:
         )
 
     def unexpected_n(self) -> float:
-        """Return the greatest force of an unexpected pair in the last frame [N]."""
+        """Return the largest force of an unexpected pair in the last frame [N]."""
         return max((values[-1] for values in self.pairs.values() if values), default=0.0)
 
     def _close(self) -> set[Pair]:
-        """Return the pairs of bodies that bear on each other, or may at any moment."""
-        found = set()
+        """Return the pairs of bodies that touch or almost touch."""
+        pairs = set()
         for first, second in combinations(sorted((TABLE, *self.world.bodies)), 2):
             if self.world.is_near(first, second, _CLOSE_M):
-                found.add((first, second))
-        return found
+                pairs.add((first, second))
+        return pairs
 
     def _touching(self, forces: dict[str, Vector] | None = None) -> dict[Pair, float]:
-        """Return the normal force of every pair that touches, and add up forces on bodies."""
+        """Return the normal force of every touching pair, and add forces on bodies."""
         pairs: dict[Pair, float] = {}
         self._last_points = self.world.touches()
         for point in self._last_points:
@@ -174,11 +173,11 @@ class ContactLog:
         return pairs
 
     def _touch_sideways(self, pair: Pair) -> bool:
-        """Whether what is handled moves along a body that it touches, not towards it."""
+        """Return whether a handled part moves along the other body of a pair, not towards it."""
         ones, others = set(pair) & self.handled, set(pair) - self.handled
         if not ones or others & {ROBOT, TABLE, *self.arm.link_names.values()}:
             return False
-        way = np.zeros(3) if self.arm.wanted is None else self.arm.wanted.velocity
+        way = np.zeros(3) if self.arm.setpoint is None else self.arm.setpoint.velocity
         towards = np.zeros(3)
         for point in self._last_points:
             if {point.first, point.second} == set(pair):

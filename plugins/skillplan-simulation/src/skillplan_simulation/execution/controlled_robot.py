@@ -1,4 +1,4 @@
-"""The robot at work in a simulated world: it moves, waits, carries, and all contacts are logged."""
+"""The robot at work in a simulated world: motion, grips, tools, and the log of contacts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from skillplan_simulation.simulator import (
     World,
 )
 
-# Couplings that are farther apart do not engage [m].
+# Largest distance at which couplings engage [m].
 _MISALIGNED_M = 0.002
 # A tool's z is against the hand's.
 _BACKWARDS = np.array([1.0, 1.0, -1.0])
@@ -37,17 +37,17 @@ class ToolChanger:
     Parameters
     ----------
     world, arm
-        Where, and whose.
+        World and arm.
     scene
-        What tools there are.
+        Scene with the tools.
     tool
-        The one attached at the start, or None.
+        Tool attached at the start, or None.
     """
 
     def __init__(self, world: World, arm: Arm, scene: Scene, tool: Tool | None) -> None:
         self.world, self.arm, self.scene = world, arm, scene
         self.tool = tool
-        # What the arm has to carry of it beside the hand [kg].
+        # Mass of the tool without the hand [kg].
         self.load_kg = 0.0
         self._bond: int | None = None
         self._docked: dict[str, int] = {}
@@ -57,21 +57,21 @@ class ToolChanger:
 
     @property
     def has_jaws(self) -> bool:
-        """Whether the gripper is attached."""
+        """Return whether a gripper is attached."""
         return self.tool is not None and self.tool.kind is ToolKind.GRIPPER
 
     @property
     def robot_parts(self) -> list[str]:
-        """Names of the bodies that make up the robot, the tool included."""
+        """Names of the robot's bodies, the tool included."""
         names = [ROBOT]
         if self.tool is not None and self.tool.name in self.world.numbers:
             names.append(self.tool.name)
         return names
 
     def tool_pose(self) -> Pose:
-        """Return the pose of a body whose origin is the tip and whose z leads back to the flange.
+        """Return the pose of the attached tool: origin at the tip, z towards the flange.
 
-        It stands upright where the hand points down; its x is along the closing axis.
+        It is upright if the hand points down; its x is along the closing axis.
         """
         tip = self.arm.tip()
         return pose_of(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
@@ -89,9 +89,9 @@ class ToolChanger:
         self.arm.show_hand(False)
 
     def couple(self, name: str, dock: Point) -> float:
-        """Take a tool from its dock; return how far off the coupling is [m].
+        """Take a tool from its dock; return the misalignment of the coupling [m].
 
-        Nothing is attached where it is too far off.
+        The tool is not attached if the misalignment is too large.
         """
         apart_m = length(self.arm.tip().position - np.array(dock))
         if apart_m <= _MISALIGNED_M:
@@ -116,43 +116,42 @@ class ToolChanger:
         self.load_kg = body.mass_kg
 
 
-# A tip that lags so far behind is stuck, and what comes after that is chaos [m].
+# Lag of the tip at which the arm is stuck [m].
 _STUCK_M = 0.012
-# No skill takes so many simulation steps.
+# Maximum number of simulation steps of a skill.
 _MOST_STEPS = 200_000
-# Contacts in the hand are found anew after it has turned by so much, and at the end of a move by
-# more than so much [rad].
+# Turn of the hand after which its contacts are refreshed, during a move and at its end [rad].
 _TURN_FELT_RAD, _TURN_UNFELT_RAD = 0.3, 0.01
 
 
 class StuckError(Exception):
-    """Raised where the arm cannot go on: something blocks it."""
+    """The arm is blocked."""
 
 
 class ControlledRobot:
-    """A robot with commands for where to go, what to carry and when to step.
+    """A robot with commands to move, carry and step.
 
     Parameters
     ----------
     world, arm
-        Where, and with what.
+        World and arm.
     scene
-        What bodies and tools there are.
+        Scene with bodies and tools.
     settings
-        How it moves.
+        Settings of motion.
     tool
-        The tool attached at the start; the hand itself is a tool without a body.
+        Tool attached at the start; a gripper is a tool without a body.
     every_step
         Called after every simulation step.
 
     Attributes
     ----------
     log
-        Of the contacts of the current skill.
+        Log of the current skill's contacts.
     sensed
-        What sensors said during it.
+        Sensor values of the current skill.
     carried
-        The body in the hand, if any.
+        Body in the hand, or None.
     """
 
     def __init__(
@@ -175,7 +174,7 @@ class ControlledRobot:
         self.carry(None)
 
     def watch(self, handled: set[str]) -> None:
-        """Begin a log for the skill to come."""
+        """Start a log for the next skill."""
         self.log = ContactLog(self.world, self.arm, handled)
         for name in (HAND, *FINGERS, ROBOT):
             for other in handled:
@@ -189,7 +188,7 @@ class ControlledRobot:
         self._last_step = self.world.steps + _MOST_STEPS
 
     def carry(self, name: str | None) -> None:
-        """Have the arm bear the tool and a body, or nothing besides."""
+        """Set the payload to the tool and a body, or to the tool alone."""
         self.carried = name
         carried_kg = 0.0 if name is None else self.world.mass_kg(name)
         self.arm.payload_kg = self.tools.load_kg + carried_kg
@@ -197,44 +196,44 @@ class ControlledRobot:
         self.arm.bears = (*tool, *([] if name is None else [name]))
 
     def bind(self, name: str) -> int:
-        """Fix a body to the robot, which it passes through from now on; return the constraint."""
+        """Fix a body to the robot and let it pass through it; return the constraint."""
         self.world.part(name, self.tools.robot_parts)
         self._bond = self.arm.grip(name)
         return self._bond
 
     def unbind(self) -> None:
-        """Undo the bond, if there is one."""
+        """Remove the bond, if there is one."""
         if self._bond is not None:
             self.world.release(self._bond)
             self._bond = None
 
     def clasp(self, name: str) -> None:
-        """Have friction hold a body still between the jaws, for as long as it can."""
+        """Let friction hold a body still between the jaws."""
         self._static = self.arm.clasp(name)
         if self._static.constraint is not None:
             self.log.cups[name] = self._static.constraint
 
     def unclasp(self) -> None:
-        """Leave what the jaws hold to its contacts."""
+        """Release the held body to its contacts."""
         if self._static is not None:
             self.log.cups.pop(self._static.name, None)
             self._static.let_go()
             self._static = None
 
     def wait(self, duration_s: float) -> None:
-        """Stay where the tip is to be."""
+        """Hold the current target."""
         for _ in range(round(duration_s / STEP_S)):
             self.step()
 
     def step(self) -> None:
-        """Go on by one simulation step.
+        """Advance by one simulation step.
 
         Raises
         ------
         StuckError
-            If something blocks the arm.
+            If an obstacle blocks the arm.
         UpsetError
-            If the simulation blew up, or goes on and on.
+            If the simulation blew up, or the skill takes too many steps.
         """
         self.arm.actuate()
         self.world.step()
@@ -252,16 +251,16 @@ class ControlledRobot:
         Parameters
         ----------
         end
-            Where to [m].
+            Target [m].
         path
-            Of the joints on the way; the posture is kept by default.
+            Joint path on the way. Default: the current posture.
 
         Raises
         ------
         StuckError
-            If something blocks it.
+            If an obstacle blocks the arm.
         """
-        here = self.arm.wanted
+        here = self.arm.setpoint
         assert here is not None
         self.follow(
             StraightMotion.between(
@@ -274,48 +273,48 @@ class ControlledRobot:
         )
 
     def transfer(self, planned: ArmMotion) -> None:
-        """Move to where a motion begins, as the path of the joints has it.
+        """Travel to the start of a motion along its joint path.
 
         Raises
         ------
         StuckError
-            If something blocks it.
+            If an obstacle blocks the arm.
         """
         self.follow(planned.travel)
 
     def follow(self, motion: StraightMotion | JointMotion) -> None:
-        """Move as a motion has it.
+        """Follow a timed motion.
 
         Raises
         ------
         StuckError
-            If something blocks it.
+            If an obstacle blocks the arm.
         """
-        assert self.arm.wanted is not None
-        felt = self.arm.wanted.rotation
+        assert self.arm.setpoint is not None
+        felt = self.arm.setpoint.rotation
         times_s = [step * STEP_S for step in range(1, int(motion.duration_s / STEP_S) + 2)]
         for setpoint in motion.at_each(times_s):
-            self.arm.wanted = setpoint
+            self.arm.setpoint = setpoint
             self.step()
-            if _angle(felt, self.arm.wanted.rotation) > _TURN_FELT_RAD:
-                self._feel_anew()
-                felt = self.arm.wanted.rotation
-        if _angle(felt, self.arm.wanted.rotation) > _TURN_UNFELT_RAD:
-            self._feel_anew()
+            if _angle(felt, self.arm.setpoint.rotation) > _TURN_FELT_RAD:
+                self._refresh_contacts()
+                felt = self.arm.setpoint.rotation
+        if _angle(felt, self.arm.setpoint.rotation) > _TURN_UNFELT_RAD:
+            self._refresh_contacts()
 
     def _keep_hold(self) -> None:
-        """Let what the jaws hold slip where friction cannot hold it."""
+        """Let the held body slip if friction cannot hold it."""
         if self._static is None:
             return
         self._static.hold(STEPS_PER_FRAME * STEP_S)
         if self._static.constraint is None:
             self.unclasp()
 
-    def _feel_anew(self) -> None:
-        """Have the contacts between jaws and what they hold found anew.
+    def _refresh_contacts(self) -> None:
+        """Recreate the contacts between jaws and the held body.
 
-        The simulator keeps points of contact with the directions that they had in the world, and
-        does not turn them with what is held.
+        The simulator keeps contact points with their directions in the world and does not turn them
+        with the body.
         """
         if self.carried is not None and self._bond is None:
             self.world.part(self.carried, [ROBOT])
@@ -328,6 +327,6 @@ class ControlledRobot:
             raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
 
 
-def _angle(one: Vector, other: Vector) -> float:
+def _angle(rotation: Vector, other: Vector) -> float:
     """Return the angle between two rotations [rad]."""
-    return 0.0 if one is other else length(turn_between(one, other))
+    return 0.0 if rotation is other else length(turn_between(rotation, other))

@@ -1,4 +1,4 @@
-"""Pictures made and handed on beside a simulation, in the order in which they were taken."""
+"""Execution of a whole plan in one continuous world, with films and pictures of failures."""
 
 from __future__ import annotations
 
@@ -56,19 +56,19 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Shot = Callable[[], Image]
 
-# So much may wait for its turn; then the simulation does.
+# Maximum length of a queue; then the simulation waits.
 _MOST_WAITING = 8
 
 
 class Film:
-    """Makes pictures on one thread and shows them on another; to be used as a context manager.
+    """Renders pictures on one thread and shows them on another; a context manager.
 
-    What goes wrong there is raised at the next picture, or at the end.
+    Errors are raised at the next picture, or at the end.
 
     Parameters
     ----------
     show
-        Is given every picture.
+        Called with every picture, in order.
     """
 
     def __init__(self, show: Callable[[Image], None]) -> None:
@@ -88,16 +88,16 @@ class Film:
         self._made.end()
         self._shown.end()
         if error is None:
-            self._made.complain()
-            self._shown.complain()
+            self._made.raise_error()
+            self._shown.raise_error()
 
     def add(self, shot: Shot) -> None:
-        """Have a picture made after those before."""
+        """Queue a picture."""
         self._made.add(shot)
 
 
 class _Stage(Generic[T]):
-    """Does one thing after another on a thread of its own."""
+    """A worker thread that processes a queue."""
 
     def __init__(self, work: Callable[[T], None]) -> None:
         self._work = work
@@ -107,17 +107,17 @@ class _Stage(Generic[T]):
         self._thread.start()
 
     def add(self, item: T) -> None:
-        """Have something done after what was before; raise what went wrong so far."""
-        self.complain()
+        """Queue an item; raise earlier errors."""
+        self.raise_error()
         self._waiting.put(item)
 
     def end(self) -> None:
-        """Wait until all is done."""
+        """Wait until the queue is empty."""
         self._waiting.put(None)
         self._thread.join()
 
-    def complain(self) -> None:
-        """Raise what went wrong, once."""
+    def raise_error(self) -> None:
+        """Raise an error of the worker, once."""
         if self._wrong is not None:
             wrong, self._wrong = self._wrong, None
             raise wrong
@@ -128,24 +128,24 @@ class _Stage(Generic[T]):
             if not is_failed:
                 try:
                     self._work(item)
-                except BaseException as error:  # raised where the simulation is
+                except BaseException as error:  # raised again in the thread of the simulation
                     self._wrong, is_failed = error, True
 
 
-# Bodies without a support are shown after so many frames, as they fall.
+# Frame in which unsupported bodies are shown as they fall.
 _FALLING_FRAMES = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A frame of an execution, and the bodies to look at.
+    """A frame of an execution, and the bodies to highlight.
 
     Parameters
     ----------
     frame
         Number of the frame; None for the end.
     bodies
-        Their names.
+        Names of the bodies.
     """
 
     frame: int | None
@@ -153,21 +153,21 @@ class Moment:
 
 
 def caption_of(skill: str, phase: str, time_s: float) -> str:
-    """Return what a picture says below: skill, what the robot is at in it, and time."""
+    """Return the caption of a picture: skill, phase and time."""
     return "   ".join(word for word in (skill, phase, f"{time_s:.2f} s") if word)
 
 
 class _Taken(Exception):
-    """Raised to end an execution whose picture is taken."""
+    """Ends an execution whose picture is taken."""
 
 
 def moment_of_failure(record: Record, judges: Sequence[Judge]) -> Moment:
-    """Return when an execution went wrong: the first contact or displacement, else the end."""
+    """Return the frame of the first collision or displacement, or the end."""
     collision = collision_in(record, judges)
     if collision is None:
         return Moment(None, ())
-    found = collision.evidence
-    return Moment(round(found["at_s"] * FRAMES_PER_S), tuple(found["bodies"]))
+    evidence = collision.evidence
+    return Moment(round(evidence["at_s"] * FRAMES_PER_S), tuple(evidence["bodies"]))
 
 
 def picture(
@@ -178,15 +178,15 @@ def picture(
     *,
     blamed: bool = False,
 ) -> Image:
-    """Return the moment at which a skill fails in a state, or its end.
+    """Return a picture of the moment at which a skill fails, or of its end.
 
-    Bodies that collide are painted red and orange, and all else is pale; where none do and the
-    skill is to be blamed all the same, it is what it handles.
+    Colliding bodies are red and orange, everything else is pale. If none collide and the skill is
+    to blame, the handled bodies are highlighted.
 
     Raises
     ------
     ValueError
-        If there is nothing to be seen, in words: the arm cannot follow the motion.
+        If there is no picture because the arm cannot follow the motion.
     """
     record = workcell.execute(skill, state)
     moment = moment_of_failure(record, judges)
@@ -217,12 +217,12 @@ def picture(
 
 
 def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
-    """Yield pictures of a skill in a state, so many a simulated second.
+    """Yield pictures of a skill at a rate per simulated second.
 
     Raises
     ------
     ValueError
-        If the rate is not above 0 and at most 60 pictures a second.
+        If the rate is not in (0, 60].
     """
     if not 0 < frames_per_s <= FRAMES_PER_S:
         raise ValueError(f"There are 0 to {FRAMES_PER_S} pictures a second, not {frames_per_s}.")
@@ -250,22 +250,22 @@ def _camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
     return PaintedCamera(workcell.task.scene, view)
 
 
-# So high above its tip a hand has to be seen [m].
+# Height of the visible part of the hand above its tip [m].
 _HAND_M = 0.15
-# And so high above its base an arm [m].
+# Height of the visible part of the arm above its base [m].
 _ARM_M = 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What has to hold of every skill.
+    """Requirements on every skill.
 
     Parameters
     ----------
     tolerances
-        How exactly every prediction has to come true.
+        Tolerances of predictions.
     judges
-        Who rules on contacts.
+        Detectors that decide about contacts.
     """
 
     tolerances: Tolerances
@@ -274,20 +274,20 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Observers:
-    """Who looks on while a plan is executed.
+    """Outputs of an execution.
 
     Parameters
     ----------
     frames_per_s
-        Pictures a simulated second [1/s]; None for none.
+        Pictures per simulated second [1/s], or None.
     show
-        Is given every picture.
+        Called with every picture.
     note
-        Is given a sample of every frame of 1/60 s.
+        Called with a sample of every frame of 1/60 s.
     angle
-        From which side pictures are taken; left out: from the one that the arm does not hide.
+        View angle. Default: one at which the arm hides least.
     labels
-        Whether bodies have name tags.
+        True if bodies have name tags.
     """
 
     frames_per_s: float | None = None
@@ -309,15 +309,15 @@ def execute_plan(
     Parameters
     ----------
     workcell
-        Whose task and settings they are.
+        Workcell of the task.
     rules
-        What has to hold of every skill.
+        Requirements on every skill.
     skills
         The plan.
     observers
-        Who looks on.
+        Outputs.
     stopped
-        Whether to end before the next skill.
+        Returns whether to end before the next skill.
     """
     robot = workcell.robot
     hand = hand_of(robot, robot.tool(workcell.task.initial))
@@ -346,7 +346,7 @@ class _PlanExecution:
         self.arm = arm
         self.every = STEPS_PER_S / (observers.frames_per_s or STEPS_PER_S)
         self.shown = 0
-        # Steps of dwells in which arm and parts were at rest: counted, not simulated.
+        # Steps of dwells at rest, which are counted but not simulated.
         self.held = 0
         self.skill = ""
         self.step = 0
@@ -366,8 +366,8 @@ class _PlanExecution:
         except UnreachableError as error:
             none = self.task.facts.none
             verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
-            begun = tuple(PerformedSkill(skill.name, verdict, 0.0, 0.0) for skill in skills[:1])
-            return Performance(begun, (), 0.0, 0)
+            failed = tuple(PerformedSkill(skill.name, verdict, 0.0, 0.0) for skill in skills[:1])
+            return Performance(failed, (), 0.0, 0)
         for body in self.task.scene.bodies:
             placement = body.placement(state)
             if placement is not None and placement.solid:
@@ -384,7 +384,7 @@ class _PlanExecution:
         )
         self.runner = runner
         with suppress(StuckError, UpsetError):
-            # What blocks the arm from the start, the first skill will say.
+            # The first skill reports an arm that is blocked from the start.
             runner.wait(SETTLE_S)
         done: list[PerformedSkill] = []
         for skill in skills:
@@ -425,7 +425,7 @@ class _PlanExecution:
         if planned.unfound is not None:
             return Verdict.unknown(planned.unfound)
         runner.begin(planned.motions, state)
-        # The frames of a log are the rows of the trace.
+        # Frames of the log correspond to rows of the trace.
         begin_s = ((self.world.steps + self.held) // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
             for motion in planned.motions:
@@ -441,7 +441,7 @@ class _PlanExecution:
         return self._sensed(skill, state, planned, begin_s)
 
     def _sensed(self, skill: Skill, state: State, planned: PlannedSkill, begin_s: float) -> Verdict:
-        """Return the verdict of a search: a collision is named before what it causes."""
+        """Return the verdict of a search: a collision takes precedence over its consequences."""
         record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
         verdict = postcondition_verdict(skill, record, self.rules.tolerances)
         collision = collision_in(record, self.rules.judges)
@@ -455,7 +455,7 @@ class _PlanExecution:
         return (self.world.steps + self.held) / STEPS_PER_S
 
     def _dwell(self, steps: int) -> None:
-        """Have time pass while arm and parts are at rest: pictures and samples stay the same."""
+        """Let time pass with arm and parts at rest: pictures and samples repeat."""
         if not steps:
             return
         begin = self.world.steps + self.held
@@ -468,7 +468,7 @@ class _PlanExecution:
                 self.shown += 1
         if self.note is not None:
             sample = self._sample()
-            # No dwell fills a trace with more than an hour of rows.
+            # A dwell adds at most an hour of rows to a trace.
             end = (begin + min(steps, MOST_PLAYED_S * STEPS_PER_S)) // STEPS_PER_FRAME
             for frame in range(begin // STEPS_PER_FRAME + 1, end + 1):
                 self.note(replace(sample, time_s=frame / FRAMES_PER_S))
@@ -488,11 +488,11 @@ class _PlanExecution:
             self.note(self._sample())
 
     def _sample(self) -> Sample:
-        assert self.arm.wanted is not None
-        # Of the joints of this very moment: an engine's own frames may be those of a step before.
+        assert self.arm.setpoint is not None
+        # From the current joints: an engine's own frames may be one step old.
         joints = self.arm.joints_rad()
         x, y, z = self.arm.kinematics.tip(np.array(joints)).position.tolist()
-        a, b, c = self.arm.wanted.position.tolist()
+        a, b, c = self.arm.setpoint.position.tolist()
         known = {body.name for body in self.task.scene.bodies}
         return Sample(
             self._now_s,
@@ -509,19 +509,19 @@ class _PlanExecution:
 
     def _arrivals(self, state: State) -> list[Arrival]:
         held = self.runner.carried
-        found: list[Arrival] = []
+        arrivals: list[Arrival] = []
         if not self.world.is_sane():
-            return found
+            return arrivals
         for name, goal in self.task.scene.at(state).items():
             if name in self.world.numbers and name != held:
                 final: Pose = self.world.pose(name)
-                found.append(
+                arrivals.append(
                     Arrival(name, goal, final, offset_m(final, goal), tilt_rad(final, goal))
                 )
-        return found
+        return arrivals
 
     def _extent(self) -> list[Point]:
-        """Return corners about the arm, all places of parts, and the hand that carries them [m]."""
+        """Return corners around the arm, the places of parts, and the hand [m]."""
         corners = [
             corner
             for body in self.task.scene.bodies

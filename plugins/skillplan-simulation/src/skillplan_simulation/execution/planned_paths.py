@@ -1,7 +1,6 @@
-"""Where the joints go in a skill: the very paths that ``swept`` checks, timed.
+"""Timed joint paths of skills, the same that ``swept`` checks.
 
-This is the only place where the planner of `skillplan-pinocchio` is asked. What comes out is the
-simulation's own: postures, and timed travels to be tracked.
+Only this module uses the planner of `skillplan-pinocchio`. It returns postures and timed travels.
 """
 
 from __future__ import annotations
@@ -25,26 +24,26 @@ from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import UnreachableError, Vector, kinematics_of, points_down
 from skillplan_simulation.motions import ArmMotion, JointMotion, JointRun, SlowedRun
 
-# Of the acceleration of what jaws hold, where it is turned in space: it creeps in them.
+# Share of the acceleration limit for a gripped part that is turned in space, where it creeps.
 _TURNED_SHARE = 1 / 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedSkill:
-    """How the arm makes a skill.
+    """Joint paths of a skill.
 
     Parameters
     ----------
     motions
-        In turn; empty where no way was found.
+        Motions in order; empty if no path was found.
     begin_rad
-        How the arm stands before the first travel [rad], shape (joints,).
+        Posture before the first travel [rad], shape (joints,).
     present, absent
-        The facts that decide the paths, by their truth.
+        Facts that hold, or do not hold, on which the paths rest.
     travels
-        The travels that go round something, as JSON values: the same as in evidence of ``swept``.
+        Travels around obstacles as JSON values, equal to those in evidence of ``swept``.
     unfound
-        Why no way was found within the planner's budget; None where one was.
+        Reason why no path was found within the planner's budget, or None.
     """
 
     motions: tuple[ArmMotion, ...]
@@ -56,19 +55,19 @@ class PlannedSkill:
 
     @property
     def travels_first(self) -> bool:
-        """Whether the travel to the skill is part of it; else it is the same from anywhere."""
+        """Return whether the travel to the skill is simulated as part of it."""
         return self.motions[0].matters
 
 
 class PlannedPaths:
-    """Knows the paths of a task's skills.
+    """Plans the joint paths of a task's skills.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     settings
-        How the robot moves.
+        Settings of motion.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
@@ -88,34 +87,32 @@ class PlannedPaths:
         self._runs: dict[tuple[bytes, bool], JointRun] = {}
 
     def stand(self, state: State) -> Vector:
-        """Return how the arm stands at a state's place [rad], shape (joints,).
+        """Return the posture at a state's place [rad], shape (joints,).
 
         Raises
         ------
         UnreachableError
-            If it cannot.
+            If the arm cannot stand there.
         """
-        fact, found = self.paths.stand(state)
-        if found is None:
+        fact, joints_rad = self.paths.stand(state)
+        if joints_rad is None:
             raise UnreachableError(f"the arm cannot stand where {fact} has it")
-        return found
+        return joints_rad
 
     def of(self, skill: Skill, state: State, begin_rad: Vector | None = None) -> PlannedSkill:
-        """Return how the arm makes a skill.
+        """Return the joint paths of a skill.
 
         Parameters
         ----------
         skill
-            With one motion.
-        state
-            Where it starts.
+            Skill with one motion.
         begin_rad
-            How the arm stands then [rad], shape (joints,); as at the state's place by default.
+            Start posture [rad], shape (joints,). Default: the posture at the state's place.
 
         Raises
         ------
         UnreachableError
-            If it cannot follow.
+            If the arm cannot follow.
         """
         paths = self.paths.paths(skill, state, begin_rad)
         if isinstance(paths, Unreachable):
@@ -130,34 +127,36 @@ class PlannedPaths:
         planned = tuple(travel for travel in travels if travel is not None)
         return PlannedSkill(tuple(self._motions(paths)), *basis, planned)
 
-    def _motions(self, found: SkillPaths) -> Iterator[ArmMotion]:
-        here = found.begin_rad
-        for motion in found.motions:
+    def _motions(self, paths: SkillPaths) -> Iterator[ArmMotion]:
+        here = paths.begin_rad
+        for motion in paths.motions:
             yield self._motion(motion, here)
             here = motion.strokes.end
 
-    def _motion(self, one: MotionPaths, here: Vector) -> ArmMotion:
-        strokes = one.strokes
-        travel = one.travel
+    def _motion(self, paths: MotionPaths, here: Vector) -> ArmMotion:
+        strokes = paths.strokes
+        travel = paths.travel
         if isinstance(travel, Unfound):
-            # Whatever the way, something is run into: the simulation says with what force.
+            # Every path collides: the simulation measures the force.
             travel = Travel(JointPath([here, strokes.begin]))
         rotation = self.kinematics.tip(strokes.down[-1].nodes[-1]).rotation
         turns = not (points_down(rotation) and points_down(self.kinematics.tip(here).rotation))
         return ArmMotion(
-            one.motion,
+            paths.motion,
             rotation,
             strokes.down,
             strokes.up,
             JointMotion(
-                self.kinematics, travel.path.nodes, self._run(travel.path, one.motion, turns=turns)
+                self.kinematics,
+                travel.path.nodes,
+                self._run(travel.path, paths.motion, turns=turns),
             ),
-            one.is_checked or turns,
+            paths.is_checked or turns,
             travel.around,
         )
 
     def _run(self, path: JointPath, motion: LinearMotion, *, turns: bool) -> JointRun:
-        """Return the fastest run along a path, slowed where a part might slip in the jaws."""
+        """Return the fastest run along a path, slowed down if a gripped part might slip."""
         is_gripped = motion.visit.event is Event.RELEASE and (
             visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit).kind
             is GraspKind.JAWS

@@ -1,4 +1,4 @@
-"""Executes approach-act-retreat motions in a simulated world."""
+"""Execution of approach-act-retreat motions in a simulated world, and of screw driving."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from skillplan_simulation.kinematics import Vector, of_quaternion, pose_of
 from skillplan_simulation.motions import ArmMotion
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
-# A screw is brought so far above where it touches, and then felt for [m].
+# Distance from contact at which the search for a hole starts [m].
 FEEL_FROM_M = 0.001
 
 _FEEL_SPEED_M_PER_S = 0.01
 _FELT_N = 0.2
 _PRESS_S = 0.4
 _PRESS_SPEED_M_PER_S = 0.004
-# A screw of a gram between arm and workpiece would take more iterations to be pressed than
-# there are: while the bit has it, it is as heavy as the bit's holder [kg].
+# Mass of a screw at the bit [kg]. With its own mass of a gram, pressing it between arm and
+# workpiece would need more solver iterations.
 _HELD_SCREW_KG = 0.1
 
 
@@ -38,17 +38,17 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
     Parameters
     ----------
     robot
-        With a screwdriver.
+        Robot with a screwdriver.
     driven
-        The motion that drives the screw, now or later.
+        Motion that drives the screw, now or later.
     turned
-        How the hand is turned in that, shape (3, 3).
+        Rotation of the hand in that motion, shape (3, 3).
     """
     screw = driven.visit.subject
     if robot.carried == screw:
         return
     world, body, tip = robot.world, robot.scene.body(screw), robot.arm.tip()
-    # As it will be in its hole once it is driven.
+    # The pose in the hand is that of the driven screw.
     in_hand = times(turned.T, of_quaternion(driven.visit.pose.orientation))
     rotation = times(tip.rotation, in_hand)
     end = tip.position - body.height_m * rotation[:, 2]
@@ -59,29 +59,29 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
 
 
 def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
-    """Feel for the hole's mouth and press, the force measured over the last half; let go then.
+    """Search for the hole, press, measure the force over the last half, and release.
 
     Parameters
     ----------
     robot
-        With the screw at its bit, outside the hole.
+        Robot with the screw at its bit, outside the hole.
     motion
-        The one that drives it; at its tip the screw touches.
+        Motion that drives the screw; the screw touches at its tip.
 
     Raises
     ------
     StuckError
-        If something blocks the arm.
+        If an obstacle blocks the arm.
     """
     world, arm, settings = robot.world, robot.arm, robot.settings
-    assert arm.wanted is not None
+    assert arm.setpoint is not None
     screw, along = motion.visit.subject, np.array(motion.visit.along)
     drivers = {screw, *robot.tools.robot_parts}
     through = {name for name in (*world.bodies, TABLE) if name not in drivers}
-    # It lands on whatever is there; what else the robot touches meanwhile is not meant to be.
+    # The screw may touch anything; other contacts of the robot are unexpected.
     robot.log.free.add(screw)
     contact = np.array(motion.tip)
-    depth = dot(along, arm.wanted.position - contact)
+    depth = dot(along, arm.setpoint.position - contact)
     while depth < settings.press_travel_m and robot.log.pressing_n({screw}, through) < _FELT_N:
         depth += _FEEL_SPEED_M_PER_S * STEP_S
         _hold(robot, contact + depth * along)
@@ -91,7 +91,7 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     steps = round(_PRESS_S / STEP_S)
     for step in range(steps):
         if settings.control == "osc":
-            # A force is commanded, and the depth yields to it.
+            # The force is commanded, and the depth follows.
             depth = dot(along, arm.tip().position - contact)
         elif robot.log.pressing_n({screw}, through) < settings.press_force_n:
             depth += _PRESS_SPEED_M_PER_S * STEP_S
@@ -103,7 +103,7 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
     if not same_direction(motion.visit.along, DOWN):
-        # Its thread holds it, where it would otherwise fall.
+        # The thread holds the screw against gravity.
         bearing = world.nearest(screw, through)
         if bearing is not None:
             world.fasten(screw, bearing)
@@ -112,40 +112,40 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
 
 
 def _hold(robot: ControlledRobot, position: Vector) -> None:
-    """Have the tip be at a point, not moving."""
-    wanted = robot.arm.wanted
-    assert wanted is not None
-    robot.arm.wanted = replace(wanted, position=position, velocity=np.zeros(3))
+    """Set the target of the tip to a point at rest."""
+    setpoint = robot.arm.setpoint
+    assert setpoint is not None
+    robot.arm.setpoint = replace(setpoint, position=position, velocity=np.zeros(3))
 
 
-# The hand stops so far above a tool's dock, which is no body [m].
+# Gap between the hand and a tool's dock, which is not a body [m].
 _DOCK_GAP_M = 0.002
-# And so far above what a suction cup lifts: its lip [m].
+# Gap of a suction cup's lip [m].
 _CUP_GAP_M = 0.0015
-# And a bit so far above where a screw stands in its feeder, as the head jumps to the magnet [m].
+# Gap of a bit above a screw in its feeder; the magnet attracts the head [m].
 _FETCH_GAP_M = 0.001
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
-# Jaws that are this close to where they are to be are there [m].
+# Tolerance for the position of jaws [m].
 _JAWS_PLAY_M = 0.001
 
 
 class SkillRunner(ControlledRobot):
-    """A robot that executes skills, one motion after the other; see `ControlledRobot`.
+    """A robot that executes skills motion by motion; see `ControlledRobot`.
 
     Parameters
     ----------
     dwell
-        Called with the simulation steps that are left of a dwell once the robot has acted, >= 0.
-        By default dwells are left out, as no verdict depends on them.
+        Called with the remaining simulation steps of a dwell after an action, >= 0. By default
+        dwells are skipped, because no verdict depends on them.
     world, arm, scene, settings, tool, every_step
-        As of `ControlledRobot`.
+        See `ControlledRobot`.
 
     Attributes
     ----------
     acting_steps
-        Simulation steps spent to act at targets, dwells included.
+        Simulation steps of actions at targets, dwells included.
     """
 
     def __init__(
@@ -161,23 +161,16 @@ class SkillRunner(ControlledRobot):
         super().__init__(world, arm, scene, settings, tool, every_step)
         self._dwell = dwell
         self.acting_steps = 0
-        # Constraints that hold what a feeder hands out.
+        # Constraints that hold parts in feeders.
         self._kept: dict[str, int] = {}
-        # Of the current skill.
+        # Motions of the current skill.
         self._motions: tuple[ArmMotion, ...] = ()
 
     def begin(self, motions: Sequence[ArmMotion], state: State) -> None:
-        """Have feeders hand out what a skill takes, and log its contacts from now on.
+        """Present the parts of feeders that a skill takes, and start its contact log.
 
-        Every execution of a skill begins here, by itself or in a whole plan: what touches now is
-        expected to, so that what comes from a feeder has to be there already.
-
-        Parameters
-        ----------
-        motions
-            Of the skill.
-        state
-            Where it starts.
+        Every execution of a skill starts here, alone or in a plan. Contacts at this moment are
+        expected, so parts from feeders must be present already.
         """
         self._motions = tuple(motions)
         handled = {planned.motion.visit.subject for planned in motions}
@@ -187,8 +180,8 @@ class SkillRunner(ControlledRobot):
         self.watch(handled)
 
     def bring_out(self, subject: str, state: State) -> None:
-        """Have a feeder hand out what a state has in it; what is elsewhere stays there."""
-        body = next((one for one in self.scene.bodies if one.name == subject), None)
+        """Present a part that is in a feeder; others stay in place."""
+        body = next((body for body in self.scene.bodies if body.name == subject), None)
         placement = None if body is None else body.placement(state)
         if body is None or placement is None or placement.solid or placement.frame != WORLD:
             return
@@ -197,17 +190,17 @@ class SkillRunner(ControlledRobot):
         if subject not in self.world.numbers:
             self.world.add(body, placement.pose)
         self.world.put(subject, placement.pose)
-        # In a feeder, only the hand can touch it.
+        # In a feeder, only the hand can touch the part.
         self.world.part(subject, self.world.others(subject))
         self._kept[subject] = self.world.hold(subject)
 
     def take(self, planned: ArmMotion) -> None:
-        """Put what a motion leaves into the hand, as if it had been picked up before."""
+        """Put the part that a motion releases into the hand, as if picked up before."""
         motion = planned.motion
         subject, visit = motion.visit.subject, motion.visit
         grasp = self._held(motion)
         tip = self.arm.tip()
-        # In the hand as it will be where it belongs, but for the gap of a cup.
+        # The pose in the hand is that at the goal, except for the gap of a cup.
         turned = times(tip.rotation, planned.rotation.T)
         rotation = times(turned, of_quaternion(visit.pose.orientation))
         away = np.array(grasp.tip)
@@ -226,12 +219,12 @@ class SkillRunner(ControlledRobot):
         self.clasp(subject)
 
     def travel(self, planned: ArmMotion) -> None:
-        """Move to where a motion begins, and the jaws meanwhile.
+        """Travel to the start of a motion while the jaws open.
 
         Raises
         ------
         StuckError
-            If something blocks the arm.
+            If an obstacle blocks the arm.
         """
         motion = planned.motion
         around = f" round {', '.join(planned.around)}" if planned.around else ""
@@ -241,12 +234,12 @@ class SkillRunner(ControlledRobot):
         self.transfer(planned)
 
     def run(self, planned: ArmMotion) -> None:
-        """Execute an approach-act-retreat motion from where it begins.
+        """Execute an approach-act-retreat motion from its start.
 
         Raises
         ------
         StuckError
-            If something blocks the arm.
+            If an obstacle blocks the arm.
         """
         motion = planned.motion
         subject, event = motion.visit.subject, motion.visit.event
@@ -254,7 +247,7 @@ class SkillRunner(ControlledRobot):
             put_at_bit(self, motion, planned.rotation)
         elif event is Event.GRASP:
             self.arm.open(self._opening_for(motion))
-            # What was handled before may have left them closer, or wider.
+            # An earlier part may have left them narrower or wider.
             self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
         stretches = list(zip(motion.approach[1:], planned.down, strict=True))
@@ -267,11 +260,11 @@ class SkillRunner(ControlledRobot):
         self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), path)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
         self.log.inserted = None
-        begun = self.world.steps
+        begin_steps = self.world.steps
         self._act(motion)
-        acted = self.world.steps - begun
+        acted = self.world.steps - begin_steps
         left = max(0, round(motion.visit.dwell_s / STEP_S) - acted)
-        # Whole frames, so that those of the trace stay those of the log.
+        # Whole frames keep the trace aligned with the log.
         left = STEPS_PER_FRAME * round(left / STEPS_PER_FRAME)
         self.acting_steps += acted + left
         self._dwell(left)
@@ -282,7 +275,7 @@ class SkillRunner(ControlledRobot):
             self.world.join(subject, self.tools.robot_parts)
 
     def _stops_m(self, motion: LinearMotion) -> float:
-        """Return how far from where it acts the tip stops [m]."""
+        """Return the distance from the target at which the tip stops [m]."""
         event = motion.visit.event
         if event is Event.DRIVE:
             return FEEL_FROM_M
@@ -293,7 +286,7 @@ class SkillRunner(ControlledRobot):
         return self._gap_m(motion) if event in (Event.GRASP, Event.RELEASE) else 0.0
 
     def _stops_along(self, motion: LinearMotion) -> Point:
-        """Return the direction in which that is."""
+        """Return the direction of that distance."""
         return motion.visit.along if motion.visit.event is Event.DRIVE else motion.points
 
     def _act(self, motion: LinearMotion) -> None:
@@ -329,11 +322,11 @@ class SkillRunner(ControlledRobot):
 
     @property
     def _jaws_s(self) -> float:
-        """How long the jaws take across their clearance [s]."""
+        """Time of the jaws across their clearance [s]."""
         return self.settings.clearance_m / JAW_SPEED_M_PER_S
 
     def _driven(self, fetched: LinearMotion) -> tuple[LinearMotion, Vector]:
-        """Return the motion that drives what is fetched, and how the hand is turned in it."""
+        """Return the motion that drives a fetched screw, and the rotation of the hand in it."""
         for planned in self._motions:
             visit = planned.motion.visit
             if visit.event is Event.DRIVE and visit.subject == fetched.visit.subject:
@@ -341,23 +334,23 @@ class SkillRunner(ControlledRobot):
         return fetched, self.arm.tip().rotation
 
     def _jaws_take_s(self, motion: LinearMotion) -> float:
-        """Return how long the jaws still take to be as wide as a part wants them [s]."""
+        """Return the remaining time of the jaws to the opening for a part [s]."""
         if not self.tools.has_jaws:
             return 0.0
         away_m = abs(self._opening_for(motion) - self.arm.jaw_width_m()) / 2
         return away_m / JAW_SPEED_M_PER_S if away_m > _JAWS_PLAY_M else 0.0
 
     def _held(self, motion: LinearMotion) -> Grasp:
-        """Return how a motion holds what it handles."""
+        """Return the grasp of the part that a motion handles."""
         return visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
 
     def _gap_m(self, motion: LinearMotion) -> float:
-        """Return how far from a part the rim of a cup stops [m]."""
+        """Return the gap between a part and the rim of a cup [m]."""
         return _CUP_GAP_M if self._held(motion).kind is GraspKind.SUCTION else 0.0
 
     @property
     def _grip_force_n(self) -> float:
-        """With what force the jaws close: the tool's, where the task says it [N]."""
+        """Grip force: the tool's, if the task gives one [N]."""
         tool = self.tools.tool
         given_n = None if tool is None else tool.force_n
         return self.settings.grip_force_n if given_n is None else given_n
@@ -376,7 +369,7 @@ class SkillRunner(ControlledRobot):
             self.arm.close(self._grip_force_n)
             self.wait(self._jaws_s + _GRIP_S)
         if self._bond is None:
-            # Before the collisions of the body change: some engines then forget its contacts.
+            # Do this before the collision filters change: some engines then drop its contacts.
             self.clasp(subject)
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))

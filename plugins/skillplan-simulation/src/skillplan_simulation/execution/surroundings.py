@@ -1,8 +1,8 @@
-"""Which bodies can matter to a skill, and the facts that say whether they are there.
+"""Bodies that can matter to a skill, and the facts that decide whether they are present.
 
-A body matters where a box about it comes near a box about what moves, or where it supports one
-that does. Nothing else is put into the simulated world, so that an execution is a function of
-the skill and of those facts.
+A body matters if its box comes near a box of a moving part, or if it supports a body that matters.
+The simulated world contains only these, so an execution is a function of the skill and of those
+facts.
 """
 
 from __future__ import annotations
@@ -39,47 +39,41 @@ from skillplan_simulation.robot_shapes import (
     wrist_box,
 )
 
-# All of a link of which no shape is known is this near to the line between its joints [m].
+# Assumed radius of a link without a known shape about the line between its joints [m].
 _RADIUS_M = 0.15
 
 
 class LinkBounds:
-    """Knows where the links of an arm are.
-
-    Parameters
-    ----------
-    kinematics
-        Of the arm.
-    """
+    """Bounding boxes of the links of an arm."""
 
     def __init__(self, kinematics: ArmKinematics) -> None:
         self._kinematics = kinematics
         shapes = kinematics.arm.description.shapes
-        # The base stands still, and so do its neighbours.
+        # The base is fixed, and so are its neighbours.
         self._links = [_points(pieces) for pieces in shapes[1:]]
 
     def at(self, joints_rad: Vector) -> Vector:
-        """Return the lower and upper corners of boxes about all links [m], shape (links, 2, 3).
+        """Return the lower and upper corners of all links' boxes [m], shape (links, 2, 3).
 
         Parameters
         ----------
         joints_rad
-            Shape (joints,).
+            Joint angles [rad], shape (joints,).
         """
         frames = self._kinematics.frames(joints_rad)
         if not self._links:
             ends = np.array([frame.translation for frame in frames])
             pairs = np.stack([ends[:-1], ends[1:]], axis=1)
             return np.stack([pairs.min(axis=1) - _RADIUS_M, pairs.max(axis=1) + _RADIUS_M], axis=1)
-        found = []
+        boxes = []
         for (points, radius), frame in zip(self._links, frames, strict=False):
             placed = times(points, frame.rotation.T) + frame.translation
-            found.append(((placed - radius).min(axis=0), (placed + radius).max(axis=0)))
-        return np.array(found)
+            boxes.append(((placed - radius).min(axis=0), (placed + radius).max(axis=0)))
+        return np.array(boxes)
 
 
 def _points(pieces: Sequence[LinkShape]) -> tuple[Vector, Vector]:
-    """Return points of a link and how far its surface is from each [m], shape (n, 3) and (n, 1)."""
+    """Return points of a link and their distance from its surface [m], shape (n, 3) and (n, 1)."""
     points: list[tuple[float, float, float]] = []
     radii: list[float] = []
     for piece in pieces:
@@ -89,25 +83,25 @@ def _points(pieces: Sequence[LinkShape]) -> tuple[Vector, Vector]:
     return np.array(points), np.array(radii).reshape(-1, 1)
 
 
-# A box, and the vector by which it is displaced [m].
+# A box and its displacement [m].
 Sweep = tuple[WorldBox, Point]
 
 _STILL = (0.0, 0.0, 0.0)
-# Boxes about links are about so many pieces of a way together.
+# Number of pieces of a path that share the boxes about links.
 _LINK_PIECES = 4
 
 
 class Sweeps:
-    """Knows what moves in the motions of a task.
+    """Swept boxes of a task's motions.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     clearance_m
-        How far open jaws stand off a part on either side [m].
+        Clearance of open jaws on either side of a part [m].
     press_travel_m
-        How far beyond its mouth a hole is felt for [m].
+        Distance beyond its mouth up to which a hole is searched [m].
     """
 
     def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
@@ -118,18 +112,12 @@ class Sweeps:
         self.robot = task.scene.robots[0]
 
     def of_skill(self, planned: Sequence[ArmMotion]) -> list[Sweep]:
-        """Return what moves in the motions of a skill, and on the travels that matter.
-
-        Parameters
-        ----------
-        planned
-            The motions.
-        """
-        found = [sweep for one in planned for sweep in self._of_motion(one)]
-        for one in planned:
-            if one.matters:
-                found += self._of_travel(one)
-        return found
+        """Return the swept boxes of a skill's motions and simulated travels."""
+        sweeps = [sweep for motion in planned for sweep in self._of_motion(motion)]
+        for motion in planned:
+            if motion.matters:
+                sweeps += self._of_travel(motion)
+        return sweeps
 
     def _of_motion(self, planned: ArmMotion) -> Iterator[Sweep]:
         motion = planned.motion
@@ -146,42 +134,42 @@ class Sweeps:
             yield from self._of_links([begin_rad, (begin_rad + end_rad) / 2, end_rad])
 
     def _at_target(self, motion: LinearMotion) -> list[WorldBox]:
-        """Return boxes about hand, tool and load where a motion acts, and about the wrist."""
+        """Return boxes about hand, tool, load and wrist at the target of a motion."""
         event, visit = motion.visit.event, motion.visit
         upright = _tool_pose(motion)
-        found = [box_at(box, upright) for box in self._hand(motion)]
+        boxes = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
-            found.append(world_box(wrist_box(hand_of(self.robot, motion.tool)), motion.tip))
+            boxes.append(world_box(wrist_box(hand_of(self.robot, motion.tool)), motion.tip))
         if event in (Event.GRASP, Event.RELEASE, Event.FETCH):
-            # Down to its goal, also where it is let go from above.
-            found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
+            # Down to its goal, even if it is released above it.
+            boxes += world_boxes(self.task.scene.body(visit.subject), visit.pose)
         elif event is Event.DRIVE:
             screw = self.task.scene.body(visit.subject)
-            # A hole is felt for beyond its mouth.
+            # The search for a hole goes beyond its mouth.
             deepest = visit.pose.moved(plus(_STILL, visit.along, self.press_travel_m))
             for pose in (visit.pose, deepest):
-                found += world_boxes(screw, pose)
-        return found
+                boxes += world_boxes(screw, pose)
+        return boxes
 
     def _hand(self, motion: LinearMotion) -> list[Box]:
-        """Return boxes about what is on the arm, before or after a motion acts, from the tip."""
+        """Return boxes about the hand or tool, before or after a motion acts, from the tip."""
         tool, visit, hand = motion.tool, motion.visit, hand_of(self.robot, motion.tool)
         if visit.event in (Event.GRASP, Event.RELEASE):
-            # The hand, or the tool that is there instead.
+            # The hand, or the tool in its place.
             if tool is not None and tool_shapes(tool, hand):
                 return list(tool_boxes(tool, hand))
             grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
             return list(hand_boxes(hand, jaw_opening_m(grasp, self.clearance_m, tool, hand)))
-        found = list(tool_boxes(tool, hand))
+        boxes = list(tool_boxes(tool, hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots
             tools = (item for robot in robots for item in robot.tools)
             coupled = next(item for item in tools if item.name == visit.subject)
-            found += tool_boxes(coupled, hand_of(self.robot, coupled))
-        return found
+            boxes += tool_boxes(coupled, hand_of(self.robot, coupled))
+        return boxes
 
     def _of_travel(self, planned: ArmMotion) -> Iterator[Sweep]:
-        """Yield boxes about what a travel to a motion moves, piece by piece of the way."""
+        """Yield boxes about the moving bodies of a travel, piece by piece."""
         postures = planned.travel.postures()
         target = self.kinematics.tip(planned.approach[-1])
         corners = np.array([_corners(box) for box in self._at_target(planned.motion)])
@@ -197,7 +185,7 @@ class Sweeps:
             yield from self._of_links(postures[first : first + _LINK_PIECES + 1])
 
     def _of_links(self, postures: Sequence[Vector]) -> Iterator[Sweep]:
-        """Yield boxes about the links, on a way through some postures."""
+        """Yield boxes about the links along some postures."""
         ways = np.array([self.links.at(joints) for joints in postures])
         lows, highs = ways[:, :, 0].min(axis=0), ways[:, :, 1].max(axis=0)
         for (ax, ay, az), (bx, by, bz) in zip(lows.tolist(), highs.tolist(), strict=True):
@@ -205,7 +193,7 @@ class Sweeps:
 
 
 def _tool_pose(motion: LinearMotion) -> Pose:
-    """Return the pose of a hand or tool where it acts: x along the closing axis, z backwards."""
+    """Return the pose of a hand or tool at the target: x along the closing axis, z backwards."""
     if motion.points_down:
         return Pose.upright(motion.tip, motion.closing_yaw_rad)
     x, y, z = motion.points
@@ -217,14 +205,14 @@ def _corners(box: WorldBox) -> list[Point]:
     return list(product(xs, ys, zs))
 
 
-# Two bodies that are this close may touch when the hand is off its path [m].
+# Distance at which bodies may touch because the hand deviates from its path [m].
 MARGIN_M = 0.003
 _TOUCH_M = 2e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A body at one of its places, and the boxes about it."""
+    """A body at one of its places, with its boxes."""
 
     body: Body
     placement: Placement
@@ -232,23 +220,23 @@ class Located:
 
     @property
     def is_boxy(self) -> bool:
-        """Whether the boxes about it say what it stands on, and what stands on it."""
+        """Return whether its boxes are accurate enough to determine supports."""
         return self.placement.pose.is_upright and not self.body.surfaces
 
 
 @dataclass(frozen=True, slots=True)
 class Neighbourhood:
-    """What may be in the world of an execution.
+    """Possible bodies in the world of an execution.
 
     Parameters
     ----------
     bodies
-        Those that are, with the poses they have, in the order of the task.
+        Present bodies with their poses, in the order of the task.
     present, absent
-        The facts that decide it.
+        Facts that decide the bodies.
     near
-        The places near what moves, whether anything is there or not; a support is in the world
-        because of the body on it.
+        Places near moving parts, occupied or not. A support is in the world because of the body on
+        it.
     """
 
     bodies: tuple[Located, ...]
@@ -257,21 +245,21 @@ class Neighbourhood:
     near: tuple[Located, ...]
 
     def resting_on(self, present: State, absent: State) -> Neighbourhood:
-        """Return the same, resting on more facts, by their truth."""
+        """Return the same with additional facts, by their truth."""
         return replace(self, present=self.present | present, absent=self.absent | absent)
 
 
 class Surroundings:
-    """Knows what is near the motions of a task.
+    """Finds the bodies near the motions of a task.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     clearance_m
-        How far open jaws stand off a part on either side [m].
+        Clearance of open jaws on either side of a part [m].
     press_travel_m
-        How far beyond its mouth a hole is felt for [m].
+        Distance beyond its mouth up to which a hole is searched [m].
     """
 
     def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
@@ -283,7 +271,8 @@ class Surroundings:
             if placement.solid and placement.frame == WORLD
         )
         self._supports = {
-            (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
+            (body.body.name, body.placement.fact): tuple(self._beneath(body))
+            for body in self._located
         }
         self._near: dict[
             tuple[str, tuple[LinearMotion, ...], tuple[bytes, ...], bytes], tuple[Located, ...]
@@ -296,70 +285,70 @@ class Surroundings:
         planned: Sequence[ArmMotion],
         state: State,
     ) -> Neighbourhood:
-        """Return what may matter to a skill in a state.
+        """Return the neighbourhood of a skill in a state.
 
         Parameters
         ----------
         skill
-            With a motion.
+            Skill with a motion.
         planned
-            How the arm follows the skill's motions.
-        state
-            Where it starts.
+            Planned motions of the skill.
         """
-        motions = tuple(one.motion for one in planned)
-        ways = tuple(one.travel.nodes_rad.tobytes() for one in planned if one.matters)
+        motions = tuple(planned_motion.motion for planned_motion in planned)
+        ways = tuple(motion.travel.nodes_rad.tobytes() for motion in planned if motion.matters)
         key = (skill.name, motions, ways, planned[0].approach[0].tobytes())
         if key not in self._near:
             self._near[key] = tuple(self._close_to(planned))
         handled = {motion.visit.subject for motion in motions}
         own = [
-            one for one in self._located if one.body.name in handled and one.placement.fact in state
+            body
+            for body in self._located
+            if body.body.name in handled and body.placement.fact in state
         ]
         return self._reaching_down([*own, *self._near[key]], state)
 
     def support(self, body: Located, state: State) -> Neighbourhood:
-        """Return a body and its supports, direct or not."""
+        """Return a body with its direct and indirect supports."""
         return self._reaching_down([body], state)
 
     def stands_on_table(self, body: Located) -> bool:
-        """Whether a body's bottom is on the table."""
+        """Return whether a body's bottom is on the table."""
         return min(box.low[2] for box in body.boxes) <= _TOUCH_M
 
     def _reaching_down(self, above: Sequence[Located], state: State) -> Neighbourhood:
-        """Return bodies and the supports of those that are there, direct or not."""
+        """Return bodies with the direct and indirect supports of the present ones."""
         todo = sorted(above, key=self._located.index)
         looked_at: list[Located] = []
         while todo:
-            one = todo.pop(0)
-            if one not in looked_at:
-                looked_at.append(one)
-                if one.placement.fact in state:
-                    todo += self._supports[one.body.name, one.placement.fact]
+            body = todo.pop(0)
+            if body not in looked_at:
+                looked_at.append(body)
+                if body.placement.fact in state:
+                    todo += self._supports[body.body.name, body.placement.fact]
         looked_at.sort(key=self._located.index)
-        there = tuple(one for one in looked_at if one.placement.fact in state)
-        missing = [one.placement.fact for one in looked_at if one not in there]
+        there = tuple(body for body in looked_at if body.placement.fact in state)
+        missing = [body.placement.fact for body in looked_at if body not in there]
         facts = self.task.facts
-        present = facts.of(*(one.placement.fact for one in there))
+        present = facts.of(*(body.placement.fact for body in there))
         return Neighbourhood(there, present, facts.of(*missing), tuple(above))
 
-    def _beneath(self, one: Located) -> Iterator[Located]:
-        floor_m = min(box.low[2] for box in one.boxes)
-        feet = [box for box in one.boxes if box.low[2] - floor_m <= _TOUCH_M]
+    def _beneath(self, body: Located) -> Iterator[Located]:
+        floor_m = min(box.low[2] for box in body.boxes)
+        feet = [box for box in body.boxes if box.low[2] - floor_m <= _TOUCH_M]
         for other in self._located:
-            if other.body.name == one.body.name:
+            if other.body.name == body.body.name:
                 continue
-            if one.is_boxy and other.is_boxy:
+            if body.is_boxy and other.is_boxy:
                 bears = any(
                     contact_area(foot, top, _TOUCH_M) is not None
                     for foot in feet
                     for top in other.boxes
                 )
             else:
-                # A box about what is turned says no more than that the two may touch.
+                # For rotated bodies, boxes only show that the two may touch.
                 bears = any(
                     sweep_hits(box, _STILL, top, -_TOUCH_M)
-                    for box in one.boxes
+                    for box in body.boxes
                     for top in other.boxes
                 )
             if bears:
@@ -368,29 +357,29 @@ class Surroundings:
     def _close_to(self, planned: Sequence[ArmMotion]) -> list[Located]:
         near: list[Located] = []
         moving = self.sweeps.of_skill(planned)
-        motions = [one.motion for one in planned]
+        motions = [body.motion for body in planned]
         spared = {
             motion.visit.subject for motion in motions if motion.visit.event is not Event.DRIVE
         }
-        for one in self._located:
-            if one.body.name in spared:
+        for body in self._located:
+            if body.body.name in spared:
                 continue
             if any(
                 sweep_hits(box, by, obstacle, -MARGIN_M)
                 for box, by in moving
-                for obstacle in one.boxes
+                for obstacle in body.boxes
             ):
-                near.append(one)
+                near.append(body)
         if any(motion.visit.event is Event.DRIVE for motion in motions):
-            # What is pressed may tip, and what stands on it then counts.
+            # A pressed body may tip, so bodies that stand on it count.
             pressed = list(near)
             near += [
-                one
-                for one in self._located
-                if one not in near
+                body
+                for body in self._located
+                if body not in near
                 and any(
                     support in pressed
-                    for support in self._supports[one.body.name, one.placement.fact]
+                    for support in self._supports[body.body.name, body.placement.fact]
                 )
             ]
         return near

@@ -1,4 +1,4 @@
-"""One skill executed in a fresh world that holds what can matter to it, and the record of it."""
+"""Execution of one skill in a fresh world with its surroundings, and the record of it."""
 
 from __future__ import annotations
 
@@ -40,13 +40,7 @@ from skillplan_simulation.verdicts import FRAMES, frame_means
 
 
 class Fastenings:
-    """Knows where screws of a task are held by their threads.
-
-    Parameters
-    ----------
-    task
-        Whose skills drive them.
-    """
+    """Screws of a task that are held by their threads."""
 
     def __init__(self, task: Task) -> None:
         self._facts: set[tuple[str, str]] = set()
@@ -58,18 +52,18 @@ class Fastenings:
                     self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
 
     def hold(self, body: str, placement: Placement) -> bool:
-        """Whether a thread holds a body at one of its places."""
+        """Return whether a thread holds a body at one of its places."""
         return (body, placement.fact) in self._facts
 
     def fasten(self, world: World, there: Iterable[tuple[str, Placement]]) -> None:
-        """Fix the screws among the bodies of a world to what their heads bear on.
+        """Fix the screws of a world to the bodies that their heads bear on.
 
         Parameters
         ----------
         world
-            With the bodies where they are.
+            World with the bodies in place.
         there
-            Their names, and at which of their places they are.
+            Names of the bodies, and their placements.
         """
         for name, placement in there:
             if self.hold(name, placement):
@@ -78,7 +72,7 @@ class Fastenings:
                     world.fasten(name, other)
 
 
-# Bodies that move by more than this in so many steps do not stay [m].
+# Motion of a body within `_STEPS` simulation steps above which it does not stay [m].
 _FALLEN_M = 0.001
 _STEPS = 48
 
@@ -90,11 +84,11 @@ class Fallen:
     Parameters
     ----------
     body
-        Its name.
+        Name of the body.
     reason
-        In words.
+        Reason in words.
     present, absent
-        The facts that this rests on.
+        Facts that this rests on.
     """
 
     body: str
@@ -104,16 +98,14 @@ class Fallen:
 
 
 class SupportTrials:
-    """Lets bodies go in small worlds of their own; remembers what came of it.
+    """Tests in small worlds whether bodies stay in place; caches the results.
 
     Parameters
     ----------
-    task
-        Whose bodies they are.
     surroundings
-        Knows the supports.
+        Finder of supports.
     world
-        Makes worlds.
+        Creates worlds.
     """
 
     def __init__(self, task: Task, surroundings: Surroundings, world: Callable[[], World]) -> None:
@@ -124,21 +116,21 @@ class SupportTrials:
     def fallen(self, around: Neighbourhood, state: State) -> Fallen | None:
         """Return the first body of a neighbourhood that does not stay, or None.
 
-        That rests on its supports, and on the bodies that were looked at before it.
+        The result rests on its supports and on the bodies tested before it.
         """
         facts = self.task.facts
         present = absent = facts.none
-        for one in around.near:
-            if one.placement.fact not in state:
-                absent |= facts.of(one.placement.fact)
+        for body in around.near:
+            if body.placement.fact not in state:
+                absent |= facts.of(body.placement.fact)
                 continue
-            name = one.body.name
-            beneath = self.surroundings.support(one, state)
+            name = body.body.name
+            beneath = self.surroundings.support(body, state)
             present |= beneath.present
             absent |= beneath.absent
-            moved_m = self._moved_m(one, beneath)
+            moved_m = self._moved_m(body, beneath)
             if moved_m > _FALLEN_M:
-                below = [other.body.name for other in beneath.bodies if other is not one]
+                below = [other.body.name for other in beneath.bodies if other is not body]
                 on = f"does not stay on {', '.join(below)}" if below else "has nothing beneath it"
                 return Fallen(
                     name,
@@ -148,17 +140,19 @@ class SupportTrials:
                 )
         return None
 
-    def _moved_m(self, one: Located, beneath: Neighbourhood) -> float:
+    def _moved_m(self, body: Located, beneath: Neighbourhood) -> float:
         is_simple = (
-            one.is_boxy and len(one.body.shapes) == 1 and not isinstance(one.body.shapes[0], Mesh)
+            body.is_boxy
+            and len(body.body.shapes) == 1
+            and not isinstance(body.body.shapes[0], Mesh)
         )
-        if is_simple and self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
+        if is_simple and self.surroundings.stands_on_table(body) and len(beneath.bodies) == 1:
             return 0.0
-        key = (one.body.name, beneath.present.bits)
+        key = (body.body.name, beneath.present.bits)
         if key not in self._known:
             with self.world() as world:
                 for other in beneath.bodies:
-                    world.add(other.body, other.placement.pose, stands=other is not one)
+                    world.add(other.body, other.placement.pose, stands=other is not body)
                 self.fastenings.fasten(
                     world, ((other.body.name, other.placement) for other in beneath.bodies)
                 )
@@ -167,27 +161,27 @@ class SupportTrials:
                 if not world.is_sane():
                     self._known[key] = math.inf
                     return math.inf
-                now = np.array(world.pose(one.body.name).position)
-                away = now - np.array(one.placement.pose.position)
+                now = np.array(world.pose(body.body.name).position)
+                away = now - np.array(body.placement.pose.position)
                 self._known[key] = length(away)
         return self._known[key]
 
 
-# The world comes to rest for so long before anything is done [s].
+# Time for the world to come to rest before an execution [s].
 SETTLE_S = 0.1
 
 
 class Workcell:
-    """Executes skills of a task, each in a world of its own.
+    """Executes skills of a task, each in its own world.
 
     Parameters
     ----------
     task
-        With one robot.
+        Task with one robot.
     settings
-        How the robot moves.
+        Settings of motion.
     simulator
-        Where that happens.
+        Simulator that creates worlds.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings, simulator: Simulator) -> None:
@@ -209,11 +203,9 @@ class Workcell:
         Parameters
         ----------
         skill
-            With a motion.
-        state
-            Where it starts.
+            Skill with a motion.
         watch
-            Called after every simulation step with the robot at work.
+            Called with the robot after every simulation step.
         """
         none = self.task.facts.none
         try:
@@ -226,7 +218,7 @@ class Workcell:
             present = self._route_facts(skill, state) | planned.present | place
             return self._draft(skill, present, planned.absent, upset=planned.unfound)
         around = self._around(skill, state, planned)
-        # After what the arm can reach, which does not depend on any body.
+        # Reachability comes first, because it does not depend on bodies.
         fallen = self.supports.fallen(around, state)
         if fallen is not None and watch is None:
             basis = self._rests_on(skill, state, planned)
@@ -247,7 +239,7 @@ class Workcell:
                 return self._draft(skill, around.present, around.absent, upset=str(error))
 
     def around(self, skill: Skill, state: State) -> Neighbourhood:
-        """Return what an execution has in its world, and the facts that all of it rests on.
+        """Return the neighbourhood of an execution, and all facts that it rests on.
 
         Raises
         ------
@@ -257,11 +249,11 @@ class Workcell:
         return self._around(skill, state, self.paths.of(skill, state))
 
     def _around(self, skill: Skill, state: State, planned: PlannedSkill) -> Neighbourhood:
-        found = self.surroundings.around(skill, planned.motions, state)
-        return found.resting_on(*self._rests_on(skill, state, planned))
+        neighbourhood = self.surroundings.around(skill, planned.motions, state)
+        return neighbourhood.resting_on(*self._rests_on(skill, state, planned))
 
     def _rests_on(self, skill: Skill, state: State, planned: PlannedSkill) -> tuple[State, State]:
-        """Return the facts that decide the paths of the joints, by their truth."""
+        """Return the facts that decide the joint paths, by their truth."""
         facts = self._route_facts(skill, state) | planned.present
         if planned.travels_first:
             facts |= self.task.facts.of(self.robot.place(state)[0])
@@ -285,30 +277,28 @@ class Workcell:
         around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
     ) -> Record:
-        """Execute motions, each with how the hand is turned, and return the record.
+        """Execute the motions of a skill and return the record.
 
         Parameters
         ----------
-        skill, state
-            What is executed, and where it starts.
         planned
-            How the arm follows the skill's motions.
+            Planned motions of the skill.
         world
-            Empty.
+            Empty world.
         arm
-            At rest where it begins.
+            Arm at rest at the start.
         around
-            What else is in its world.
+            Other bodies in the world.
         watch
-            Called after every simulation step.
+            Called with the robot after every simulation step.
         """
         scene = self.task.scene
-        plain = [one.motion for one in planned.motions]
+        plain = [motion.motion for motion in planned.motions]
         handled = {motion.visit.subject for motion in plain}
         for body in around.bodies:
             stands = body.body.name not in handled
             world.add(body.body, body.placement.pose, stands=stands)
-        self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
+        self.fastenings.fasten(world, ((body.body.name, body.placement) for body in around.bodies))
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
         if watch is not None:
@@ -362,8 +352,8 @@ class Workcell:
     ) -> Record:
         """Return the record of a skill that a robot has just executed in a larger world.
 
-        What it does not handle is expected where it stood when the skill began: how far off its
-        goal it came to rest was the matter of the skill that put it there.
+        Bodies that it does not handle are expected where they were when the skill began: earlier
+        skills account for their error.
         """
         motions = [motion.motion for motion in planned.motions]
         self._sense(runner, motions[-1], None)
@@ -392,7 +382,7 @@ class Workcell:
             skill.name,
             *basis,
             tuple(log.phases),
-            # What nothing can move does not say what it weighs.
+            # A fixed body shows no weight.
             {
                 name: np.array(log.forces.get(name, [])).reshape(-1, 3)
                 for name in known
@@ -411,7 +401,7 @@ class Workcell:
     def _expected(
         self, skill: Skill, state: State, last: LinearMotion, names: Sequence[str]
     ) -> dict[str, Pose]:
-        """Return where the prediction has bodies; what is held, above where it was picked up."""
+        """Return the predicted poses; a held part is expected above the place of its grasp."""
         after = skill.prediction_in(state).apply(state)
         poses = self.task.scene.at(after)
         if last.visit.event is Event.GRASP:

@@ -1,4 +1,4 @@
-"""What is written onto a picture, whoever drew it: a caption, name tags, an arrow at a contact."""
+"""Annotations on pictures: a caption, name tags, and an arrow at a contact."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from skillplan.task.motion import Point
 Pixel = tuple[float, float]
 Rectangle = tuple[float, float, float, float]
 
-# Of the height of a picture: the caption's letters, a tag's, the arrow, margins, and how far about
-# what is named no other name is.
+# Relative to a picture's height: letters of caption and tags, arrow, margin, and free distance
+# around a named point.
 _LETTERS, _TAG_LETTERS, _ARROW, _MARGIN, _ABOUT = 0.031, 0.023, 0.14, 0.012, 0.016
 _INK, _PAPER, _STRIP = (24, 26, 32), (255, 255, 255, 215), (40, 42, 48, 190)
 _ARROW_COLOUR = (20, 30, 190)
@@ -25,16 +25,16 @@ _ARROW_COLOUR = (20, 30, 190)
 
 @dataclass(frozen=True, slots=True)
 class Notes:
-    """What is to be written.
+    """Annotations of a picture.
 
     Parameters
     ----------
     caption
-        Below; empty for none.
+        Caption; may be empty.
     tags
-        Names, and where what they name is [m].
+        Names, and the named points [m].
     contact
-        Where the arrow leads [m], or None.
+        Point for the arrow [m], or None.
     """
 
     caption: str = ""
@@ -43,16 +43,16 @@ class Notes:
 
 
 def annotated(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> Image:
-    """Return a picture with what is to be written on it.
+    """Return a picture with annotations.
 
     Parameters
     ----------
     width, height, rgb
-        The picture, as :class:`Image` has it.
+        Picture as in :class:`Image`.
     view
-        From where it was taken.
+        View of the picture.
     notes
-        What to write.
+        Annotations.
     """
     if not (notes.caption or notes.tags or notes.contact):
         return Image(width, height, rgb)
@@ -60,7 +60,7 @@ def annotated(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> 
     from PIL import ImageDraw
 
     picture = PillowImage.frombytes("RGB", (width, height), rgb)
-    # What is drawn is seen through.
+    # The annotations are translucent.
     pen = ImageDraw.Draw(picture, "RGBA")
     seen = Projection(view, width, height)
     taken = _write_caption(pen, notes.caption, height)
@@ -71,14 +71,14 @@ def annotated(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> 
 
 
 class Projection:
-    """Where points of the world are in a picture.
+    """Projects points of the world onto a picture.
 
     Parameters
     ----------
     view
-        From where it is taken.
+        View of the picture.
     width, height
-        Of the picture [pixels].
+        Size of the picture [pixels].
     """
 
     def __init__(self, view: View, width: int, height: int) -> None:
@@ -90,10 +90,10 @@ class Projection:
         self.focal = height / 2 / math.tan(math.radians(FIELD_OF_VIEW_DEG) / 2)
 
     def pixel(self, point: Point) -> Pixel | None:
-        """Return where a point is from the left and from above; None for behind the camera."""
-        away = [one - eye for one, eye in zip(point, self.eye, strict=True)]
+        """Return the pixel of a point, from the upper left; None behind the camera."""
+        away = [value - eye for value, eye in zip(point, self.eye, strict=True)]
         x, y, z = (
-            sum(own * one for own, one in zip(axis, away, strict=True))
+            sum(own * other for own, other in zip(axis, away, strict=True))
             for axis in (self._right, self._up, self._back)
         )
         if z >= -1e-6:
@@ -103,7 +103,7 @@ class Projection:
 
 
 def _write_caption(pen: Any, words: str, height: int) -> list[Rectangle]:
-    """Write on a strip in the lower left corner; return what is covered."""
+    """Write a caption in the lower left corner; return the covered rectangle."""
     if not words:
         return []
     margin, font = height * _MARGIN, _font(round(height * _LETTERS))
@@ -126,7 +126,7 @@ def _write_tags(
     size: tuple[int, int],
     taken: list[Rectangle],
 ) -> None:
-    """Write names outside of what they name, as near as there is room, with a line to it."""
+    """Write names near the named points, in free space, with a line to the point."""
     width, height = size
     font = _font(round(height * _TAG_LETTERS))
     ascent, descent = font.getmetrics()
@@ -139,7 +139,7 @@ def _write_tags(
     if not seen:
         return
     middle = tuple(sum(at[axis] for _, at in seen) / len(seen) for axis in (0, 1))
-    # No name is to hide what another one names.
+    # Place labels so that none covers another labelled point.
     taken = [*taken, *((x - about, y - about, x + about, y + about) for _, (x, y) in seen)]
     high = ascent + descent + 2 * edge
     for name, at in seen:
@@ -162,28 +162,28 @@ def _free_spot(
     taken: Sequence[Rectangle],
     outwards: float,
 ) -> Rectangle:
-    """Return the nearest place of a tag that nothing else covers, best in one direction."""
+    """Return the nearest free place of a tag, preferably in one direction."""
     wide, high = extent
-    found = []
+    spots = []
     for ring in range(1, 9):
         for turn in range(12):
             angle = outwards + (-1) ** turn * ((turn + 1) // 2) * math.pi / 6
             x = at[0] + math.cos(angle) * (wide / 2 + ring * high * 0.6)
             y = at[1] - math.sin(angle) * (0.4 + ring) * high
             spot = (x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
-            found.append(spot)
+            spots.append(spot)
             inside = spot[0] >= 0 and spot[1] >= 0 and spot[2] <= size[0] and spot[3] <= size[1]
             if inside and not any(_overlap(spot, other) for other in taken):
                 return spot
-    return found[0]
+    return spots[0]
 
 
-def _overlap(one: Rectangle, other: Rectangle) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _overlap(spot: Rectangle, other: Rectangle) -> bool:
+    return spot[0] < other[2] and other[0] < spot[2] and spot[1] < other[3] and other[1] < spot[3]
 
 
 def _draw_arrow(pen: Any, tip: Pixel | None, height: int) -> None:
-    """Draw an arrow to a point, from above and from the left."""
+    """Draw an arrow to a point from the upper left."""
     if tip is None:
         return
     long, thin = height * _ARROW, height / 220
@@ -214,7 +214,7 @@ def _draw_arrow(pen: Any, tip: Pixel | None, height: int) -> None:
 
 @cache
 def _font(size: int) -> Any:
-    """Return letters of a size; those that figures have, too."""
+    """Return the font of figures in a size."""
     from PIL import ImageFont
 
     spec = find_spec("matplotlib")

@@ -1,4 +1,4 @@
-"""Paints a simulated cell without any graphics library: the same picture on any machine."""
+"""A software camera for simulated cells: surfaces, colours and views."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from skillplan_simulation.simulator import FINGERS, HAND, ROBOT, TABLE, Arm, Wor
 Corners = NDArray[np.float64]
 Triangles = NDArray[np.float32]
 
-# How many corners a circle has, and a quarter of the outline of a ball.
+# Corners of a circle, and of a quarter of a ball's outline.
 _CIRCLE, _QUARTER = 40, 8
-# Where two triangles meet at less than this, their edge is not seen (its cosine).
+# Cosine of the angle below which an edge between two triangles is smoothed.
 _SMOOTH = float(np.cos(np.radians(38.0)))
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A surface in the frame of what it belongs to.
+    """A triangulated surface in its own frame.
 
     Parameters
     ----------
     corners
-        Of its triangles, anticlockwise from outside [m], shape (n, 3, 3).
+        Corners of the triangles, anticlockwise from outside [m], shape (n, 3, 3).
     normals
-        Of every corner, shape (n, 3, 3).
+        Normals of the corners, shape (n, 3, 3).
     """
 
     corners: Triangles
@@ -48,7 +48,7 @@ class Surface:
 
     @property
     def middle(self) -> Corners:
-        """The middle of the box about it [m], shape (3,)."""
+        """Centre of the bounding box [m], shape (3,)."""
         points = self.corners.reshape(-1, 3).astype(np.float64)
         return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
 
@@ -64,20 +64,20 @@ def link_surface(shapes: Iterable[LinkShape]) -> Surface:
 
 
 def hand_surface(hand: Hand) -> Surface:
-    """Return the surface of the body of a hand, from the tip."""
-    # The first piece is the body as it is described.
+    """Return the surface of a hand's body, in the frame of the tip."""
+    # The first piece is the described body.
     corners = [(across, along, deep - hand.tip_m) for along, across, deep in hand.body[0]]
     return _surface([_hull(corners)])
 
 
 def finger_surface(hand: Hand, side: int) -> Surface:
-    """Return the surface of a jaw where it is closed, from the tip; its side is 1 or -1."""
+    """Return the surface of a closed jaw in the frame of the tip; its side is 1 or -1."""
     corners = [(across, side * behind, -up) for behind, across, up in hand.jaw]
     return _surface([_hull(corners)])
 
 
-def _surface(found: Sequence[Corners]) -> Surface:
-    corners = np.concatenate([np.zeros((0, 3, 3)), *found])
+def _surface(triangles: Sequence[Corners]) -> Surface:
+    corners = np.concatenate([np.zeros((0, 3, 3)), *triangles])
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(across, axis=1)
     corners, across = corners[size > 0.0], across[size > 0.0]
@@ -115,26 +115,26 @@ def _box(box: Box) -> Corners:
 def _hull(points: Sequence[Sequence[float]]) -> Corners:
     """Return the triangles of the hull of some points."""
     corners, triangles = ConvexPiece(np.array(points, dtype=np.float64)).surface
-    found = corners[triangles]
-    # Whatever the order of a triangle's corners, it is seen from without.
-    across = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
-    away = found.mean(axis=1) - corners.mean(axis=0)
+    facets = corners[triangles]
+    # Orient all triangles outward.
+    across = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
+    away = facets.mean(axis=1) - corners.mean(axis=0)
     inward = np.einsum("ij,ij->i", across, away) < 0.0
-    found[inward] = found[inward][:, ::-1]
-    return np.asarray(found)
+    facets[inward] = facets[inward][:, ::-1]
+    return np.asarray(facets)
 
 
 def _round(
     start_m: Sequence[float], end_m: Sequence[float], radius_m: float, *, domed: bool
 ) -> Corners:
-    """Return the triangles of a cylinder between two points, or of a capsule about them."""
+    """Return the triangles of a cylinder between two points, or of a capsule around them."""
     start, end = np.array(start_m), np.array(end_m)
     length_m = float(np.linalg.norm(end - start))
     axis = (end - start) / length_m if length_m > 0.0 else np.array((0.0, 0.0, 1.0))
     side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     side /= np.linalg.norm(side)
     other = np.cross(axis, side)
-    # Rings from end to end: how far along the axis, and how wide.
+    # Rings from end to end: position along the axis, and radius.
     if domed:
         turns = np.linspace(0.0, np.pi / 2, _QUARTER + 1)
         ends = [(-radius_m * np.cos(turn), radius_m * np.sin(turn)) for turn in turns]
@@ -155,16 +155,14 @@ Frame = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A surface where it is.
+    """A surface at its place in the world.
 
     Parameters
     ----------
     name
-        Whose it is: a body or tool, or the arm, its hand or a finger.
-    surface
-        In its frame.
+        Owner: a body or tool, or the arm, its hand or a finger.
     frame
-        In the world, shape (3, 4).
+        Pose of the surface in the world, shape (3, 4).
     """
 
     name: str
@@ -173,17 +171,17 @@ class Part:
 
     @property
     def middle(self) -> NDArray[np.float64]:
-        """The middle of its box, in the world [m]."""
+        """Centre of its bounding box in the world [m]."""
         return np.asarray(self.frame[:, :3] @ self.surface.middle + self.frame[:, 3])
 
 
 class CellParts:
-    """Makes the surfaces of a scene, each when it is first seen.
+    """Surfaces of a scene, built when first needed.
 
     Parameters
     ----------
     scene
-        With one robot.
+        Scene with one robot.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -193,14 +191,14 @@ class CellParts:
         self._links: list[Surface] | None = None
 
     def of(self, world: World, arm: Arm) -> list[Part]:
-        """Return all that is to be seen now."""
+        """Return all visible parts."""
         return [*self._of_bodies(world, arm.hand), *self._of_arm(arm)]
 
     def _of_bodies(self, world: World, hand: Hand) -> Iterator[Part]:
         for name in world.bodies:
             yield Part(name, self._of_body(name, hand), _frame(world.pose(name)))
         for tool in self._robot.tools:
-            # What has not been taken yet lies in its dock, and nothing can touch it there.
+            # A tool that was not taken yet lies in its dock, without collisions.
             body = tool_body(tool, hand)
             if body is not None and tool.name not in world.numbers:
                 place = _frame(Pose(tool.holder))
@@ -220,8 +218,8 @@ class CellParts:
             self._links = [link_surface(shapes) for shapes in self._robot.model.shapes]
         joints_rad = np.array(arm.joints_rad())
         frames = [
-            np.hstack([one.rotation, one.translation[:, None]])
-            for one in arm.kinematics.frames(joints_rad)
+            np.hstack([placement.rotation, placement.translation[:, None]])
+            for placement in arm.kinematics.frames(joints_rad)
         ]
         for surface, frame in zip(self._links, [_base(self._robot), *frames], strict=False):
             yield Part(ROBOT, surface, frame)
@@ -268,40 +266,38 @@ PALETTE: tuple[Colour, ...] = (
 TABLE_COLOUR: Colour = (0.83, 0.82, 0.79, 1.0)
 ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
 HAND_COLOUR: Colour = (0.36, 0.37, 0.40, 1.0)
-# What is on the table where parts are taken, and tools.
+# Marks on the table for feeders and docks.
 FEEDER_COLOUR: Colour = (0.60, 0.66, 0.74, 1.0)
 DOCK_COLOUR: Colour = (0.42, 0.46, 0.52, 1.0)
-# Of two bodies that touch the first is red and the other orange; all else is pale then.
+# Colliding bodies are red and orange, everything else is pale.
 ALARMS: tuple[Colour, Colour] = ((0.90, 0.10, 0.10, 1.0), (1.0, 0.55, 0.05, 1.0))
 PALE: Colour = (0.80, 0.80, 0.80, 1.0)
 
 
 def colour_number(scene: Scene, name: str) -> int:
-    """Return the number of a body's colour, the same in every picture; tools come after parts."""
+    """Return the number of a body's colour, the same in every picture; tools follow parts."""
     names = [body.name for body in scene.bodies]
     names += [tool.name for robot in scene.robots for tool in robot.tools]
     return names.index(name)
 
 
-# How places end where parts and tools are taken.
+# Suffixes of the places of feeders and docks.
 _FEEDER, _DOCK = ".start)", "holder)"
-# What is so near to its feeder has its own name there [m].
+# A part this near to its feeder replaces the feeder's label [m].
 _NEAR_M = 0.04
-# The radius of a mark of a place on the table [m].
+# Radius of a mark on the table [m].
 PLACE_M = 0.022
 
 Named = tuple[str, Point]
 
 
-class SeenCell:
-    """Says what things are called in pictures, and what colour they have.
+class CellStyle:
+    """Colours, name tags and captions of a scene.
 
     Parameters
     ----------
-    scene
-        What bodies and tools there are.
     labels
-        Whether bodies, feeders and docks have name tags.
+        True if bodies, feeders and docks have name tags.
     """
 
     def __init__(self, scene: Scene, *, labels: bool) -> None:
@@ -323,31 +319,31 @@ class SeenCell:
         return HAND_COLOUR if name in (HAND, *FINGERS) else self._colours[name]
 
     def places(self, culprits: Sequence[str] = ()) -> list[tuple[str, Point, Colour]]:
-        """Return names, places and colours of feeders and docks."""
-        found = []
+        """Return names, positions and colours of feeders and docks."""
+        places = []
         for robot in self.scene.robots:
             for fact, place in robot.places.items():
                 if fact.endswith((_FEEDER, _DOCK)):
                     name = fact.removeprefix("at(").removesuffix(")")
                     colour = DOCK_COLOUR if fact.endswith(_DOCK) else FEEDER_COLOUR
-                    found.append((name, place, PALE if culprits else colour))
-        return found
+                    places.append((name, place, PALE if culprits else colour))
+        return places
 
     def notes(
         self, world: World, caption: str, culprits: Sequence[str], middles: Iterable[Named]
     ) -> Notes:
-        """Return what is to be written onto a picture.
+        """Return the annotations of a picture.
 
         Parameters
         ----------
         world
-            What touches in it.
+            World with the contacts.
         caption
-            What is under way.
+            Caption.
         culprits
-            Bodies that are to be blamed.
+            Bodies to highlight.
         middles
-            Bodies, and where they are.
+            Names and positions of bodies.
         """
         words = f"{' and '.join(culprits)}: {caption}" if culprits else caption
         return Notes(words, tuple(self._tags(list(middles))), _contact(world, culprits))
@@ -366,17 +362,17 @@ class SeenCell:
 
 
 def _contact(world: World, culprits: Sequence[str]) -> Point | None:
-    """Return where two culprits press on each other the hardest [m]."""
-    found = [touch for touch in world.touches() if {touch.first, touch.second} == set(culprits)]
-    if not found:
+    """Return the point where two culprits press on each other hardest [m]."""
+    contacts = [touch for touch in world.touches() if {touch.first, touch.second} == set(culprits)]
+    if not contacts:
         return None
-    x, y, z = max(found, key=lambda one: one.normal_n).place.tolist()
+    x, y, z = max(contacts, key=lambda touch: touch.normal_n).place.tolist()
     return x, y, z
 
 
 # Half the side of the table [m].
 _TABLE_M = 1.5
-# Where light comes from: to the left of the camera, behind it, and above.
+# Direction of the light: left of the camera, behind it, and above.
 _ASIDE, _BEHIND, _ABOVE = -0.45, 0.30, 1.0
 
 
@@ -386,15 +382,19 @@ class PaintedCamera:
     Parameters
     ----------
     scene
-        What bodies and tools there are.
+        Scene with bodies and tools.
     view
-        From where.
+        View of the pictures.
     labels
-        Whether bodies, feeders and docks have name tags.
+        True if bodies, feeders and docks have name tags.
     """
 
     def __init__(self, scene: Scene, view: View, *, labels: bool = False) -> None:
-        self._view, self._seen, self._parts = view, SeenCell(scene, labels=labels), CellParts(scene)
+        self._view, self._style, self._parts = (
+            view,
+            CellStyle(scene, labels=labels),
+            CellParts(scene),
+        )
         right, up, back = (np.array(axis) for axis in view.angle.axes)
         seen = Projection(view, WIDTH, HEIGHT)
         self._focal, self._eye = seen.focal, np.array(seen.eye)
@@ -427,21 +427,21 @@ class PaintedCamera:
         middles = [
             (part.name, (float(x), float(y), float(z)))
             for part in parts
-            if part.name in bodies and self._seen.labels
+            if part.name in bodies and self._style.labels
             for x, y, z in [part.middle]
         ]
-        notes = self._seen.notes(world, caption, culprits, middles)
+        notes = self._style.notes(world, caption, culprits, middles)
         blamed = tuple(culprits)
-        return lambda: self._painted(parts, blamed, notes)
+        return lambda: self._paint(parts, blamed, notes)
 
-    def _painted(self, parts: Sequence[Part], culprits: Sequence[str], notes: Notes) -> Image:
+    def _paint(self, parts: Sequence[Part], culprits: Sequence[str], notes: Notes) -> Image:
         buffers = self._ground(culprits)
         image, _, shown = buffers
         for number, part in enumerate(parts, start=1):
             frame = self._axes @ part.frame
             frame[:, 3] += self._frame[:, 3]
             corners, normals = part.surface.corners, part.surface.normals
-            colour = _bytes_of(self._seen.colour(part.name, culprits))
+            colour = _bytes_of(self._style.colour(part.name, culprits))
             solid(corners, normals, frame, colour, self._lamp, number, self._focal, buffers)
         for part in parts:
             corners = part.surface.corners
@@ -449,24 +449,24 @@ class PaintedCamera:
         return annotated(WIDTH, HEIGHT, smoothed(image, shown).tobytes(), self._view, notes)
 
     def _ground(self, culprits: Sequence[str]) -> tuple[Any, Any, Any]:
-        """Return buffers with what is behind all; it is worked out once."""
+        """Return buffers with the background, which is drawn once."""
         pale = bool(culprits)
         if pale not in self._grounds:
             size = (HEIGHT, WIDTH)
-            made = (
+            buffers = (
                 np.zeros((*size, 3), np.uint8),
                 np.zeros(size, np.float32),
                 np.zeros(size, np.int16),
             )
             discs = np.zeros((0, 6))
-            found = [
+            marks = [
                 (place[0], place[1], PLACE_M, *_bytes_of(colour))
-                for _, place, colour in self._seen.places(culprits)
+                for _, place, colour in self._style.places(culprits)
             ]
-            discs = np.array(found) if found else discs
-            table = _bytes_of(self._seen.colour(TABLE, culprits))
-            ground(self._eye, self._axes, self._focal, _TABLE_M, table, discs, made)
-            self._grounds[pale] = made
+            discs = np.array(marks) if marks else discs
+            table = _bytes_of(self._style.colour(TABLE, culprits))
+            ground(self._eye, self._axes, self._focal, _TABLE_M, table, discs, buffers)
+            self._grounds[pale] = buffers
         image, near, shown = self._grounds[pale]
         return image.copy(), near.copy(), shown.copy()
 

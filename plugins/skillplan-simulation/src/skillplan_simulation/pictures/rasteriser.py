@@ -1,7 +1,7 @@
-"""Triangles to pixels: a buffer of depths, compiled once per machine by numba.
+"""Rasterisation of triangles with a depth buffer, compiled once per machine by numba.
 
-Nearness is one over the depth, which is linear over a picture of a plane. Kernels leave the
-interpreter to others while they run, so that a simulation goes on beside them.
+Nearness is the inverse depth, which is linear over a picture of a plane. Kernels release the
+interpreter lock, so a simulation continues on another thread.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# What a pixel shows, beside the numbers of bodies from 1 on.
+# Contents of a pixel other than bodies, which have numbers from 1 on.
 NOTHING, TABLE, PLACE, SHADE = -1, 0, -2, -3
-# Nothing nearer than this is drawn [m].
+# Near limit of drawn surfaces [m].
 _NEAR_M = 0.03
-# Light that comes from everywhere, from the lamp, and from the camera.
+# Ambient light, light of the lamp, and light of the camera.
 _EVERYWHERE, _LAMP, _CAMERA = 0.52, 0.40, 0.14
 _SHADE = 0.80
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Return the function compiled on its first call, from the cache if it can be kept there."""
+    """Compile a function on its first call, with numba's cache if it is writable."""
     try:
         return cast("Callable[P, R]", numba.njit(cache=True, nogil=True)(function))
     except RuntimeError as error:
@@ -41,55 +41,55 @@ def corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
     Parameters
     ----------
     across
-        Normals of the triangles, as long as they are wide, shape (n, 3).
+        Normals of the triangles with twice their area as length, shape (n, 3).
     places
-        Which corners are at one place, shape (3 n,).
+        Number of the point at each corner, shape (3 n,).
     order
-        The corners in the order of their places, shape (3 n,).
+        Corners sorted by their points, shape (3 n,).
     smooth
-        The least cosine between triangles that share a normal.
+        Minimum cosine between triangles that share a normal.
     """
-    zeros = np.zeros((len(places), 3))
+    normals = np.zeros((len(places), 3))
     sizes = np.sqrt((across * across).sum(axis=1))
     begin = 0
     while begin < len(order):
         end = begin
         while end < len(order) and places[order[end]] == places[order[begin]]:
             end += 1
-        for one in order[begin:end]:
-            own = one // 3
+        for corner in order[begin:end]:
+            own = corner // 3
             for other in order[begin:end]:
                 its = other // 3
                 cosine = (across[own] * across[its]).sum() / (sizes[own] * sizes[its])
                 if cosine >= smooth:
-                    zeros[one] += across[its]
-            zeros[one] /= np.sqrt((zeros[one] * zeros[one]).sum())
+                    normals[corner] += across[its]
+            normals[corner] /= np.sqrt((normals[corner] * normals[corner]).sum())
         begin = end
-    return zeros
+    return normals
 
 
 @compiled
 def ground(
     eye: Any, axes: Any, focal: float, half_m: float, colour: Any, discs: Any, buffers: Any
 ) -> None:
-    """Draw what is behind all: the sky, the table, and discs on it.
+    """Draw the background: sky, table, and discs on it.
 
     Parameters
     ----------
     eye
-        Where the camera is [m].
+        Position of the camera [m].
     axes
-        To the right, up, and into the picture, shape (3, 3).
+        Axes of the camera: right, up, and into the picture, shape (3, 3).
     focal
-        How far the picture is from the eye, in pixels.
+        Focal length [pixels].
     half_m
         Half the side of the table [m].
     colour
-        Of the table, 0 to 255.
+        Colour of the table, 0 to 255.
     discs
-        Centre, radius [m] and colour of each, shape (n, 6).
+        Centre, radius [m] and colour of each disc, shape (n, 6).
     buffers
-        Colours, nearness and what is shown.
+        Colours, nearness and contents of the pixels.
     """
     image, near, shown = buffers
     height, width = near.shape
@@ -120,10 +120,10 @@ def ground(
 def _span(points: Any, area: float, row: int, low: int, high: int) -> tuple[int, int]:
     """Return the first and last column of a triangle in a row of pixels."""
     y = row + 0.5
-    for one in range(3):
-        ax, ay = points[one, 0], points[one, 1]
-        bx, by = points[(one + 1) % 3, 0], points[(one + 1) % 3, 1]
-        # Inside is where (b - a) x (p - a) has the sign of the area.
+    for begin in range(3):
+        ax, ay = points[begin, 0], points[begin, 1]
+        bx, by = points[(begin + 1) % 3, 0], points[(begin + 1) % 3, 1]
+        # A point p is inside if (b - a) x (p - a) has the sign of the area.
         slope = -(by - ay) * area
         rest = ((bx - ax) * (y - ay) + (by - ay) * ax) * area
         if slope > 0.0:
@@ -139,23 +139,23 @@ def _span(points: Any, area: float, row: int, low: int, high: int) -> tuple[int,
 def _project(
     corners: Any, frame: Any, focal: float, width: int, height: int, points: Any, nearness: Any
 ) -> bool:
-    """Work out where the corners of a triangle are in the picture; False where one is too near."""
-    for one in range(3):
-        x, y, z = corners[one]
+    """Project the corners of a triangle; return False if one is too near."""
+    for corner in range(3):
+        x, y, z = corners[corner]
         depth = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z + frame[2, 3]
         if depth < _NEAR_M:
             return False
         right = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z + frame[0, 3]
         up = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z + frame[1, 3]
-        points[one, 0] = width / 2 + focal * right / depth
-        points[one, 1] = height / 2 - focal * up / depth
-        nearness[one] = 1.0 / depth
+        points[corner, 0] = width / 2 + focal * right / depth
+        points[corner, 1] = height / 2 - focal * up / depth
+        nearness[corner] = 1.0 / depth
     return True
 
 
 @compiled
 def _area(points: Any) -> float:
-    """Return twice the area of a triangle, with its sign."""
+    """Return twice the signed area of a triangle."""
     abx, aby = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
     acx, acy = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1]
     return float(abx * acy - aby * acx)
@@ -163,7 +163,7 @@ def _area(points: Any) -> float:
 
 @compiled
 def _bounds(points: Any, width: int, height: int) -> tuple[int, int, int, int]:
-    """Return the first and last row, and the first and last column, that a triangle can cover."""
+    """Return the first and last row and column that a triangle can cover."""
     first = max(0, int(np.ceil(points[:, 1].min() - 0.5)))
     last = min(height - 1, int(np.floor(points[:, 1].max() - 0.5)))
     left = max(0, int(np.ceil(points[:, 0].min() - 0.5)))
@@ -173,7 +173,7 @@ def _bounds(points: Any, width: int, height: int) -> tuple[int, int, int, int]:
 
 @compiled
 def _brightness(normal: Any, frame: Any, lamp: Any) -> float:
-    """Return how light a surface is that faces along a normal."""
+    """Return the brightness of a surface with a normal."""
     x, y, z = normal
     right = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z
     up = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
@@ -198,19 +198,19 @@ def solid(
     Parameters
     ----------
     corners, normals
-        Of its triangles, in its frame, shape (n, 3, 3).
+        Corners and normals of its triangles in its frame, shape (n, 3, 3).
     frame
-        Its frame as the camera has it: to the right, up, and into the picture, shape (3, 4).
+        Pose in the camera's frame: right, up, and into the picture, shape (3, 4).
     colour
-        0 to 255.
+        Colour, 0 to 255.
     lamp
-        Where light comes from, in the camera's frame.
+        Direction of the light in the camera's frame.
     number
-        What is to be noted where it is seen.
+        Number of the surface in the pixels' contents.
     focal
-        How far the picture is from the eye, in pixels.
+        Focal length [pixels].
     buffers
-        Colours, nearness and what is shown.
+        Colours, nearness and contents of the pixels.
     """
     image, near, shown = buffers
     height, width = near.shape
@@ -219,7 +219,7 @@ def solid(
         if not _project(corners[triangle], frame, focal, width, height, points, nearness):
             continue
         area = _area(points)
-        # Rows count downwards, so that what is anticlockwise in the world has a negative area.
+        # Rows count downwards, so anticlockwise triangles have a negative area.
         if area >= 0.0:
             continue
         first, last, left, right = _bounds(points, width, height)
@@ -227,8 +227,8 @@ def solid(
             continue
         abx, aby = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
         acx, acy = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1]
-        for one in range(3):
-            light[one] = _brightness(normals[triangle, one], frame, lamp)
+        for corner in range(3):
+            light[corner] = _brightness(normals[triangle, corner], frame, lamp)
         for row in range(first, last + 1):
             low, high = _span(points, area, row, left, right)
             dy = row + 0.5 - points[0, 1]
@@ -251,36 +251,36 @@ def solid(
 def shade(
     corners: Any, frame: Any, sun: Any, camera: Any, focal: float, image: Any, shown: Any
 ) -> None:
-    """Darken the table where a surface keeps the light from it; to be done after all else.
+    """Darken the table in the shadow of a surface; call it after all surfaces are drawn.
 
     Parameters
     ----------
     corners
-        Of its triangles, in its frame, shape (n, 3, 3).
+        Corners of its triangles in its frame, shape (n, 3, 3).
     frame
-        Its frame in the world, shape (3, 4).
+        Pose in the world, shape (3, 4).
     sun
-        Where light comes from, in the world.
+        Direction of the light in the world.
     camera
-        The world as the camera has it, shape (3, 4).
+        Pose of the world in the camera's frame, shape (3, 4).
     focal
-        How far the picture is from the eye, in pixels.
+        Focal length [pixels].
     image, shown
-        Colours, and what is shown.
+        Colours and contents of the pixels.
     """
     height, width = shown.shape
     points, nearness, at = np.empty((3, 2)), np.empty(3), np.empty((3, 3))
     for triangle in range(len(corners)):
-        for one in range(3):
-            x, y, z = corners[triangle, one]
-            at[one] = frame[:, 3] + frame[:, 0] * x + frame[:, 1] * y + frame[:, 2] * z
-            # Along the light down to the table.
-            at[one] -= max(at[one, 2], 0.0) / sun[2] * sun
-            at[one, 2] = 0.0
+        for corner in range(3):
+            x, y, z = corners[triangle, corner]
+            at[corner] = frame[:, 3] + frame[:, 0] * x + frame[:, 1] * y + frame[:, 2] * z
+            # Project along the light down to the table.
+            at[corner] -= max(at[corner, 2], 0.0) / sun[2] * sun
+            at[corner, 2] = 0.0
         if not _project(at, camera, focal, width, height, points, nearness):
             continue
         area = _area(points)
-        # Of two sides of a body one is enough.
+        # One of the two sides of a body is enough.
         if area >= 0.0:
             continue
         first, last, left, right = _bounds(points, width, height)
@@ -295,9 +295,9 @@ def shade(
 
 @compiled
 def smoothed(image: Any, shown: Any) -> Any:
-    """Return the picture as bytes, blended with its neighbours where one thing ends."""
+    """Return the picture as bytes, blended along edges between contents."""
     height, width = shown.shape
-    made = np.empty((height, width, 3), np.uint8)
+    picture = np.empty((height, width, 3), np.uint8)
     for row in range(height):
         for column in range(width):
             own = shown[row, column]
@@ -314,8 +314,10 @@ def smoothed(image: Any, shown: Any) -> Any:
                 for channel in range(3):
                     around = image[row, column - 1, channel] + image[row, column + 1, channel]
                     around += image[row - 1, column, channel] + image[row + 1, column, channel]
-                    made[row, column, channel] = (3.0 * image[row, column, channel] + around) / 7.0
+                    picture[row, column, channel] = (
+                        3.0 * image[row, column, channel] + around
+                    ) / 7.0
             else:
                 for channel in range(3):
-                    made[row, column, channel] = image[row, column, channel]
-    return made
+                    picture[row, column, channel] = image[row, column, channel]
+    return picture

@@ -1,9 +1,9 @@
-"""Where on a path of its joints an arm may come near something, from spheres and boxes alone.
+"""Pairs of solids that may come near each other on a joint path, from spheres and boxes alone.
 
-At places along the path the distances between spheres about what moves and boxes about what stands
-are known from below, for all of them at once. Between two places no point goes farther than the
-joints turn times its reach: where the distances at both are more than that in sum, nothing is
-touched between. What is left are stretches for which distances have to be computed.
+At sample places, distances between spheres about moving solids and boxes about fixed ones give
+lower bounds for all pairs at once. Between two places no point moves farther than its reach times
+the joints' turn. If the sum of both distances exceeds that, the pair does not touch in between.
+Exact distances are computed only for the remaining stretches.
 """
 
 from __future__ import annotations
@@ -17,32 +17,31 @@ import numpy as np
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers, Vector
 
-# No point moves farther between two places than this, if there are not too many places.
+# Target bound on the motion of a point between two places, and maximum number of cells.
 _CELL_M: Final = 0.08
 _MOST_CELLS: Final = 64
-# Of so many places one is looked at first.
+# Stride of the places in the first pass.
 _STRIDE: Final = 4
-# Stretches that are so near to each other are one [m].
+# Stretches with a smaller gap are joined [m].
 _JOINED_M: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class NearPair:
-    """Two solids that may touch on a path, and where.
+    """Two solids that may touch on a path, and the stretches where.
 
     Parameters
     ----------
     solid
-        Number of the one that moves; of two that move, the one farther from the base.
+        Number of the moving solid; of two moving ones, the one farther from the base.
     other
-        Number of the piece that stands, or of the other solid.
+        Number of the fixed piece or of the other solid.
     lengths_m
-        How far a point of the one may have moved, seen from the other, up to each place, shape
-        (places,).
+        Bound on the relative motion of a point up to each place, shape (places,).
     stretches_m
-        Where they may touch, in order, by such lengths.
+        Stretches in which they may touch, in order, by such lengths.
     gap_m
-        They are no nearer than this anywhere, >= 0.
+        Lower bound on their distance, >= 0.
     """
 
     solid: int
@@ -52,30 +51,30 @@ class NearPair:
     gap_m: float
 
 
-class Outlook:
-    """What may be touched on a path.
+class NearPairs:
+    """All pairs of solids that may touch on a path.
 
     Parameters
     ----------
     bodies
-        What moves.
+        Moving solids.
     path
-        Of their joints.
+        Joint path.
     boxes
-        Lower and upper corners of the boxes about what stands [m], each of shape (pieces, 3).
-    least_m
-        What is nearer than this counts as touched [m], > 0.
+        Lower and upper corners of the boxes about fixed pieces [m], each of shape (pieces, 3).
+    touching_m
+        Distance below which solids count as touching [m], > 0.
 
     Attributes
     ----------
     places
-        Parameters of the path, rising from 0 to 1: lengths of pairs are known there.
+        Increasing path parameters from 0 to 1 at which lengths are known.
     standing, own
-        Pairs that may touch: with what stands, and of solids of the arm.
+        Pairs with fixed pieces, and pairs of the arm's solids.
     """
 
     def __init__(
-        self, bodies: ArmBodies, path: JointPath, boxes: tuple[Vector, Vector], least_m: float
+        self, bodies: ArmBodies, path: JointPath, boxes: tuple[Vector, Vector], touching_m: float
     ) -> None:
         slopes = path.steepest_by_interval
         intervals = len(slopes)
@@ -87,7 +86,7 @@ class Outlook:
         self.places: list[float] = places.tolist()
         self._bodies = bodies
         self._boxes = boxes
-        self._least_m = least_m
+        self._touching_m = touching_m
         self._rotations, self._origins = bodies.frames.at(path.along(places))
         self.standing = self._with_what_stands(_lengths_m(rates_m, each))
         self.own = self._with_itself(_lengths_m(own_rates_m, each))
@@ -100,10 +99,10 @@ class Outlook:
         some = np.unique(np.r_[0 : count : min(_STRIDE, count - 1), count - 1])
         centres = self._placed(spheres.joints, spheres.centres_m, some)
         gaps_m = _to_boxes_m(centres[:, :, np.newaxis], low, high)
-        gaps_m -= spheres.radii_m[:, np.newaxis] + self._least_m
+        gaps_m -= spheres.radii_m[:, np.newaxis] + self._touching_m
         moved_m = np.diff(lengths_m[some], axis=0)[:, :, np.newaxis]
         near = (_sums_m(gaps_m) <= moved_m).any(axis=0)
-        # The base of the arm stands where it is put.
+        # The base of the arm is fixed.
         near[: bodies.still] = False
         solids, pieces = np.nonzero(near)
         if not len(solids):
@@ -111,7 +110,7 @@ class Outlook:
         rows, owners, firsts = spheres.balls_of(solids)
         balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)[:, rows]
         gaps_m = _to_boxes_m(balls, low[pieces[owners]], high[pieces[owners]])
-        gaps_m -= spheres.ball_radii_m[rows] + self._least_m
+        gaps_m -= spheres.ball_radii_m[rows] + self._touching_m
         gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
         chosen = list(zip(pieces.tolist(), solids.tolist(), strict=True))
         return _near_pairs(chosen, gaps_m, lengths_m[:, solids])
@@ -123,7 +122,7 @@ class Outlook:
         pairs = bodies.pair_numbers
         centres = self._placed(spheres.joints, spheres.centres_m)
         gaps_m = _apart_m(centres[:, pairs[:, 0]], centres[:, pairs[:, 1]])
-        gaps_m -= spheres.radii_m[pairs].sum(axis=1) + self._least_m
+        gaps_m -= spheres.radii_m[pairs].sum(axis=1) + self._touching_m
         near = np.flatnonzero((_sums_m(gaps_m) <= np.diff(lengths_m, axis=0)).any(axis=0))
         if not len(near):
             return []
@@ -131,12 +130,12 @@ class Outlook:
         ones, others, firsts = spheres.ball_pairs(chosen)
         balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)
         gaps_m = _apart_m(balls[:, ones], balls[:, others])
-        gaps_m -= spheres.ball_radii_m[ones] + spheres.ball_radii_m[others] + self._least_m
+        gaps_m -= spheres.ball_radii_m[ones] + spheres.ball_radii_m[others] + self._touching_m
         gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
         return _near_pairs(chosen, gaps_m, lengths_m[:, near])
 
     def _placed(self, joints: Numbers, points_m: Vector, places: Numbers | None = None) -> Vector:
-        """Return where points fixed to joints are at places, shape (places, points, 3)."""
+        """Return positions at places of points fixed to joints, shape (places, points, 3)."""
         rotations, origins = self._rotations, self._origins
         if places is not None:
             rotations, origins = rotations[places], origins[places]
@@ -145,7 +144,7 @@ class Outlook:
 
 
 def _lengths_m(rates_m: Vector, each: int) -> Vector:
-    """Return how far points move up to each place, from rates by interval of so many cells each."""
+    """Return the motion of points up to each place, from rates per interval of `each` cells."""
     steps = np.repeat(rates_m, each, axis=0) / (len(rates_m) * each)
     return np.concatenate([np.zeros((1, rates_m.shape[1])), np.cumsum(steps, axis=0)])
 
@@ -165,7 +164,7 @@ def _apart_m(ones: Vector, others: Vector) -> Vector:
 
 
 def _sums_m(gaps_m: Vector) -> Vector:
-    """Return how much there is between every two neighbouring places; none where spheres touch."""
+    """Return the sum of the gaps at every two neighbouring places; overlaps count as 0."""
     open_m = np.maximum(gaps_m, 0.0)
     return np.asarray(open_m[:-1] + open_m[1:])
 
@@ -173,7 +172,7 @@ def _sums_m(gaps_m: Vector) -> Vector:
 def _near_pairs(
     pairs: Sequence[tuple[int, int]], gaps_m: Vector, lengths_m: Vector
 ) -> list[NearPair]:
-    found = []
+    near = []
     uncovered = _sums_m(gaps_m) <= np.diff(lengths_m, axis=0)
     open_m = np.maximum(gaps_m, 0.0)
     begins, ends = lengths_m[:-1] + open_m[:-1], lengths_m[1:] - open_m[1:]
@@ -185,7 +184,7 @@ def _near_pairs(
                 begin, end = stretches[-1][0], max(end, stretches[-1][1])
                 stretches.pop()
             stretches.append((begin, end))
-        found.append(
+        near.append(
             NearPair(
                 pairs[column][1],
                 pairs[column][0],
@@ -194,4 +193,4 @@ def _near_pairs(
                 float(open_m[:, column].min()),
             )
         )
-    return found
+    return near
