@@ -55,8 +55,9 @@ def test_a_dwell_of_the_task_counts_under_every_detector(tmp_path, capsys, detec
     assert longer["actions"] == usual["actions"]
 
 
-def test_dwells_of_single_bodies_and_tools_are_in_every_figure(tmp_path, capsys):
+def test_dwells_of_single_bodies_and_tools_are_in_every_figure(tmp_path, capsys, monkeypatch):
     """Of the table, the document, the rows of plan.csv, and those of an export."""
+    monkeypatch.setenv("COLUMNS", "200")
     board = starter(tmp_path, capsys)
     own = ("screws.screw.durations_s={fasten: 12}", "tools.gripper.durations_s={offload: 9}")
     changes = [word for one in own for word in ("--set", one)]

@@ -132,7 +132,8 @@ class UrInverse:
             Up to eight postures [rad], each of shape (6,), within the limits, each joint at its
             full turn nearest to 0. The side of the elbow changes first, then the wrist's, then the
             shoulder's. If the fourth and sixth axes coincide, postures exist at many angles of the
-            sixth joint: the list holds the ones at 0 or else the ones with the wrist nearest to the shoulder, or farthest.
+            sixth joint: the list holds the ones at 0 or else the ones with the wrist nearest to the
+            shoulder, or farthest.
 
         Raises
         ------

@@ -298,7 +298,8 @@ class _End:
 class SelfCheck:
     """Checks paths of an arm for self-collisions, continuously.
 
-    Travels use the same solids and pairs; see :class:`ArmBodies`. Held pieces are checked only if their spheres come near spheres of links; the check is cached per set of held pieces.
+    Travels use the same solids and pairs; see :class:`ArmBodies`. Held pieces are checked only if
+    their spheres come near spheres of links; the check is cached per set of held pieces.
     """
 
     def __init__(self, arm: ArmModel) -> None:
