@@ -71,18 +71,8 @@ def sweeps_of(
 
     Parameters
     ----------
-    scene
-        Scene of the task.
-    robot
-        Robot that moves.
     place
         Place of its tip at the beginning [m].
-    tool
-        Tool attached at the beginning.
-    visits
-        Visits in order.
-    carries
-        Body in the hand at the beginning.
     """
     here = place
     for visit in visits:

@@ -43,8 +43,6 @@ class Decomposition:
 
     Parameters
     ----------
-    pieces
-        At least one.
     outside_m
         Greatest distance of the pieces outside the mesh [m], at points of their surfaces.
     missing_m
@@ -68,13 +66,6 @@ def decomposition_of(mesh: Mesh, label: str = "a mesh") -> Decomposition:
     function under an entry point of the group ``skillplan.decomposition``, from arrays of corners
     [m]
     and faces to corners and faces of each piece.
-
-    Parameters
-    ----------
-    mesh
-        Closed and concave.
-    label
-        Name of the mesh in that line.
 
     Raises
     ------

@@ -28,12 +28,8 @@ class Hull:
     ----------
     name
         Name of the body, or of the part of the arm.
-    role
-        Moving, standing, or standing and named by the verdict.
     vertices
         Corners [m].
-    triangles
-        Three indices of vertices for each face.
 
     Raises
     ------
@@ -58,8 +54,6 @@ class HullScene:
 
     Parameters
     ----------
-    hulls
-        All compared hulls, in no order.
     touches
         Points of collision [m]; empty for a free motion.
     reason

@@ -35,13 +35,7 @@ def area(polygon: Sequence[Planar]) -> float:
 
 
 def intersection(polygon: Sequence[Planar], other: Sequence[Planar]) -> Polygon:
-    """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty.
-
-    Parameters
-    ----------
-    polygon, other
-        Corners, anticlockwise.
-    """
+    """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty."""
     left = list(polygon)
     for begin, end in _sides(other):
         dx, dy = end[0] - begin[0], end[1] - begin[1]
@@ -70,11 +64,6 @@ def overlap(first: Sequence[Planar], other: Sequence[Planar]) -> float:
     """Return the least shift that separates two convex polygons (separating axes).
 
     It is negative if they are disjoint.
-
-    Parameters
-    ----------
-    first, other
-        Corners, anticlockwise.
     """
     depth = math.inf
     for polygon in (first, other):
@@ -322,15 +311,7 @@ _SLOPE_M = 5e-3
 
 
 class Piece:
-    """One shape at a pose: a prism if possible, else a surface.
-
-    Parameters
-    ----------
-    shape
-        Shape in the frame of its body.
-    pose
-        Pose of the body.
-    """
+    """One shape at a pose: a prism if possible, else a surface."""
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         self._shape, self._pose = shape, pose
@@ -407,8 +388,6 @@ class Solid:
     ----------
     shapes
         At least one shape in the body's frame.
-    pose
-        Pose of the body.
     """
 
     shapes: Sequence[Shape]

@@ -43,8 +43,6 @@ class Polyhedron:
         Three indices of corners each, anticlockwise from outside, shape (faces, 3).
     flat
         True for faces of planes, False for faces of curved surfaces, shape (faces,).
-    convex
-        Convexity of the surface.
     """
 
     corners: Floats
@@ -145,15 +143,7 @@ def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
 
 
 def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:
-    """Return the prism about a cylinder with the middle of a side at its lowest line.
-
-    Parameters
-    ----------
-    cylinder
-        Cylinder in the frame of its body.
-    up
-        Vertical of the world in that frame.
-    """
+    """Return the prism about a cylinder with the middle of a side at its lowest line."""
     step = 2 * math.pi / _SIDES
     angles = math.atan2(up[1], up[0]) + step * (np.arange(_SIDES) + 0.5)
     radius_m = cylinder.diameter_m / 2 / math.cos(step / 2)
@@ -366,8 +356,6 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
 
     Parameters
     ----------
-    upper, lower
-        The surfaces.
     at_least_m
         Smaller gaps are ignored: such faces are not below `upper`, but above it or inside.
 
@@ -490,8 +478,6 @@ def touching(upper: Polyhedron, lower: Polyhedron, tolerance_m: float) -> Iterat
 
     Parameters
     ----------
-    upper, lower
-        The surfaces.
     tolerance_m
         Gap or overlap that still counts as contact [m].
     """

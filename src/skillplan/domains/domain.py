@@ -168,8 +168,6 @@ class Domain(ABC):
 
         Parameters
         ----------
-        text
-            Content of the file.
         source
             Path as the user gave it.
 
@@ -312,8 +310,6 @@ class Domain(ABC):
         ----------
         config
             An instance of `Config` without issues.
-        skill
-            Name of the skill.
         reach
             True if the robot cannot get there; otherwise objects are in the way.
         """

@@ -129,20 +129,6 @@ class Problem:
 
     Parameters
     ----------
-    name, kind
-        As given in the file.
-    source
-        Path as the user gave it.
-    sha256
-        Hash of the content, in hexadecimal.
-    config
-        Validated content.
-    tasks
-        One task, or a chain of several.
-    domain
-        Domain of the file.
-    document
-        Content as read, with positions.
     spare_back_ends
         Back ends constructed during loading to check that they accept the tasks. A user of one
         takes
@@ -285,8 +271,6 @@ def load_task(
         Domains by kind. Only the domain of the file is looked up; the look-up may import it, and
         may
         raise `PluginError`, or `KeyError` for an unknown kind.
-    checks
-        Additional checks.
     changes
         YAML values by key path that replace values of the file.
 

@@ -26,10 +26,6 @@ class PlannedSkill:
 
     Parameters
     ----------
-    step
-        Cost and duration.
-    skill
-        The skill.
     before, after
         State at its start, and nominal state at its end.
     origin, destination
@@ -60,8 +56,6 @@ class Handover:
 
     Parameters
     ----------
-    model
-        Task with its back ends.
     plan
         Replayed, feasible and complete; None to export the task only.
     charted
@@ -183,12 +177,8 @@ class Identifiers:
 
     Parameters
     ----------
-    names
-        Distinct texts.
     reserved
         Reserved words of the language, in small letters.
-    prefix
-        Prefix of every identifier.
     """
 
     def __init__(

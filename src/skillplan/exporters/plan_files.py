@@ -39,10 +39,6 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
 
     Parameters
     ----------
-    path
-        Path of the file.
-    task
-        Task of the skills.
     skill_of
         Returns the skill of a PDDL action; called only for plans of planners.
 

@@ -136,15 +136,6 @@ def surely_reached(task: Task, skill: Skill, state: State) -> bool:
     The base must be upright and the hand must point straight down. False means that an arm model
     has to
     decide.
-
-    Parameters
-    ----------
-    task
-        Task of the skill.
-    skill
-        An applicable skill.
-    state
-        State at its start.
     """
     if skill.motion is None:
         return False

@@ -53,8 +53,6 @@ class LinearMotion:
 
     Parameters
     ----------
-    visit
-        The visit.
     tip
         Position of the tip during the act [m]: midway between the fingertips, the rim of the
         suction
@@ -67,12 +65,6 @@ class LinearMotion:
         Polyline of the tip from safe height to `tip` [m]; two points at least.
     retreat
         Polyline of the tip from `tip` to safe height [m].
-    carries
-        Body in the hand during the approach, or None.
-    tool
-        Tool attached during the approach, or None.
-    leaves_with
-        Body in the hand during the retreat, or None.
     drop_m
         Height above its goal at which a part is released [m], >= 0.
     """
@@ -168,8 +160,6 @@ def jaws_about(
 
     Parameters
     ----------
-    boxes
-        At least one, in the body's frame.
     closing_axis
         ``x`` or ``y``; None for the narrower side.
     depth_m
@@ -203,12 +193,6 @@ def linear_motions(
 
     Parameters
     ----------
-    task
-        Task of the skill.
-    skill
-        A skill with a motion.
-    state
-        State at its start.
     drop_height_m
         Height above its goal at which a part is released [m], >= 0.
 
@@ -388,8 +372,6 @@ def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
     ----------
     tool
         A gripper; None for the hand itself.
-    hand
-        Hand on the flange of the arm.
     """
     if tool is not None and tool.hand is not None:
         hand = tool.hand
@@ -405,14 +387,8 @@ def jaw_opening_m(
 
     Parameters
     ----------
-    grasp
-        Grasp of the part.
     clearance_m
         Clearance on each side [m], >= 0; limited by the opening.
-    tool
-        Tool with the jaws.
-    hand
-        Hand on the flange of the arm.
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
@@ -472,8 +448,6 @@ def tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
 
     Parameters
     ----------
-    tool
-        Attached tool.
     hand
         Hand on the flange; a tool ends at the same distance as its jaws.
     """

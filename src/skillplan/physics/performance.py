@@ -103,8 +103,6 @@ class View:
     ----------
     target
         Point in the middle of the picture [m].
-    angle
-        Direction of view.
     distance_m
         Distance from the target [m].
     """
@@ -188,8 +186,6 @@ class Sample:
     ----------
     time_s
         Time since the plan began [s].
-    skill
-        Current skill.
     phase
         Current phase of the skill, such as ``the travel to switch_1``.
     tip
@@ -202,8 +198,6 @@ class Sample:
         Opening of the jaws [m].
     contact_n
         Greatest normal force of an unexpected contact [N].
-    bodies
-        Poses by name.
     contacts
         All contacts, expected or not; one for every pair of bodies.
     """
@@ -226,8 +220,6 @@ class PerformedSkill:
 
     Parameters
     ----------
-    skill
-        Name of the skill.
     verdict
         Feasible if there was no unexpected contact and the postcondition was sensed; the evidence
         has
@@ -251,10 +243,6 @@ class Arrival:
 
     Parameters
     ----------
-    body
-        Name of the body.
-    goal, final
-        Poses in the world.
     offset_m
         Distance between the two [m], >= 0.
     tilt_rad
@@ -280,10 +268,6 @@ class Performance:
         Bodies whose place is determined by the last state.
     simulated_s
         Simulated time [s].
-    steps
-        Number of simulation steps.
-    figures
-        Other measurements.
     held_s
         Part of the simulated time in which the arm rested without simulation steps [s].
     pace

@@ -243,8 +243,6 @@ class Joint:
         Greatest speed [rad/s] and acceleration [rad/s2], > 0.
     torque_nm
         Greatest torque [Nm], > 0; None if unknown.
-    link
-        Inertia of the moved link.
     axis
         Unit vector of the axis in its frame.
 

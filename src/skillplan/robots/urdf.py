@@ -135,12 +135,8 @@ class UrdfError(Exception):
 
     Parameters
     ----------
-    message
-        Problem and remedy, in a clause.
     key
         Key of the task file at fault: ``model``, ``tip`` or ``home_rad``.
-    line
-        Line of the URDF, if known.
     """
 
     def __init__(self, message: str, key: str = "model", line: int | None = None) -> None:
@@ -175,8 +171,6 @@ def number(
 
     Parameters
     ----------
-    element, key
-        Element, and name of its attribute.
     default
         Value if the attribute is missing; None if it is required.
     most
@@ -244,8 +238,6 @@ def shapes_of(
 
     Parameters
     ----------
-    link
-        The element.
     frame
         Frame of the link, relative to the joint that moves it.
     read_mesh
@@ -319,14 +311,10 @@ def read_urdf(
 
     Parameters
     ----------
-    content
-        Content of the file.
     tip
         Link that holds hands: z of its frame points out of it.
     home_rad
         Home posture [rad]; None for angles of 0, or the nearest limit.
-    read_mesh
-        Reads a mesh of the URDF.
 
     Raises
     ------

@@ -66,8 +66,6 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
 
     Parameters
     ----------
-    plan
-        The trajectories.
     topic
         Topic of the trajectories. Names of skills and actions of the hand have their own topics.
     """

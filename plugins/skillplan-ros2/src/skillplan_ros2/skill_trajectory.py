@@ -20,8 +20,6 @@ class HandAction:
     ----------
     after_ns
         Time since the begin of the skill [ns].
-    text
-        Event and subject, such as ``grasp pcb``.
     """
 
     after_ns: int
@@ -34,16 +32,12 @@ class SkillTrajectory:
 
     Parameters
     ----------
-    skill
-        Name of the skill.
     begin_ns
         Begin in the plan [ns].
     times_ns
         Times of the points, strictly rising from 0 [ns].
     positions_rad, speeds_rad_per_s
         Angles and speeds of the joints, shape (points, joints).
-    hand
-        Actions of the hand in order.
     """
 
     skill: str

@@ -44,8 +44,6 @@ def timed_plan(handover: Handover, speed_fraction: float | None) -> TimedPlan:
 
     Parameters
     ----------
-    handover
-        A handover with a plan.
     speed_fraction
         Share of the limits of speed and acceleration, in (0, 1]; None for the option of `swept`.
 

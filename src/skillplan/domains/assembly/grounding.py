@@ -168,25 +168,15 @@ class _Grounding:
 
         Parameters
         ----------
-        kind, subject
-            Parts of the name, as in ``pick(pcb)``.
-        requires, forbids, add, delete
-            Facts of the precondition and of the effect.
-        ends_at
-            Place of the arm afterwards.
         routes
             Visits of the arm by the fact that selects them; None for a single route.
         parameters
             Objects of the skill by role, for people and engines.
         ways
             All visits with their labels if there are several to choose from, preferred first.
-        carries
-            Part in the hand.
         failure
             Probability of a failed grasp, in [0, 1): then the arm is at `failed_at`, and nothing
             else changes.
-        failed_at
-            A place.
         """
         config, facts = self.config, self.facts
         robot = config.robot.name
@@ -383,8 +373,6 @@ def _build_scene(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 
     Parameters
     ----------
-    config
-        An assembly without faults.
     places
         Positions of the arm's tip by fact [m].
     """

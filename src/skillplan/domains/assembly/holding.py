@@ -40,23 +40,10 @@ _AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
 class Handle:
     """A grasp of a part as a task file describes it.
 
-    Parameters
-    ----------
-    given
-        The file's entry.
-    kind
-        Jaws or suction.
-    shapes
-        Shapes of the part, in its frame.
-
     Attributes
     ----------
     approach
         Unit vector in the part's frame in which the hand points.
-    outwards
-        The opposite vector.
-    from_top
-        True if the hand comes from the part's top.
     closing
         Direction in which the jaws close; None if the part decides.
     closes_askew
@@ -202,12 +189,8 @@ def surface_m(shapes: Iterable[Shape], start: Point, direction: Point) -> float 
 
     Parameters
     ----------
-    shapes
-        Shapes in the frame of their body.
     start
         A point outside all of them [m].
-    direction
-        Unit vector.
     """
     spans = (_span(shape, start, direction) for shape in shapes)
     return min((span[0] for span in spans if span is not None), default=None)

@@ -31,8 +31,6 @@ def draw_layouts(config: AssemblyConfig, seed: int, count: int) -> list[Assembly
 
     Parameters
     ----------
-    config
-        A faultless assembly.
     seed
         Random seed, >= 0. A layout depends on the seed and its own index alone.
     count

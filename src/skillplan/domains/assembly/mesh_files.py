@@ -40,8 +40,6 @@ class MeshFileError(Exception):
 
     Parameters
     ----------
-    message
-        Problem and remedy in a sentence.
     key
         Key of the task file at fault: ``file``, ``scale`` or ``pieces``.
     """
@@ -59,14 +57,8 @@ class Polyhedron:
     ----------
     corners
         Corners relative to the centre of the bounding box [m].
-    faces
-        Triangles as three indices of corners, anticlockwise from outside.
     size
         Extents of the bounding box [m].
-    sha256
-        Hash of the file's content, in hexadecimal.
-    convex
-        True if it is convex.
     middle
         Centre of the bounding box in the file's frame [m].
     """
@@ -216,8 +208,6 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
 
     Parameters
     ----------
-    folder, name
-        See `read_mesh`.
     scale
         Factors that convert lengths along x, y and z to metres.
 
@@ -345,8 +335,6 @@ def read_pieces(
     ----------
     folder, name, scale
         See `read_mesh`; the result is empty without a name. Connected faces form a piece.
-    whole
-        The polyhedron, in the frame of the same file.
 
     Raises
     ------

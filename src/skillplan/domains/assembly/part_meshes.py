@@ -24,12 +24,8 @@ class MovedMesh:
 
     Parameters
     ----------
-    part
-        Name of the part.
     index
         Number of the mesh in the part, from 0.
-    mesh
-        The mesh.
     moved_m
         Shift from the file's frame to the part's [m].
     keeping_m

@@ -28,8 +28,6 @@ class Rest:
 
     Parameters
     ----------
-    on
-        Name of the support.
     area_m2
         Contact area seen from above [m2]; 0 for a line or a point.
     """

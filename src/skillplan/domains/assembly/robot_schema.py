@@ -247,15 +247,7 @@ _PACKAGE = "package://"
 
 
 class ArmFileError(Exception):
-    """A file does not describe a supported arm.
-
-    Parameters
-    ----------
-    message
-        Problem and remedy in a sentence.
-    key
-        Key of the task file at fault.
-    """
+    """A file does not describe a supported arm."""
 
     def __init__(self, message: str, key: str = "model") -> None:
         self.key = key
@@ -271,10 +263,6 @@ def read_arm(
     ----------
     folder
         Folder of the task file, which must contain the file.
-    name
-        Name of the file relative to `folder`.
-    tip
-        Link that holds the hand.
     home_rad
         Home posture [rad]; None for the default.
 

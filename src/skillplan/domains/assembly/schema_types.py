@@ -194,10 +194,6 @@ def dwell_s(kind: str, task: DurationsConfig, *owners: _Dwells) -> float:
 
     Parameters
     ----------
-    kind
-        Key of `DurationsConfig`.
-    task
-        Dwell times of the task.
     owners
         Part or screw, and tool: the first owner with the dwell time decides.
     """

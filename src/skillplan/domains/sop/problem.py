@@ -62,11 +62,6 @@ class NodeOrder:
     ----------
     costs
         Shape (n, n); the diagonal is ignored.
-
-    Attributes
-    ----------
-    direct
-        Predecessors in the row of each node.
     """
 
     def __init__(self, costs: Sequence[Sequence[int]]) -> None:
@@ -233,8 +228,6 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     ----------
     config
         Matrix of shape (n, n).
-    sha256
-        Hash of the content, in hexadecimal.
     """
     n = len(config.costs)
     stands = tuple(f"at({node})" for node in range(n))

@@ -32,15 +32,7 @@ _MOST_LISTED = 5
 
 
 class MatrixText:
-    """The numbers of a square matrix in a text, up to ``EOF``.
-
-    Parameters
-    ----------
-    text
-        The whole file, with line feeds.
-    start
-        Offset of the first number.
-    """
+    """The numbers of a square matrix in a text, up to ``EOF``."""
 
     def __init__(self, text: str, start: int) -> None:
         end = _END.search(text, start)
@@ -247,8 +239,6 @@ def read_tsplib(text: str, source: str) -> Document:
 
     Parameters
     ----------
-    text
-        Content of the file.
     source
         Path as the user gave it, and default for the name of the task.
 

@@ -42,18 +42,10 @@ class Variant:
 
     Parameters
     ----------
-    skill
-        The skill.
     label
         Facts that distinguish it from other actions of the skill; may be empty.
-    requires, forbids
-        Facts of the precondition.
-    outcome
-        Nominal outcome.
     origins
         Cost by the place of the robot; empty if the place does not matter.
-    constant
-        Cost if the place does not matter.
     """
 
     skill: Skill
@@ -73,10 +65,6 @@ class Scale:
     ----------
     per_unit
         Number of steps in one unit of the task's costs.
-    unit
-        Name of a step.
-    exact
-        True if costs are not rounded.
     """
 
     per_unit: int
@@ -93,13 +81,7 @@ class Scale:
 
 
 class Variants:
-    """Splits the skills of a task into actions.
-
-    Parameters
-    ----------
-    model, states
-        The task.
-    """
+    """Splits the skills of a task into actions."""
 
     def __init__(self, model: SkillModel, states: ConsistentStates) -> None:
         self._model = model
@@ -182,15 +164,7 @@ class Variants:
         return divided
 
     def _priced(self, case: Case, part: _Part, where: int, *, matters: bool) -> Variant | None:
-        """Return the action for a part of a region; None if no state has a finite cost.
-
-        Parameters
-        ----------
-        case, part, where
-            Case, part, and group of the places.
-        matters
-            True if the cost depends on the place.
-        """
+        """Return the action for a part of a region; None if no state has a finite cost."""
         facts = self._model.task.facts
         label = " ".join(filter(None, [case.label, part.label]))
         requires, forbids = facts.state(part.requires), facts.state(part.forbids)
@@ -230,12 +204,8 @@ class _Part:
 
     Parameters
     ----------
-    label
-        Facts that distinguish it from other parts.
     requires, forbids
         Bits of the facts that its action requires and forbids.
-    region
-        States of the part.
     places
         Bits of the possible places of the robot; 0 if they do not matter.
     """
@@ -268,12 +238,6 @@ def scale_of(
 
     Parameters
     ----------
-    costs
-        All costs.
-    unit
-        Unit of the task's costs.
-    skills
-        Greatest number of skills in a plan.
     accept_rounding
         True to accept costs as small as the rounding error of a plan.
 

@@ -51,8 +51,6 @@ class ConsistentStates:
         ----------
         group
             Bits of an exclusive group, or of one fact without a group.
-        region
-            The region.
         """
         cases = [(bit, group & ~bit) for bit in each_bit(group)]
         cases += [] if self.is_exact(group) else [(0, group)]
@@ -169,14 +167,8 @@ class Case:
 
     Parameters
     ----------
-    skill
-        The skill.
     label
         Fact that selects the case; empty for skills without cases.
-    requires, forbids
-        Facts of the precondition.
-    outcome
-        Nominal outcome.
     """
 
     skill: Skill
@@ -194,10 +186,6 @@ class Cover:
     ----------
     feasible
         Feasible regions by variant of execution; one empty variant unless costs depend on it.
-    infeasible
-        All other regions.
-    refusal
-        Reason of the first infeasible verdict.
     left_out
         Reason of an unknown verdict; its region counts as infeasible.
     """
@@ -317,8 +305,6 @@ def simplified(
 
     Parameters
     ----------
-    states, case, cover, way
-        Case, cover, and variant.
     where
         Bits of the places that a region distinguishes; 0 for none.
     """

@@ -36,22 +36,7 @@ _UNKNOWN = "thing"
 
 
 class Vocabulary:
-    """Names of a task's facts in PDDL.
-
-    Parameters
-    ----------
-    task
-        The task.
-
-    Attributes
-    ----------
-    types
-        Identifiers of types, by name.
-    predicates
-        Identifiers of predicates, by name.
-    objects
-        Identifiers of objects, by ``type/name``.
-    """
+    """Names of a task's facts in PDDL."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -130,12 +115,8 @@ class PlanningTask:
 
     Parameters
     ----------
-    handover
-        The task.
     accept_rounding
         True to accept costs as small as the rounding error of a plan.
-    count_steps
-        True to include the step limit.
 
     Raises
     ------
@@ -416,13 +397,7 @@ class PlanningTask:
 
 
 class ActionNames:
-    """Reads the actions of plans without querying back ends.
-
-    Parameters
-    ----------
-    task
-        The task.
-    """
+    """Reads the actions of plans without querying back ends."""
 
     def __init__(self, task: Task) -> None:
         self._skills = _skill_identifiers(task, Vocabulary(task))

@@ -34,12 +34,6 @@ class AdaptiveSearch:
 
     Parameters
     ----------
-    model
-        Model with the failures, which decides on feasibility.
-    certain
-        The task without failures, with the costs to minimise.
-    stop
-        Returns True to give up.
     max_labels
         Greatest number of labels of one search, >= 1.
     weight

@@ -31,20 +31,7 @@ _COST_BYTES = 8
 
 
 class CertainModel(SkillModel):
-    """A model of the same task with certain skills; verdicts come from the given model.
-
-    Parameters
-    ----------
-    model
-        Model of the task with failures.
-    certain
-        The task without failures.
-
-    Attributes
-    ----------
-    questions
-        Bits of the facts that verdicts depended on.
-    """
+    """A model of the same task with certain skills; verdicts come from the given model."""
 
     def __init__(self, model: SkillModel, certain: Task) -> None:
         super().__init__(model.feasibility)
@@ -72,29 +59,10 @@ class CertainModel(SkillModel):
 class JobSets:
     """The jobs of a task, the feasible sets of finished jobs, and conversion of states.
 
-    Parameters
-    ----------
-    model
-        Model of the certain task.
-    most_sets
-        Greatest number of sets.
-    stop
-        Returns True to give up.
-
     Attributes
     ----------
-    problem
-        Jobs, costs between them, and precedence.
     jobs, chosen
         The n jobs, and their indices among all jobs of the task.
-    needs
-        Set of predecessors of each job.
-    layers
-        Feasible sets by size.
-    sets
-        Number of sets.
-    connections
-        Connections between jobs.
     situation, initial
         Bits of the facts outside jobs, and of the initial state.
 
@@ -162,8 +130,6 @@ def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
 
     Parameters
     ----------
-    needs
-        Set of predecessors of each job.
     most
         Greatest number of sets; above it the result is None.
     stop
@@ -201,22 +167,6 @@ _ROUNDING = 1e-12
 
 class OrdersAhead:
     """The least cost to the goal from states between jobs or within one.
-
-    Parameters
-    ----------
-    model
-        Model of the certain task.
-    most_sets
-        Greatest number of sets.
-    stop
-        Returns True to give up.
-
-    Attributes
-    ----------
-    sets
-        Number of feasible sets.
-    questions
-        Bits of the facts that verdicts depended on.
 
     Raises
     ------
@@ -289,10 +239,6 @@ def costs_to_go(
 
     Parameters
     ----------
-    layers
-        Sets by size.
-    needs
-        Set of predecessors of each job.
     costs
         Cost from job i to job j, including j, shape (n, n).
     stop

@@ -91,22 +91,6 @@ def tried_once(task: Task) -> Task:
 class JobValues(Mapping[State, Skill]):
     """The policy with the least expected cost, computed on demand.
 
-    Parameters
-    ----------
-    model
-        Model with failures that `why_not_retried` accepts.
-    most_sets
-        Greatest number of sets.
-    stop
-        Returns True to give up.
-
-    Attributes
-    ----------
-    cost
-        Least expected cost from the initial state.
-    sets
-        Number of feasible sets.
-
     Raises
     ------
     NotASequencing
@@ -302,12 +286,6 @@ def values_of_sets(
 
     Parameters
     ----------
-    layers
-        Sets by size.
-    needs
-        Set of predecessors of each job.
-    ways
-        Costs of starting jobs.
     stop
         Returns True to give up; the result is None then, or if values do not converge.
 
@@ -389,14 +367,10 @@ def _tried_again(job: int, costs: Costs, succeeded: Costs, ways: Ways) -> Costs:
 
     Parameters
     ----------
-    job
-        A job that may fail.
     costs
         Best known cost of every job, shape (n, sets).
     succeeded
         Cost to go after a success, times its probability, shape (sets,).
-    ways
-        Costs of starting jobs.
     """
     total = succeeded.copy()
     leaving = np.full(len(total), ways.success[job])

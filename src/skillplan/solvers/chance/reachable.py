@@ -13,19 +13,7 @@ from skillplan.task.state import State
 def asked_everywhere(
     model: SkillModel, policy: Mapping[State, Skill], most: int, stop: Stop
 ) -> bool:
-    """Query a policy in its reachable states; return True if all were visited.
-
-    Parameters
-    ----------
-    model
-        Model with the outcomes of skills.
-    policy
-        Policy that stores its answers.
-    most
-        Greatest number of stored states.
-    stop
-        Returns True to give up.
-    """
+    """Query a policy in its reachable states; return True if all were visited."""
     todo, seen = [model.initial], {model.initial}
     while todo:
         if stop() or len(policy) >= most:

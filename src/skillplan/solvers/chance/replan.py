@@ -41,10 +41,6 @@ class Replanning(Mapping[State, Skill]):
 
     Parameters
     ----------
-    search
-        Finds and stores plans.
-    model
-        Model with the outcomes of skills.
     lookahead
         True to weigh skills that may fail by the cost of a new plan after the failure.
     """

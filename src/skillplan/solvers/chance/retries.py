@@ -27,17 +27,6 @@ class RetryCost(DerivedCost):
     With probabilities p_j of ending in state f_j and q of succeeding, the first try costs c(s), and
     all
     later ones together the sum of p_j c(f_j), divided by q.
-
-    Parameters
-    ----------
-    cost
-        Cost of one try by state.
-    failures
-        Outcomes that are failures.
-    requires
-        Bits of the facts that hold at each try.
-    facts
-        The vocabulary.
     """
 
     cost: Cost
@@ -75,8 +64,6 @@ class RaisedCost(DerivedCost):
 
     Parameters
     ----------
-    cost
-        Cost of the skill.
     extra
         Constant, >= 0.
     """
@@ -157,11 +144,6 @@ def relaxed(task: Task) -> Task | None:
     cost
     of every policy that is certain to arrive.
 
-    Parameters
-    ----------
-    task
-        A task that `why_not_retried` accepts.
-
     Returns
     -------
     Task or None
@@ -186,13 +168,7 @@ def relaxed(task: Task) -> Task | None:
 
 
 class _Detours:
-    """Least extra costs of a failed try over going on at once.
-
-    Parameters
-    ----------
-    task
-        A task that `why_not_retried` accepts.
-    """
+    """Least extra costs of a failed try over going on at once."""
 
     def __init__(self, task: Task) -> None:
         self._task = task

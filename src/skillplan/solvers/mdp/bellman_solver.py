@@ -235,8 +235,6 @@ class BellmanSolver(TabularSolver):
 
         Parameters
         ----------
-        mdp, task
-            Model, and minimised criterion.
         costs
             Least cost of every state, shape (n,).
         tie
@@ -337,12 +335,8 @@ class BellmanSolver(TabularSolver):
 
         Parameters
         ----------
-        task
-            Criterion.
         values
             Initial values; changed.
-        allowed
-            Rows that replace the task's.
 
         Returns
         -------
@@ -367,8 +361,6 @@ class BellmanSolver(TabularSolver):
 
         Parameters
         ----------
-        task
-            Criterion.
         chosen
             Row of every state, proper without discount, shape (n,).
         values
@@ -423,8 +415,6 @@ def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArra
     ----------
     rows
         Offsets of the rows of n states, shape (n + 1,).
-    allowed
-        Shape (m,).
     """
     candidates = np.append(np.flatnonzero(allowed), len(allowed))
     first = candidates[np.searchsorted(candidates, rows[:-1])]

@@ -88,10 +88,6 @@ def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> 
 
     Parameters
     ----------
-    model
-        The enumerated model.
-    mdp
-        Its arrays.
     chosen
         Row of every state, -1 for none, shape (n,).
     """
@@ -136,10 +132,6 @@ def learner_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> Learn
 
     Parameters
     ----------
-    model
-        The enumerated model.
-    mdp
-        Its arrays.
     objective
         ``reward`` or ``cost``.
     """

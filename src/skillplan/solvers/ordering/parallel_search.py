@@ -62,23 +62,12 @@ class Helpers:
     ----------
     count
         Number of processes, >= 1.
-    seed
-        Seed of all processes.
     executor
         Executor of the processes; None for this machine.
     memory_bytes
         Returns the free memory [B], or None for no limit.
     left_s
         Returns the remaining time [s], or None for no limit.
-
-    Attributes
-    ----------
-    count
-        Number of requested processes.
-    started
-        Number of processes started, including that of the search.
-    lost
-        Reasons why processes ended early.
     """
 
     def __init__(
@@ -222,20 +211,7 @@ _FEW = 2
 
 
 class SharedTree:
-    """A search tree and the processes that explore it.
-
-    Parameters
-    ----------
-    branching
-        The tree of this process.
-    helpers
-        The other processes.
-
-    Attributes
-    ----------
-    parts, programs
-        Subproblems bounded and linear programs solved by the others.
-    """
+    """A search tree and the processes that explore it."""
 
     def __init__(self, branching: BranchAndCut, helpers: Helpers) -> None:
         self._branching = branching
@@ -251,12 +227,6 @@ class SharedTree:
         ----------
         work
             Work in the unit of `CutRelaxation.work`.
-        order
-            Best known order, or None.
-        stop
-            Returns True to stop.
-        keep
-            Called with every order of another process.
         """
         branching = self._branching
         while work > 0 and not branching.done and not stop():

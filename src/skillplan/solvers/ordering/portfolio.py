@@ -26,23 +26,7 @@ from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch, 
 
 @dataclass
 class Effort:
-    """Effort of the methods, for the trace.
-
-    Parameters
-    ----------
-    nodes
-        Number of labels, subproblems and orders.
-    bound_method
-        Method that proved the bound, in words.
-    states
-        Labels of the dynamic program and the beam.
-    parts
-        Subproblems of branch and cut.
-    programs
-        Linear programs solved.
-    rounds
-        Rounds of the portfolio.
-    """
+    """Effort of the methods, for the trace."""
 
     nodes: int = 0
     bound_method: str = ""
@@ -88,20 +72,10 @@ class OrderingSearch:
 
     Parameters
     ----------
-    instance
-        The ordering.
     methods
         Methods in use; the linear relaxation is always in use.
-    seed
-        Random seed.
-    stop
-        Returns True to stop.
-    on_order, on_bound
-        Called with every better order and bound.
     memory_bytes
         Returns the free memory [B], or None for no limit.
-    start
-        A known order.
     rounds
         Greatest number of rounds; None for no limit.
     helpers
@@ -109,8 +83,6 @@ class OrderingSearch:
 
     Attributes
     ----------
-    order, cost
-        Best order, None and inf at first.
     bound
         Lower bound on all orders; inf if no order exists.
     ended

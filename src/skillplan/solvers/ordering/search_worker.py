@@ -50,10 +50,6 @@ class Explore:
 
     Parameters
     ----------
-    subproblems
-        Roots of the subtrees.
-    cost
-        Cost of the best known order.
     work
         Greatest work, in the unit of `CutRelaxation.work`.
     seedling
@@ -72,10 +68,6 @@ class Finding:
 
     Parameters
     ----------
-    order
-        Best order, or None.
-    open
-        Subproblems left to explore.
     nodes, programs
         Moves or subproblems; linear programs solved.
     """
@@ -112,15 +104,7 @@ def _end_with_parent() -> None:
 
 
 class Hand:
-    """Runs tasks; random numbers, cuts and pseudocosts continue from task to task.
-
-    Parameters
-    ----------
-    ground
-        The ordering.
-    annealing
-        Annealing of orders.
-    """
+    """Runs tasks; random numbers, cuts and pseudocosts continue from task to task."""
 
     def __init__(self, ground: Ground, annealing: Annealing) -> None:
         self._instance = ground.instance

@@ -39,8 +39,6 @@ class _Choice:
         Resources of the choice; if it has none, resources of the choice before.
     cost
         Cost up to and including the choice [units].
-    following
-        Untried successors.
     """
 
     name: str

@@ -46,16 +46,8 @@ def questions_ahead(
 
     Parameters
     ----------
-    node
-        Node that the search waits for.
-    others
-        Other open nodes.
-    successors
-        Yields the successors of a node.
     question
         Returns the state and the skill that lead to a node.
-    expected
-        Returns the known feasibility of a node, or None.
     """
     queue: list[tuple[tuple[int, ...], int, Node]] = []
 

@@ -52,8 +52,6 @@ class LandmarkBound:
 
     Parameters
     ----------
-    task
-        A task with deterministic skills.
     least
         Bounds the cost of a skill for bits of facts known true and false; None for the task's
         costs.

@@ -438,8 +438,6 @@ def descend_again(
         Nearest nodes of each node, nearest first, shape (n, k).
     follow
         Direct successors of each node by precedence, padded with -1, shape (n, f).
-    kicks
-        Number of kicks.
     temperature, last_temperature
         Temperatures of the first and the last kick, in the unit of costs, > 0.
     random

@@ -175,8 +175,6 @@ def improve(
         See `OrderingInstance`.
     near
         Nearest nodes of each node, shape (n, k).
-    iterations
-        Number of moves.
     temperature, last_temperature
         Temperatures of the first and the last move, in the unit of costs, > 0.
     moves
@@ -273,13 +271,6 @@ def _reversible(instance: OrderingInstance) -> bool:
 class Annealing:
     """Local search on one instance; its random numbers continue from call to call.
 
-    Parameters
-    ----------
-    instance
-        The ordering.
-    seed
-        Random seed.
-
     Attributes
     ----------
     kicked
@@ -302,8 +293,6 @@ class Annealing:
 
         Parameters
         ----------
-        order
-            Initial order.
         cost
             Cost of the order; inf if it takes forbidden arcs.
         moves

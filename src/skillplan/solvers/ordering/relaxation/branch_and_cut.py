@@ -48,14 +48,8 @@ class BranchAndCut:
 
     Parameters
     ----------
-    relaxation
-        The root relaxation with cuts.
     cost
         Cost of the best known order, or inf.
-    stop
-        Returns True to stop.
-    on_order
-        Called with every better order.
     on_bound
         Called with the bound and the number of solved subproblems.
     """
@@ -391,10 +385,6 @@ def tighten(
         Relaxation, whose cuts and fixed arcs are changed in place.
     cutoff
         Cost at which orders are not of interest.
-    stop
-        Returns True to stop.
-    on_bound
-        Called with every better bound.
     enough
         Least gain of a round, as a fraction of the gap, > 0.
     """

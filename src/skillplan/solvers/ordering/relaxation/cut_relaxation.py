@@ -95,8 +95,6 @@ class Duals:
 
     Parameters
     ----------
-    bound
-        Lower bound on all orders.
     reduced
         Every order costs at least `bound` plus the reduced costs of its arcs, shape (n, n), >= 0;
         inf
@@ -196,8 +194,6 @@ class CutRelaxation:
 
     Parameters
     ----------
-    instance
-        The ordering.
     arcs
         Arcs that a better order may take, shape (n, n).
     start

@@ -93,12 +93,8 @@ class PairProgram:
 
     Parameters
     ----------
-    instance
-        The ordering.
     arcs
         Allowed arcs, shape (n, n).
-    scale
-        Factor on costs in the program, for numerical range.
 
     Attributes
     ----------
@@ -108,8 +104,6 @@ class PairProgram:
         Index of an arc, -1 if forbidden, shape (n, n).
     varies
         True if two nodes may come in either order, shape (n, n).
-    work
-        Simplex steps times size.
     """
 
     def __init__(self, instance: OrderingInstance, arcs: Booleans, scale: float) -> None:
@@ -278,10 +272,6 @@ class PairProgram:
         ----------
         least
             Right-hand sides, shape (rows,).
-        arcs
-            Row, column and value of every arc's entry.
-        terms
-            Entries of pairs, as from `terms_of`.
         triple
             Nodes of transitivity cuts, shape (rows, 3); None for other rows.
         """
@@ -324,8 +314,6 @@ def violated_triples(
         Fraction by which one node comes before another, in [0, 1], shape (n, n).
     taken
         Value of each arc, shape (n, n).
-    violation
-        Least violation of a cut.
 
     Returns
     -------
@@ -371,20 +359,7 @@ _FLOW_WORK = 4
 
 
 class PairRelaxation:
-    """The relaxation of an instance; it resumes with more work than before.
-
-    Parameters
-    ----------
-    relaxation
-        Source of the initial arcs and cuts.
-
-    Attributes
-    ----------
-    duals
-        Best bound, None at first.
-    exhausted
-        True if more work would gain nothing.
-    """
+    """The relaxation of an instance; it resumes with more work than before."""
 
     def __init__(self, relaxation: CutRelaxation) -> None:
         self.instance = instance = relaxation.instance

@@ -128,10 +128,6 @@ def separate(
         The closed relation, shape (n, n).
     pairs
         Pairs of nodes to separate for, the first before the second, shape (p, 2).
-    violation
-        Least violation of a cut.
-    most
-        Greatest number of cuts.
 
     Returns
     -------
@@ -257,8 +253,6 @@ def separate_between(
         Fraction by which one node comes before another, in [0, 1], shape (n, n).
     pairs
         Pairs of nodes to separate for, shape (p, 2).
-    violation
-        Least violation of a cut.
 
     Returns
     -------
@@ -309,8 +303,6 @@ class SetUpCut(NamedTuple):
 
     Parameters
     ----------
-    arcs
-        Shape (n, n).
     number
         Lower bound, >= 1.
     """

@@ -264,16 +264,8 @@ def expand(
 
     Parameters
     ----------
-    layer
-        The labels.
-    arcs
-        Arcs that may extend them.
     ahead
         Completion bounds of the next layer.
-    charges
-        Additional reduced costs.
-    limits
-        Limits on labels.
 
     Returns
     -------

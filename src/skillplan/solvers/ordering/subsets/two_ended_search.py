@@ -156,8 +156,6 @@ class CompletionBounds:
 
     Parameters
     ----------
-    instance
-        The ordering.
     duals
         Reduced costs; inf for arcs that are fixed to zero.
     bits
@@ -386,8 +384,6 @@ class TwoEndedSearch:
 
     Parameters
     ----------
-    instance
-        The ordering.
     duals
         Bound and reduced costs; inf for arcs that no order below the cutoff takes.
     cutoff
@@ -534,8 +530,6 @@ class Beam:
         Lower bound on all orders, up to the cutoff.
     whole
         True if the width excluded no label.
-    generated
-        Number of generated labels.
     """
 
     order: Integers | None
@@ -556,8 +550,6 @@ def beam(
 
     Parameters
     ----------
-    instance
-        The ordering.
     duals
         Bound and reduced costs; inf for arcs that no order below the cutoff takes.
     cutoff
