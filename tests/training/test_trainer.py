@@ -385,10 +385,23 @@ class TestFolders:
         with pytest.raises(OptionError, match="in the task: step_limit: 20 there, 21 now"):
             train(whole, resume=True, source=changed)
 
-    def test_another_version_is_refused(self, whole, monkeypatch):
-        monkeypatch.setattr("skillplan.__version__", "9.9")
-        with pytest.raises(OptionError, match=r'in the versions: skillplan: ".*" there, "9.9" now'):
+    def test_a_training_of_another_version_is_refused(self, whole):
+        store_version(whole, "0.1.0")
+        with pytest.raises(
+            OptionError, match=r'in the versions: skillplan: "0.1.0" there, ".*" now'
+        ):
             train(whole, resume=True)
+
+    def test_a_training_of_version_0_2_0_is_resumed(self, whole):
+        store_version(whole, "0.2.0")
+        assert not train(whole, resume=True).interrupted
+
+
+def store_version(folder, number):
+    """Write another version of skillplan into the manifest of a training."""
+    manifest = json.loads((folder / "manifest.json").read_text("utf-8"))
+    manifest["versions"]["skillplan"] = number
+    (folder / "manifest.json").write_text(json.dumps(manifest), "utf-8")
 
 
 class TestPlans:

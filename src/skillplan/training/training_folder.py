@@ -169,6 +169,8 @@ _WORDS: Mapping[str, str] = {
     "versions": "the versions",
 }
 _MOST_NAMED = 4
+# Versions of skillplan whose trainings this version continues bit for bit.
+_CONTINUED_VERSIONS = {"0.2.0"}
 
 
 class TrainingFolder(HeldFolder):
@@ -299,11 +301,13 @@ class TrainingFolder(HeldFolder):
             )
             self._refuse("the runs", f"{there} there, {now} now")
         for key, words in _WORDS.items():
-            there, now = (
+            before, after = (
                 manifest.model_dump(mode="json")[key] for manifest in (existing, requested)
             )
-            if there != now:
-                changes = differences(there, now)[:_MOST_NAMED]
+            if key == "versions":
+                before = _raise_versions(before, after)
+            if before != after:
+                changes = differences(before, after)[:_MOST_NAMED]
                 changed = "; ".join(str(difference) for difference in changes)
                 self._refuse(words, changed.replace("the file: ", ""))
 
@@ -354,6 +358,16 @@ def _make_manifest(
             "cores": os.cpu_count(),
         },
     )
+
+
+def _raise_versions(stored: Mapping[str, str], current: Mapping[str, str]) -> dict[str, str]:
+    """Replace versions of skillplan's distributions from which a training continues."""
+    return {
+        name: current[name]
+        if name.startswith("skillplan") and name in current and number in _CONTINUED_VERSIONS
+        else number
+        for name, number in stored.items()
+    }
 
 
 def _collect_versions(solver: str) -> dict[str, str]:
