@@ -13,8 +13,6 @@ ENGINES = $$($(HAS_PYBULLET) && echo pybullet) mujoco
 SOURCES := src tests benchmarks examples plugins docs .ci
 # Each process takes a run of neighbours, which share what they set up.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
-# Two clusters that start at once get in each other's way: one process, one after the other.
-RAY_TESTS := $(BIN)/pytest -q plugins/skillplan-ray
 # Without bytecode every process of a test, and every command, would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 # Bytecode is made when a module is first imported: most of what is installed never is. What every
@@ -65,14 +63,13 @@ test: .venv/.test try-web  ## the suite, without what takes minutes
 	$(PYTEST) tests plugins
 
 test-all: .venv/.test try-web  ## the whole suite, in a quarter of an hour at most
-	$(PYTEST) -m "not release" --hypothesis-profile=whole --ignore plugins/skillplan-ray tests plugins
+	$(PYTEST) -m "not release" --hypothesis-profile=whole tests plugins
 
 test-slow: .venv/.test try-web  ## what only the whole suite holds
-	$(PYTEST) -m "slow and not release" --ignore plugins/skillplan-ray tests plugins
+	$(PYTEST) -m "slow and not release" tests plugins
 
 test-release: .venv/.test try-web  ## claims of minutes each, and property tests with all their examples
 	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
-	$(RAY_TESTS) -m slow
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE) --jobs 2

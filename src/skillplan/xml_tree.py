@@ -52,8 +52,6 @@ def parse_xml(content: bytes, remedy: str = "keep the arm alone") -> Element:
 
     Parameters
     ----------
-    content
-        Content of the file.
     remedy
         Advice for files that are too large.
 

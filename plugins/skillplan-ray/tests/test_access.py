@@ -194,3 +194,18 @@ def test_a_cluster_of_this_machine_serves_no_other_user(home, tmp_path):
     finally:
         # Its input ends, and so does it.
         cluster.communicate(timeout=60)
+
+
+@pytest.mark.slow(reason="starts Ray; modes of the token and of folders in every run")
+def test_a_cluster_starts_though_ray_was_imported_without_a_token(home: Path) -> None:
+    """Ray reads the mode when it is imported, perhaps for a cluster elsewhere."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import ray{START}"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "RAY_AUTH_MODE": "disabled"},
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("127.0.0.1:")

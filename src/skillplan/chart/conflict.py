@@ -27,8 +27,6 @@ class Cause:
     ----------
     what
         ``start`` or ``goal`` of a component, or ``line`` of the chart.
-    name
-        Name of the component, or the line.
     """
 
     what: str
@@ -74,8 +72,6 @@ def conflict_lines(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]
 
     Parameters
     ----------
-    task
-        Task with the components.
     relations
         Relations between components, each with its evidence.
     """

@@ -139,8 +139,6 @@ def acyclic(
 
     Parameters
     ----------
-    pairs
-        The relation.
     order
         All components; the depth-first walks start in this order.
     """

@@ -65,8 +65,6 @@ def alternatives(
 
     Parameters
     ----------
-    query
-        Query about the skill.
     derived
         Relation that holds in every order, closed by transitivity.
     """
@@ -220,11 +218,6 @@ class DerivedChart:
         """Return a sentence for each kind of dependence that no order of components expresses.
 
         Skills with `alternatives` are left out.
-
-        Parameters
-        ----------
-        task
-            Task of the chart.
         """
         skills: dict[str, list[str]] = {}
         facts: dict[str, dict[str, None]] = {}
@@ -274,13 +267,7 @@ class DerivedChart:
         return f"{' before '.join(path)} ({'; '.join(reasons)})"
 
     def obstacle(self, task: Task) -> str | None:
-        """Return the reason why no order can exist, in at most three lines, or None.
-
-        Parameters
-        ----------
-        task
-            Task of the chart.
-        """
+        """Return the reason why no order can exist, in at most three lines, or None."""
         lines = conflict_lines(task, self.relations)
         never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
         return "\n".join((lines or never)[:_MOST_LINES]) or None

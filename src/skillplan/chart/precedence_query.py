@@ -28,12 +28,8 @@ class Relation:
 
     Parameters
     ----------
-    reason
-        Reason as text.
     evidence
         Skill that fails otherwise, stage at which it fails, and facts.
-    component
-        Component of the skill.
     """
 
     before: str
@@ -79,13 +75,7 @@ def run_queries(checker: Checker, queries: Sequence[CheckSteps[_T]]) -> list[_T 
 
 
 class PrecedenceQuery:
-    """A query about one skill of one component.
-
-    Attributes
-    ----------
-    found
-        The relations of the component so far.
-    """
+    """A query about one skill of one component."""
 
     def __init__(self, hypothetical: HypotheticalStates, component: str, skill: Skill) -> None:
         self.hypothetical = hypothetical

@@ -47,10 +47,6 @@ class Reuse:
     ----------
     back_end
         Number of the back end in the chain.
-    skill, state
-        The query that it answered.
-    verdict
-        The verdict.
     """
 
     back_end: int
@@ -175,14 +171,10 @@ class SampleSize:
 
     Parameters
     ----------
-    seed
-        Seed of the draw.
     reused
         Number of reused verdicts, >= 0.
     expensive
         True if verdicts of expensive back ends are drawn, too.
-    refused
-        Number of refusals by screens, >= 0.
     """
 
     seed: int = 0
@@ -202,10 +194,6 @@ class VerdictSample:
 
     Parameters
     ----------
-    reused
-        Reused verdicts.
-    refused
-        Refusals by screens.
     refusals
         Number of all refusals by screens.
     elsewhere
@@ -240,12 +228,8 @@ def draw_reused(
 
     Parameters
     ----------
-    feasibility
-        The checks of a search.
     size
         Number of verdicts, >= 0.
-    seed
-        Seed of the draw.
     expensive
         True if verdicts of expensive back ends are drawn, too.
     going_on
@@ -298,10 +282,6 @@ def ask_again(
 
     Parameters
     ----------
-    back_ends
-        The chain that gave the verdicts.
-    drawn
-        The verdicts.
     times
         Number of checks per state, >= 1. More than one detects a back end whose first answer in
         this process differs from its later ones.
@@ -362,8 +342,6 @@ def draw_kept(
         By back end.
     size
         Size of the sample, >= 0; all if there are fewer.
-    seed
-        Seed of the draw.
     """
     numbered = [(number, verdict) for number, own in enumerate(kept) for verdict in own]
     chosen = random.Random(seed).sample(range(len(numbered)), min(size, len(numbered)))
@@ -510,8 +488,6 @@ def sample_reachable_states(
     ----------
     feasibility
         The checks; its cache knows the verdicts.
-    seed
-        Seed of the walks.
     stopped
         Returns True to end early; called at every step.
     """
@@ -560,14 +536,8 @@ def choose_other_states(
 
     Parameters
     ----------
-    task
-        The task of the verdicts.
     drawn
         Verdicts, each with the number of its back end.
-    states
-        Reachable states.
-    seed
-        Seed of the choice of the state.
     """
     generator = random.Random(seed)
     skills = map_queried_skills(task)
@@ -592,8 +562,6 @@ def explain_first_difference(back_ends: Sequence[BackEnd], trials: Sequence[Tria
 
     Parameters
     ----------
-    back_ends
-        The back ends that checked.
     trials
         Trials, at least one of which differs.
     """

@@ -179,8 +179,6 @@ class QueryBatch:
     ----------
     decide
         Returns the decision on a skill in a state.
-    queries
-        Pairs of skill and state.
     lane
         Returns the lane of a skill.
 
@@ -244,8 +242,6 @@ class Lane:
 
     Parameters
     ----------
-    batch
-        The batch.
     positions
         Positions of the queries in the batch.
     """
@@ -379,8 +375,6 @@ class CheckWorkers:
 
         Parameters
         ----------
-        conversations
-            The checks.
         poll
             Called several times a second; its exceptions end the checks in progress.
         guesses

@@ -51,8 +51,6 @@ class Link(NamedTuple):
     ----------
     number
         Its position, by which worker processes name it.
-    back_end
-        The back end.
     counts
         True if its checks count as executions.
     in_worker
@@ -142,14 +140,10 @@ class Feasibility:
         Queries that made an expensive back end check, or any back end if none is expensive.
     reached
         Queries that got as far as such a back end, known verdicts included.
-    reused
-        A sample of the reused verdicts.
     queried
         Number of checks by name of the back end.
     variants
         Variants of the skills that have several motions.
-    times
-        Execution times of skills.
     foresight
         Checks that workers made ahead; None without workers.
 
@@ -223,8 +217,6 @@ class Feasibility:
 
         Parameters
         ----------
-        skill, state
-            The query.
         poll
             Called several times a second while a worker checks; its exceptions end the check.
         likely
@@ -250,13 +242,6 @@ class Feasibility:
 
         Verdicts and counts equal those of sequential queries: queries about one skill
         run in sequence, because the verdict on the first may answer the rest.
-
-        Parameters
-        ----------
-        queries
-            Pairs of skill and state.
-        poll, likely
-            As in `verdict`.
 
         Raises
         ------
@@ -424,8 +409,6 @@ class ExecutionTimes:
     back_ends
         The first that can time a skill counts. Screens are left out: a time must not depend on
         whether its skill was screened.
-    variants
-        Variants of the task's skills.
 
     Attributes
     ----------

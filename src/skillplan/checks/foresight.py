@@ -36,8 +36,6 @@ class Foresight:
         The back ends, the cheapest first.
     cache
         Kept verdicts; read only.
-    variants
-        Variants of the task's skills.
 
     Attributes
     ----------
@@ -68,8 +66,6 @@ class Foresight:
 
         Parameters
         ----------
-        is_queried
-            True if a lane has open queries.
         likely
             Starts to yield the queries that may follow.
         """
@@ -170,8 +166,6 @@ class Guess:
     ----------
     foresight
         Keeps the answers.
-    lane
-        Lane of the skill.
     decision
         The decision that needs the checks.
 

@@ -52,10 +52,6 @@ class CheckRequest(NamedTuple):
 
     Parameters
     ----------
-    back_end
-        Number of the back end.
-    skill, state
-        The query.
     goes_on
         True if the last check was about the same skill and state. Then the same worker should
         check, because it may have kept intermediate results.
@@ -74,17 +70,7 @@ class IntroducedBackEnds(tuple[BackEnd, ...]):
 
 
 class Recipe(NamedTuple):
-    """The class and settings with which another process makes a back end again.
-
-    Parameters
-    ----------
-    plugin
-        Class of the back end.
-    options
-        Options of the back end.
-    screens
-        As in `BackEnd`.
-    """
+    """The class and settings with which another process makes a back end again."""
 
     plugin: type[BackEnd]
     options: BaseModel

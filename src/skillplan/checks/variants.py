@@ -32,8 +32,6 @@ class Variant:
     ----------
     label
         Describes the motion.
-    skill
-        The skill that back ends check.
     """
 
     label: str
@@ -62,8 +60,6 @@ class Pairing:
 
     Parameters
     ----------
-    pick, place
-        The two skills.
     grasps
         Their variants by grasp, the preferred grasp first.
     """
@@ -75,11 +71,6 @@ class Pairing:
 
 class SkillVariants:
     """The variants of all skills of a task.
-
-    Parameters
-    ----------
-    task
-        The task.
 
     Attributes
     ----------
@@ -210,12 +201,8 @@ def choose_variant(
 
     Parameters
     ----------
-    variants
-        Variants of the task's skills.
     decide
         Returns the verdict on a variant.
-    skill, state
-        The query.
     prices
         None if all variants cost the same.
 
@@ -315,10 +302,6 @@ class _VariantVerdict:
 
     Parameters
     ----------
-    label
-        Label of the variant.
-    verdict
-        The verdict.
     settled
         Bits of facts that are given by the skill's being applicable.
     """
@@ -342,10 +325,6 @@ class VariantVerdicts:
 
         Parameters
         ----------
-        label
-            Label of the variant.
-        verdict
-            The verdict on it.
         settled
             Bits of facts that are given by the skill's being applicable.
         """

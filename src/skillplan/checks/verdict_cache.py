@@ -152,8 +152,6 @@ class _DiskShelf(_Shelf):
     ----------
     folder
         Folder of the verdicts; it need not exist.
-    facts
-        Facts of the task.
     dropped
         List to which unreadable and damaged files are added.
     """

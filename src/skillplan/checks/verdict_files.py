@@ -208,8 +208,6 @@ class VerdictRecord:
     ----------
     key
         Hash of everything that affects the verdict; name of the file's folder.
-    task, skill
-        Names of the task and the skill.
     back_end, version, options
         Name, version and options of the back end, as JSON values.
     state
@@ -376,12 +374,6 @@ class KeptVerdict:
 
     Parameters
     ----------
-    path
-        The file.
-    record
-        Content of the file.
-    size_bytes
-        Size of the file [bytes].
     modified_s
         Time of the last change [s since 1970].
     """

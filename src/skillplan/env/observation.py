@@ -204,13 +204,7 @@ class RewardFunction:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of an executed step.
-
-        Parameters
-        ----------
-        state, skill, cost, goal, out_of_time
-            As in `Reward.of_step`.
-        """
+        """Return the reward of an executed step."""
         if self.scheme is not None:
             return self.scheme.of_step(state, skill, cost, goal=goal, out_of_time=out_of_time)
         if goal:

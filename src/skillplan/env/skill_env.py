@@ -44,8 +44,6 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
 
     Parameters
     ----------
-    model
-        Model of the task.
     observation
         ``paper``, ``markov`` or ``layout``: see `Observation`.
     mask
@@ -59,8 +57,6 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     ----------
     features
         Names of the features of an observation.
-    model
-        Model of the task.
 
     Raises
     ------

@@ -22,19 +22,7 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True)
 class PlaceRecord:
-    """State of one sub-environment.
-
-    Parameters
-    ----------
-    model
-        Number of the model.
-    bits
-        Bits of the state.
-    steps
-        Steps of the episode so far.
-    generator
-        Random generator of the sub-environment.
-    """
+    """State of one sub-environment."""
 
     model: int
     bits: int
@@ -64,8 +52,6 @@ class PlaceRecord:
         ----------
         document
             Value from `document`.
-        models
-            Models of the environment.
 
         Raises
         ------
@@ -99,8 +85,6 @@ def family_observations(tasks: Sequence[Task], kind: str) -> list[Observation]:
 
     Parameters
     ----------
-    tasks
-        Tasks, at least one.
     kind
         See `Observation`.
 
@@ -173,8 +157,6 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     ----------
     features
         Names of the features of an observation.
-    models
-        The models.
 
     Raises
     ------

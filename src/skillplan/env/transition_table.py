@@ -31,17 +31,11 @@ class TransitionTable:
     ----------
     models
         Models with equal actions, at least one.
-    observations
-        Observations of each model.
-    reward_functions
-        Rewards of each model.
     mask
         Kind of the action mask.
 
     Attributes
     ----------
-    models
-        The models.
     model_of, limits
         Number of the model, and its step limit, by state.
     features, masks

@@ -28,10 +28,6 @@ def write_whole(
 
     Parameters
     ----------
-    path
-        The file.
-    content
-        Content; text is written as UTF-8.
     within
         Folder that must contain the file, with no link on the way; None for any.
 
@@ -46,13 +42,6 @@ def write_whole(
 
 def write_new(path: Path, content: str | bytes) -> None:
     """Write a file atomically if it does not exist; of two concurrent programs, one succeeds.
-
-    Parameters
-    ----------
-    path
-        The file.
-    content
-        Content; text is written as UTF-8.
 
     Raises
     ------
@@ -82,8 +71,6 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
 
     Parameters
     ----------
-    path
-        File to replace; it need not exist.
     within
         Folder that must contain the file, with no link on the way; None for any.
 
@@ -134,8 +121,6 @@ def write_as_one(
 
     Parameters
     ----------
-    folder
-        Folder of the files.
     contents
         Contents by name; text is written as UTF-8.
     within
@@ -227,8 +212,6 @@ def is_unfinished(name: str, of: str | None = None) -> bool:
 
     Parameters
     ----------
-    name
-        Name of the file.
     of
         Name of its target; None for any.
     """
@@ -264,8 +247,6 @@ class GrowingFile:
 
     Parameters
     ----------
-    path
-        The file.
     within
         Folder that must contain the file, with no link on the way.
 

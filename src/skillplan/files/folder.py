@@ -24,8 +24,6 @@ def make_folder(path: Path, *, within: Path) -> None:
 
     Parameters
     ----------
-    path
-        The folder.
     within
         Folder that must contain it, with no link on the way.
 
@@ -120,11 +118,6 @@ class HeldFolder:
     ----------
     out
         The folder as given by the user.
-
-    Attributes
-    ----------
-    path
-        The folder.
     """
 
     def __init__(self, out: str) -> None:

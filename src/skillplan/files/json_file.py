@@ -28,11 +28,6 @@ _OTHERS = bytes(set(range(256)) - set(b"[]{}"))
 def parse_json(content: bytes | str) -> Any:
     """Return the value of a JSON text.
 
-    Parameters
-    ----------
-    content
-        The text; bytes are UTF-8.
-
     Raises
     ------
     ValueError
@@ -116,8 +111,6 @@ def read_document(
 
     Parameters
     ----------
-    path
-        The file.
     schema
         Name of the schema with its version, such as ``skillplan.run/1``.
     remedy
@@ -155,13 +148,6 @@ def read_checked(
 ) -> _Content:
     """Return a document as a validated model.
 
-    Parameters
-    ----------
-    path, schema, remedy, within
-        As for `read_document`.
-    model
-        Model of the content.
-
     Raises
     ------
     OptionError
@@ -173,13 +159,6 @@ def read_checked(
 
 def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str) -> _Content:
     """Return the content of a document as a validated model.
-
-    Parameters
-    ----------
-    document
-        Content from `read_document`.
-    path, model, remedy
-        As for `read_checked`.
 
     Raises
     ------

@@ -40,11 +40,6 @@ def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> 
 def output_file(option: str, out: str) -> Path:
     """Return the path of an output with any suffix, after the same checks.
 
-    Parameters
-    ----------
-    option, out
-        As in `output_path`.
-
     Raises
     ------
     OptionError

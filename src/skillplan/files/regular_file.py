@@ -42,8 +42,6 @@ class RefusedFile(OSError):
     ----------
     why
         Kind of the refusal.
-    path
-        The file.
     most_bytes
         The limit, if it is exceeded.
     """
@@ -64,8 +62,6 @@ def read_bytes(
 
     Parameters
     ----------
-    path
-        The file.
     most_bytes
         Greatest size [bytes], >= 0. At most one further byte is read.
     within
@@ -108,8 +104,6 @@ def open_regular(
 
     Parameters
     ----------
-    path
-        The file.
     flags
         As for `os.open`; ``O_CREAT`` creates the file.
     within
@@ -159,8 +153,6 @@ def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[st
 
     Parameters
     ----------
-    path
-        The path; it need not exist.
     folder
         The folder, as in the path or as its real path.
 
@@ -237,8 +229,6 @@ def companion_in(folder: Path, name: str) -> Path:
 
     Parameters
     ----------
-    folder
-        Folder of the task file.
     name
         Path relative to `folder`, with slashes.
 
@@ -271,8 +261,6 @@ def read_companion(path: Path, most_bytes: int, what: str) -> bytes:
 
     Parameters
     ----------
-    most_bytes
-        Greatest size [bytes].
     what
         Kind of the content, for messages: ``trajectory``.
 

@@ -30,8 +30,6 @@ def read_safetensors(
 
     Parameters
     ----------
-    path
-        The file.
     most_bytes
         Greatest size [bytes], >= 0.
     room_bytes

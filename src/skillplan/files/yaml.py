@@ -136,12 +136,8 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
 
     Parameters
     ----------
-    path
-        The file.
     source
         The file as given by the user.
-    max_bytes
-        Greatest size [bytes].
 
     Raises
     ------

@@ -65,8 +65,6 @@ class ComponentJobs:
 
     Parameters
     ----------
-    task
-        The task.
     told_basis
         Bits of further facts that costs from back ends depend on.
 
@@ -78,8 +76,6 @@ class ComponentJobs:
         Indices of the jobs that the goal needs.
     connectors
         Skills outside of all jobs, such as tool changes.
-    situation
-        Bits of the situation.
 
     Raises
     ------
@@ -283,13 +279,7 @@ class ComponentJobs:
 
 
 class DoneSets:
-    """States in which some jobs are done. The bits of an integer represent a set of jobs.
-
-    Parameters
-    ----------
-    structure
-        Jobs of the task.
-    """
+    """States in which some jobs are done. The bits of an integer represent a set of jobs."""
 
     def __init__(self, structure: ComponentJobs) -> None:
         self.structure = structure
@@ -354,8 +344,6 @@ def closed(
 
     Parameters
     ----------
-    structure
-        Jobs of the task.
     before
         Direct predecessors of each job.
 

@@ -54,10 +54,6 @@ class JobConnections:
     ----------
     model
         The model, queried about the skills between jobs.
-    structure
-        Jobs of the task.
-    sets
-        States of the queries.
 
     Attributes
     ----------
@@ -331,8 +327,6 @@ class PricedConnections:
     ----------
     model
         The model, queried for costs.
-    structure
-        Jobs of the task.
     bounds
         Lower bounds on the costs.
     needed
@@ -437,8 +431,6 @@ def needed_connections(
 
     Parameters
     ----------
-    jobs
-        Number n of jobs.
     all_before, all_after
         Predecessors and successors of the jobs that every plan does, direct and indirect, as bits.
         If there are other jobs, all connections are needed.

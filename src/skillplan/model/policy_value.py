@@ -75,8 +75,6 @@ class Convergence:
         ----------
         change
             Largest change of a value, >= 0.
-        largest
-            Largest value.
         """
         scale = max(1.0, largest)
         # Smaller changes are rounding errors.
@@ -282,8 +280,6 @@ def sample_policy(
         The model, queried about every step of the policy.
     choose
         Policy: returns the skill in a state, or None if it has none.
-    seed
-        Seed of the outcomes.
     roll_outs
         Number of roll-outs, >= 1.
     over

@@ -25,16 +25,10 @@ class Step:
         Position in the sequence, name, and action number.
     start, goal
         First and last position of the arm [m]; None for a skill without motion.
-    cost
-        Cost in the task's metric.
-    duration_s
-        Duration [s].
     reward
         The reward; None if the task has no reward scheme.
     place
         Final place of a walking skill.
-    way
-        Label of the motion, for a skill with several.
     """
 
     index: int
@@ -76,10 +70,6 @@ class Replay:
 
     Parameters
     ----------
-    steps
-        The executed steps.
-    state
-        Final state.
     feasible
         True if every skill could be executed within the step limit.
     complete

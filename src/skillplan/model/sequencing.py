@@ -33,8 +33,6 @@ class JobQuery:
 
     Parameters
     ----------
-    sets
-        States of the queries.
     situation
         Bits of a situation in which the job can start.
 
@@ -166,8 +164,6 @@ class JobQuery:
 
         Parameters
         ----------
-        position
-            Index of the skill.
         done, undone
             Jobs that are fixed as done, and as not done.
         sure
@@ -250,8 +246,6 @@ class SequencingProblem:
     ----------
     jobs
         Names of the n components.
-    skills
-        The skills of every job.
     first
         Cost of reaching and doing each job from the initial state, shape (n,); inf if it cannot be
         the first.
@@ -308,11 +302,6 @@ class SequencingProblem:
 
         None if the plan does not do each job once and without interruption; other skills may come
         between jobs. Feasibility is not checked.
-
-        Parameters
-        ----------
-        plan
-            Names of skills.
         """
         first_jobs = {chain[0]: job for job, chain in enumerate(self.skills)}
         inside = {name for chain in self.skills for name in chain}

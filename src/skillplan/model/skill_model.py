@@ -35,8 +35,6 @@ class Transition:
         Pairs of probability and next state; one pair if the skill is deterministic.
     cost
         Cost in the task's metric, >= 0.
-    duration_s
-        Duration [s].
 
     Raises
     ------

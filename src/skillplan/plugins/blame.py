@@ -31,10 +31,6 @@ def blame(
 
     Parameters
     ----------
-    error
-        Exception of the call.
-    plugin
-        Class of the plugin.
     say
         Returns the message for a description of the exception.
     error_class
@@ -60,8 +56,6 @@ def raised_by(plugin: type, error: BaseException) -> str:
 
     Parameters
     ----------
-    plugin
-        Class of the plugin.
     error
         Exception; the message of our own errors is returned unchanged.
     """

@@ -33,8 +33,6 @@ class RemovedDwell:
     ----------
     event
         Action of the hand during the dwell.
-    default_s
-        Default [s].
     key
         Key in the task file that replaces it.
     owners

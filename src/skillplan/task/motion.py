@@ -100,8 +100,6 @@ class Visit:
     pose
         Pose of the target in the world: a body that is grasped or released, or the mouth of a hole
         or tool holder. The head of a screw is on its z side.
-    event
-        Action of the hand.
     subject
         Body or tool that the action applies to.
     grasp

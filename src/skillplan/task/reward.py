@@ -24,12 +24,6 @@ class Reward(Protocol):
 
         Parameters
         ----------
-        state
-            State before the step.
-        skill
-            Name of the skill.
-        cost
-            Cost in the task's metric.
         goal
             True if the step reached the goal.
         out_of_time
@@ -75,13 +69,7 @@ class DistanceReward:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a step.
-
-        Parameters
-        ----------
-        state, skill, cost, goal, out_of_time
-            As in `Reward.of_step`.
-        """
+        """Return the reward of a step."""
         return (self.complete if goal else 0.0) - self._numbers[
             (state.bits & self._mask).bit_length()
         ]
@@ -97,8 +85,6 @@ class Penalty:
         Name, such as ``repeated_tool_change``.
     reward
         Given instead of the cost term.
-    skills
-        Names of the skills.
     when
         Condition on the state before the step.
     """
@@ -153,13 +139,7 @@ class RewardScheme:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a step.
-
-        Parameters
-        ----------
-        state, skill, cost, goal, out_of_time
-            As in `Reward.of_step`.
-        """
+        """Return the reward of a step."""
         if goal:
             return self.complete
         if out_of_time:

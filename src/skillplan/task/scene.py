@@ -152,8 +152,6 @@ class Tool:
         Unique among the tools.
     fact
         Fact that holds while the tool is attached.
-    holder
-        Position of the holder [m].
     envelope
         Bounding box of the tool above its tip [m]; None if it is not modelled.
     opening_m
@@ -186,20 +184,14 @@ class Robot:
     ----------
     name
         Unique in the scene.
-    base
-        Position of the base [m].
     reach_m
         Greatest distance from base to tool tip [m], > 0.
     safe_height_m
         Height of the lowest point of tool and load above the table during travel [m], > 0.
     places
         Positions of the tip by fact [m].
-    tools
-        Tools that can be attached.
     model
         Description of the arm: joints, limits, masses, shapes and home posture.
-    base_orientation
-        Orientation of the base in the world.
     hand
         Hand on the flange. The tips of all tools are where its jaws end.
     payload_kg

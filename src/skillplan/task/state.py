@@ -109,8 +109,6 @@ class State:
     ----------
     bits
         Bit i is set if fact i of `facts` holds.
-    facts
-        The vocabulary.
 
     Raises
     ------

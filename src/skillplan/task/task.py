@@ -101,8 +101,6 @@ class Task:
     ----------
     name, kind
         Name of the task, and name of its domain.
-    facts
-        Vocabulary of the states.
     skills
         The skills; the i-th is action i.
     metric

@@ -152,15 +152,7 @@ _BY_CHART = Setup(collision=("precedence",))
 
 
 class ExporterSuite:
-    """Requirements on every exporter.
-
-    Attributes
-    ----------
-    exporter
-        Name of the exporter.
-    options
-        Options of the tests.
-    """
+    """Requirements on every exporter."""
 
     exporter: ClassVar[str]
     options: ClassVar[dict[str, Any]] = {}
@@ -257,15 +249,7 @@ SPACE: tuple[Dimension, ...] = (
 
 
 class SamplerSuite:
-    """Requirements on every sampler.
-
-    Attributes
-    ----------
-    sampler
-        Name of the sampler.
-    options
-        Options of the tests.
-    """
+    """Requirements on every sampler."""
 
     sampler: ClassVar[str]
     options: ClassVar[dict[str, Any]] = {}

@@ -190,8 +190,6 @@ class Executor(ABC):
         prepare
             Called by the worker with the content; returns the function that does jobs. Must be
             importable.
-        content
-            Content from `packed`.
         what
             Purpose, such as ``the runs``; for messages.
 
@@ -207,8 +205,6 @@ class Executor(ABC):
 
         Parameters
         ----------
-        workers
-            Workers of this executor.
         patience_s
             Time to wait for the first one [s], >= 0.
         """
@@ -247,12 +243,8 @@ class ExecutorChoice:
 
     Parameters
     ----------
-    name
-        Name of the plugin.
     address
         Address to connect to; may be empty.
-    options
-        Options of the plugin.
     """
 
     name: str = DEFAULT_EXECUTOR

@@ -37,11 +37,6 @@ from skillplan.workers.executor import (
 class LocalProcesses(Executor):
     """Runs jobs in processes of this machine.
 
-    Parameters
-    ----------
-    slots, options, address
-        As for `Executor`.
-
     Raises
     ------
     ValueError
@@ -85,17 +80,10 @@ class LocalProcesses(Executor):
 class WorkerProcess(Worker):
     """A worker process.
 
-    Parameters
-    ----------
-    prepare, content, what
-        As for `Executor.start`.
-
     Attributes
     ----------
     line
         This end of its pipe, to wait for.
-    ended
-        True if `end` was called.
 
     Raises
     ------

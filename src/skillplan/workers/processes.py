@@ -18,11 +18,6 @@ _MEMINFO = Path("/proc/meminfo")
 class FedProgram:
     """A program that reads from its stdin and writes to a file of its own.
 
-    Parameters
-    ----------
-    words
-        The program and its arguments.
-
     Raises
     ------
     OSError
@@ -84,10 +79,6 @@ def exit_code_of(
 
     Parameters
     ----------
-    words
-        The program and its arguments.
-    folder
-        Working directory.
     limit_s
         Time after which the program and its children are killed [s].
 
@@ -138,8 +129,6 @@ def resident_bytes_of(process: int | None, *, private: bool = False) -> int | No
 
     Parameters
     ----------
-    process
-        Process id.
     private
         True to leave out pages that the process may share with others.
     """

@@ -231,8 +231,6 @@ class _Watch:
         Pipe with the numbers of signals.
     heard
         Signals that interrupt.
-    report
-        As in `supervise`.
     folder
         Temporary folder of the child, removed after it; empty for none.
     """

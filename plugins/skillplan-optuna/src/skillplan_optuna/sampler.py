@@ -66,8 +66,6 @@ class OptunaTrials(SharedTrials):
 
     Parameters
     ----------
-    question
-        Question of the study.
     chooser
         Returns the Optuna sampler for a seed.
 

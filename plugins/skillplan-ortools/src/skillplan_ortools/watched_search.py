@@ -53,8 +53,6 @@ class WatchedSearch:
 
     Parameters
     ----------
-    circuit
-        Constraint model.
     workers
         Number of threads, >= 1; deterministic with one.
     seed

@@ -26,11 +26,6 @@ class WholeCosts:
 
     Costs are rounded down, so a lower bound on the integer cost of an order also bounds its cost.
 
-    Parameters
-    ----------
-    problem
-        Sequencing problem.
-
     Attributes
     ----------
     before

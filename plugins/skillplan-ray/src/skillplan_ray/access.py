@@ -34,7 +34,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 def require_token() -> None:
     """Make the next cluster demand a token that only this user can read.
 
-    Called before the import of Ray, which reads this setting.
+    Ray reads this setting when it is imported, or in `reload_token_mode`.
 
     Raises
     ------
@@ -56,6 +56,17 @@ def require_token() -> None:
         raise SkillplanError(
             f"The token of the Ray cluster cannot be kept in {path}: {error.strerror or error}."
         ) from None
+
+
+def reload_token_mode() -> None:
+    """Make Ray read the token settings again.
+
+    Ray reads them once, when it is imported. If another part of the program imported it without a
+    token, the new cluster would demand one that this process does not send.
+    """
+    inner: Any = importlib.import_module("ray._raylet")
+    inner.Config.initialize("")
+    inner.AuthenticationTokenLoader.instance().reset_cache()
 
 
 @contextmanager

@@ -16,7 +16,13 @@ from typing import Any
 from skillplan.errors import SkillplanError
 from skillplan.workers.supervised import requests
 from skillplan_ray import fingerprint as fingerprints
-from skillplan_ray.access import on_loopback, refuse_open_cluster, require_token, session_folder
+from skillplan_ray.access import (
+    on_loopback,
+    refuse_open_cluster,
+    reload_token_mode,
+    require_token,
+    session_folder,
+)
 from skillplan_ray.actor import LISTENING, THREADS, Actor
 from skillplan_ray.fingerprint import differences, fingerprint
 
@@ -54,6 +60,8 @@ class Cluster:
         if not address:
             require_token()
         self.ray: Any = importlib.import_module("ray")
+        if not address and not self.ray.is_initialized():
+            reload_token_mode()
         self.address = address
         self._here = fingerprint()
         self._known: set[str] = set()
