@@ -16,7 +16,7 @@ from functools import partial
 
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import make_executor
-from skillplan.workers.executor import Answer, Executor, ExecutorChoice, Worker, packed
+from skillplan.workers.executor import Answer, Executor, ExecutorChoice, Worker, pack_content
 
 SLOTS = 2
 BASELINE = "local"
@@ -44,7 +44,7 @@ def measured(name: str, jobs: int, seconds: float) -> tuple[float, float]:
     """Return how long an executor takes to start, and then for jobs [s]."""
     begin_s = time.perf_counter()
     with closing(make_executor(ExecutorChoice(name), SLOTS)) as executor:
-        content = packed(time.sleep, "the benchmark")
+        content = pack_content(time.sleep, "the benchmark")
         workers = [executor.start(partial, content, "the benchmark") for _ in range(SLOTS)]
         done(executor, workers, SLOTS, 0.0)
         ready_s = time.perf_counter()

@@ -11,14 +11,14 @@ from pathlib import Path
 from failing_io import MODES, failing
 from tally import Tally, progress
 
-from skillplan.files import is_unfinished, replacing, write_as_one, write_new, write_whole
+from skillplan.files import is_unfinished, replace_file, write_as_one, write_new, write_whole
 
 OLD, NEW = b"old" * 1000, b"new" * 2000
 KILL = "kill"
 
 
 def _replace(folder: Path) -> None:
-    with replacing(folder / "a") as file:
+    with replace_file(folder / "a") as file:
         file.write(NEW[:3000])
         file.write(NEW[3000:])
 
@@ -37,7 +37,7 @@ def _write_as_one(folder: Path) -> None:
 
 
 WRITERS: dict[str, Callable[[Path], None]] = {
-    "replacing": _replace,
+    "replace_file": _replace,
     "write_whole": _write_whole,
     "write_new": _write_new,
     "write_as_one": _write_as_one,

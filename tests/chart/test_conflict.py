@@ -8,7 +8,7 @@ import pytest
 
 from situations import assembly
 from skillplan import Setup, Status, Task, solve
-from skillplan.chart import Relation, conflict_lines, cycle, orderable
+from skillplan.chart import Relation, cycle, explain_conflict, find_orderable
 from skillplan.collision import AabbDetector
 from skillplan.testing import lid_task, shut_box_task
 
@@ -172,12 +172,14 @@ def relation(before: str, after: str) -> Relation:
 class TestLines:
     def test_a_relation_with_an_order_says_nothing(self):
         """There is nothing to explain."""
-        assert () == conflict_lines(lid_task(), [relation("box", "fuse"), relation("fuse", "lid")])
+        assert () == explain_conflict(
+            lid_task(), [relation("box", "fuse"), relation("fuse", "lid")]
+        )
 
     def test_without_evidence_the_reason_is_what_was_said(self):
         """And nothing is known to change but a goal."""
         found = [relation("fuse", "lid"), relation("lid", "fuse")]
-        first, second = conflict_lines(lid_task(), found)
+        first, second = explain_conflict(lid_task(), found)
         assert "fuse before lid before fuse: lid needs fuse and fuse needs lid" == first
         assert "with another goal for lid, all 4 components would have an order" == second
 
@@ -204,4 +206,4 @@ class TestCycles:
     def test_what_comes_after_a_cycle_has_no_order(self):
         """What comes before it has one."""
         pairs = [("z", "a"), ("a", "b"), ("b", "a"), ("b", "c")]
-        assert {"z", "free"} == orderable(["z", "a", "b", "c", "free"], pairs)
+        assert {"z", "free"} == find_orderable(["z", "a", "b", "c", "free"], pairs)

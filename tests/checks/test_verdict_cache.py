@@ -21,9 +21,9 @@ from skillplan.checks import (
     Feasibility,
     VerdictCache,
     VerdictRecord,
-    content_hash,
+    compute_verdict_key,
+    hash_content,
     read_record,
-    verdict_key,
 )
 from skillplan.collision import AabbDetector
 from skillplan.physics import Engine
@@ -77,7 +77,9 @@ def test_a_file_says_what_was_asked_and_how_long_the_answer_took(tmp_path):
     asked = dear_one()
     verdicts_of(tmp_path, asked)
     paths = files_in(tmp_path)
-    assert {path.parent for path in paths} == {tmp_path / "fake" / verdict_key(asked, SKILL)}
+    assert {path.parent for path in paths} == {
+        tmp_path / "fake" / compute_verdict_key(asked, SKILL)
+    }
     feasible, infeasible = sorted((read_record(path) for path in paths), key=lambda r: r.status)
     assert (feasible.task, feasible.skill, feasible.back_end) == ("lid", SKILL.name, "fake")
     assert (feasible.version, feasible.options) == ("1", {})
@@ -94,8 +96,8 @@ def test_another_process_finds_the_same_file(tmp_path):
     aabb = AabbDetector(TASK)
     code = (
         "from skillplan.testing import lid_task; from skillplan.collision import "
-        "AabbDetector; from skillplan.checks.verdict_files import verdict_key; "
-        "task = lid_task(); print(verdict_key(AabbDetector(task), task.skills[3]))"
+        "AabbDetector; from skillplan.checks.verdict_files import compute_verdict_key; "
+        "task = lid_task(); print(compute_verdict_key(AabbDetector(task), task.skills[3]))"
     )
     keys = {
         subprocess.run(
@@ -107,7 +109,7 @@ def test_another_process_finds_the_same_file(tmp_path):
         ).stdout.strip()
         for seed in ("1", "2")
     }
-    assert keys == {verdict_key(aabb, TASK.skills[3])}
+    assert keys == {compute_verdict_key(aabb, TASK.skills[3])}
 
 
 def test_only_expensive_back_ends_are_written(tmp_path):
@@ -152,28 +154,28 @@ def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
     board = assembly(moved)
     moved["parts"]["clock"]["goal_m"][0] += 0.001
     keys = [
-        verdict_key(back_end, SKILL),
-        verdict_key(back_end, TASK.skills[1]),
-        verdict_key(back_end, replace(SKILL, parameters={"part": "fuse"})),
-        verdict_key(back_end, replace(SKILL, motion=TASK.skills[1].motion)),
-        verdict_key(back_end, replace(SKILL, precondition=TASK.skills[1].precondition)),
-        verdict_key(back_end, replace(SKILL, outcomes=TASK.skills[1].outcomes)),
-        verdict_key(dear_one(version="2"), SKILL),
-        verdict_key(dear_one(name="other"), SKILL),
-        verdict_key(dear_one(Options=Options), SKILL),
-        verdict_key(dear_one(TASK.replace(chart=(Precedence("lid", "box"),))), SKILL),
-        verdict_key(dear_one(board), board.skills[0]),
-        verdict_key(dear_one(assembly(moved)), board.skills[0]),
+        compute_verdict_key(back_end, SKILL),
+        compute_verdict_key(back_end, TASK.skills[1]),
+        compute_verdict_key(back_end, replace(SKILL, parameters={"part": "fuse"})),
+        compute_verdict_key(back_end, replace(SKILL, motion=TASK.skills[1].motion)),
+        compute_verdict_key(back_end, replace(SKILL, precondition=TASK.skills[1].precondition)),
+        compute_verdict_key(back_end, replace(SKILL, outcomes=TASK.skills[1].outcomes)),
+        compute_verdict_key(dear_one(version="2"), SKILL),
+        compute_verdict_key(dear_one(name="other"), SKILL),
+        compute_verdict_key(dear_one(Options=Options), SKILL),
+        compute_verdict_key(dear_one(TASK.replace(chart=(Precedence("lid", "box"),))), SKILL),
+        compute_verdict_key(dear_one(board), board.skills[0]),
+        compute_verdict_key(dear_one(assembly(moved)), board.skills[0]),
     ]
     with_option = dear_one(Options=Options)
     with_option.options = Options(friction=0.6)
-    keys.append(verdict_key(with_option, SKILL))
+    keys.append(compute_verdict_key(with_option, SKILL))
     assert len(set(keys)) == len(keys)
     told = dear_one(basis={"engine": {"friction": 0.5}})
-    keys.append(verdict_key(told, SKILL))
+    keys.append(compute_verdict_key(told, SKILL))
     assert len(set(keys)) == len(keys)
     same = dear_one(TASK.replace(step_limit=99, goal=TASK.skills[0].precondition))
-    assert verdict_key(same, SKILL) == keys[0]
+    assert compute_verdict_key(same, SKILL) == keys[0]
 
 
 def test_another_version_is_queried_again(tmp_path):
@@ -201,7 +203,7 @@ def altered(change):
         content = json.loads(text)
         del content["checksum"]
         change(content)
-        return json.dumps({**content, "checksum": content_hash(content)}).encode()
+        return json.dumps({**content, "checksum": hash_content(content)}).encode()
 
     return alter
 
@@ -268,7 +270,7 @@ def test_a_file_under_anothers_name_is_dropped(tmp_path):
     verdicts_of(tmp_path, dear_one())
     one, other = files_in(tmp_path)
     other.write_bytes(one.read_bytes())
-    elsewhere = tmp_path / "fake" / verdict_key(dear_one(), TASK.skills[1])
+    elsewhere = tmp_path / "fake" / compute_verdict_key(dear_one(), TASK.skills[1])
     elsewhere.mkdir()
     (elsewhere / one.name).write_bytes(one.read_bytes())
     cache = DiskVerdictCache(tmp_path)
@@ -290,7 +292,7 @@ def test_the_alterations_above_are_told_by_what_they_say(tmp_path):
 def test_files_of_the_format_before_are_left_alone(tmp_path):
     """One for every skill, in the folder of the back end."""
     back_end = dear_one()
-    old = tmp_path / "fake" / f"{verdict_key(back_end, SKILL)}.json"
+    old = tmp_path / "fake" / f"{compute_verdict_key(back_end, SKILL)}.json"
     old.parent.mkdir()
     old.write_text('{"format": "skillplan.verdicts/1", "verdicts": []}')
     verdicts, cache = verdicts_of(tmp_path, back_end)

@@ -102,7 +102,7 @@ class TestMemoryLimit:
 
     def test_where_it_cannot_be_kept_it_is_refused(self, cli, board, monkeypatch):
         """Rather than given up in silence."""
-        monkeypatch.setattr(waiting, "resident_bytes", lambda: None)
+        monkeypatch.setattr(waiting, "measure_resident_bytes", lambda: None)
         assert (
             "--memory-limit cannot be kept"
             in cli("search-optimal", board, "--memory-limit", "1GiB").refusal

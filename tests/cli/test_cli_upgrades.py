@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.checks import code_origin
+from skillplan.checks import identify_code
 from skillplan.pipeline import registry
 
 DETECTOR = '''
@@ -112,16 +112,16 @@ class TestOrigin:
     def test_it_is_that_of_the_distribution_that_registered_the_class(self, publish):
         """And not of one that is named like its module."""
         publish(ALLOWS, "1.0")
-        origin = code_origin(registry.load("collision", "watchful"))
+        origin = identify_code(registry.load("collision", "watchful"))
         assert "acme-detectors 1.0" == origin[0]
         assert not [one for one in origin if one.startswith("watchful_module ")]
 
     def test_source_counts_where_a_version_does_not_tell(self, publish):
         """As of a distribution that somebody edits."""
         publish(ALLOWS, "1.0", editable=True)
-        before = code_origin(registry.load("collision", "watchful"))
+        before = identify_code(registry.load("collision", "watchful"))
         publish(REFUSES, "1.0", editable=True)
-        after = code_origin(registry.load("collision", "watchful"))
+        after = identify_code(registry.load("collision", "watchful"))
         assert before[:-1] == after[:-1]
         assert before[-1] != after[-1]
 
@@ -138,10 +138,10 @@ class TestOrigin:
                 raise NotImplementedError
 
         package = Own.__module__.partition(".")[0]
-        assert [one for one in code_origin(Own) if one.startswith(f"{package} ")]
+        assert [one for one in identify_code(Own) if one.startswith(f"{package} ")]
 
     def test_what_a_distribution_needs_counts(self):
         """A verdict of an engine rests on its simulator's version."""
         swept = pytest.importorskip("skillplan_pinocchio").__name__
-        origin = code_origin(registry.load("collision", "swept"))
+        origin = identify_code(registry.load("collision", "swept"))
         assert [one for one in origin if one.startswith("coal ")], swept

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from skillplan.cli import Deadline
-from skillplan.workers import resident_bytes_of
+from skillplan.workers import measure_resident_bytes_of
 
 SKILLPLAN = [sys.executable, "-m", "skillplan"]
 LARGE = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
@@ -53,7 +53,7 @@ def fail_by_limit(words: list[str], environment: dict[str, str], folder: Path) -
     return " ".join(ended.stderr.split())
 
 
-@pytest.mark.skipif(not resident_bytes_of(1), reason="the system does not report sizes")
+@pytest.mark.skipif(not measure_resident_bytes_of(1), reason="the system does not report sizes")
 @pytest.mark.parametrize(
     "name",
     [

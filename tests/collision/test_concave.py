@@ -114,7 +114,7 @@ def provided(monkeypatch, tmp_path):
         decomposition._pieces_of.cache_clear()
         entry = EntryPoint("boxes", "nowhere:boxes", "skillplan.decomposition")
         listed = [] if provider is None else [entry]
-        monkeypatch.setattr(decomposition, "decompositions", lambda: listed)
+        monkeypatch.setattr(decomposition, "list_decompositions", lambda: listed)
         monkeypatch.setattr(EntryPoint, "load", lambda self: provider)
         return tmp_path / "pieces"
 

@@ -16,11 +16,11 @@ from skillplan.files import (
     atomic_file,
     is_unfinished,
     make_folder,
-    replacing,
+    replace_file,
     sync_folder,
+    write_beside,
     write_new,
     write_whole,
-    written_beside,
 )
 
 
@@ -40,7 +40,7 @@ def test_a_failure_leaves_the_old_content_and_nothing_beside(tmp_path):
     path.write_text("old")
 
     def half() -> None:
-        with replacing(path) as file:
+        with replace_file(path) as file:
             file.write(b"ne")
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -84,7 +84,7 @@ def test_file_and_folder_are_forced_to_disk_in_this_order(tmp_path, monkeypatch)
     write_whole(tmp_path / "file", "new")
     assert ["file", "replace", "folder"] == seen
     seen.clear()
-    with written_beside(tmp_path / "other") as temporary:
+    with write_beside(tmp_path / "other") as temporary:
         temporary.write_text("by another program")
     assert ["file", "replace", "folder"] == seen
 
@@ -120,7 +120,7 @@ def test_nothing_that_is_there_is_taken_for_the_temporary_file(tmp_path, monkeyp
 def test_two_temporary_files_have_two_names(tmp_path):
     """So that two programs may replace one file; the last one wins."""
     path = tmp_path / "file"
-    with replacing(path) as first, replacing(path) as second:
+    with replace_file(path) as first, replace_file(path) as second:
         first.write(b"first")
         second.write(b"second")
     assert b"first" == path.read_bytes()
@@ -196,7 +196,7 @@ def test_what_a_killed_program_left_is_known_by_its_name(name, of, expected):
 
 def test_what_is_being_written_has_such_a_name(tmp_path):
     """Until it has taken its place."""
-    with written_beside(tmp_path / "video.mp4") as temporary:
+    with write_beside(tmp_path / "video.mp4") as temporary:
         assert is_unfinished(temporary.name, "video.mp4")
         assert tmp_path == temporary.parent
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.files import RefusedFile, open_regular, read_bytes, real_path_within
+from skillplan.files import RefusedFile, open_regular, read_bytes, resolve_within
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ class TestFolders:
         for path in (folder / "link", folder / "way" / "file"):
             with pytest.raises(RefusedFile, match="there is a link on the way to it"):
                 read_bytes(path, 10, within=folder)
-        assert folder / "deep" / "file" == real_path_within(folder / "link", folder)
+        assert folder / "deep" / "file" == resolve_within(folder / "link", folder)
 
     @pytest.mark.parametrize("target", ["../secret", "/dev/zero"])
     def test_a_link_that_leads_out_of_the_folder_is_refused(self, folder, target):
@@ -180,4 +180,4 @@ class TestFolders:
         other = folder.with_name("mine-too")
         other.mkdir()
         with pytest.raises(RefusedFile):
-            real_path_within(other / "file", folder)
+            resolve_within(other / "file", folder)

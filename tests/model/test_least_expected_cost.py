@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.errors import ModelTooLarge
-from skillplan.model import evaluate_policy, least_expected_cost
+from skillplan.model import compute_least_expected_cost, evaluate_policy
 from skillplan.task import Facts, Task
 
 
 def least(task: Task, limit: int = 1_000) -> float | None:
-    return least_expected_cost(model_of(task), limit)
+    return compute_least_expected_cost(model_of(task), limit)
 
 
 def walk_of(moves: list[tuple[int, float, list[tuple[float, int]]]], count: int) -> Task:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skillplan.domains.assembly import AssemblyConfig, ground
-from skillplan.model import obstruction
+from skillplan.model import explain_obstruction
 from skillplan.pipeline import Setup, make_model
 from skillplan.task import Task
 from skillplan.testing import lid_content, lid_task, shut_box_task
@@ -20,7 +20,7 @@ def lid_with(**changes: Any) -> Task:
 def test_the_skill_that_fails_everywhere_is_named_with_its_reason():
     fuse = {**lid_content()["parts"]["fuse"], "goal_m": [0.57, 0.0]}
     model = make_model(lid_with(fuse=fuse), Setup(collision=("aabb",), with_chart=False))
-    said = obstruction(model)
+    said = explain_obstruction(model)
     assert said == (
         "place(fuse) fails in all 4 states in which it can be tried: "
         "aabb: fuse has nothing beneath it"
@@ -28,16 +28,16 @@ def test_the_skill_that_fails_everywhere_is_named_with_its_reason():
 
 
 def test_only_what_the_goal_lacks_is_named():
-    said = obstruction(make_model(shut_box_task()))
+    said = explain_obstruction(make_model(shut_box_task()))
     assert said is not None
     assert said.startswith("place(fuse)")
     assert "load(" not in said
 
 
 def test_where_every_skill_succeeds_somewhere_none_is_blamed():
-    assert obstruction(make_model(lid_task(), Setup(collision=("aabb",)))) is None
+    assert explain_obstruction(make_model(lid_task(), Setup(collision=("aabb",)))) is None
 
 
 def test_a_task_with_too_many_states_is_not_gone_through():
     model = make_model(shut_box_task(), Setup(collision=("precedence",)))
-    assert obstruction(model, most_states=2) is None
+    assert explain_obstruction(model, most_states=2) is None

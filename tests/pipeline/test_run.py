@@ -9,7 +9,7 @@ from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads
 from skillplan.checks import DiskVerdictCache
 from skillplan.collision import AabbDetector, Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
-from skillplan.files import cache_folder
+from skillplan.files import get_cache_folder
 from skillplan.pipeline import (
     Setup,
     load_problem,
@@ -211,10 +211,10 @@ def test_a_warm_cache_spares_dear_checks(tmp_path):
 def test_without_a_choice_the_cache_is_the_users(monkeypatch):
     """Never the working folder."""
     monkeypatch.delenv("SKILLPLAN_CACHE_DIR")
-    assert cache_folder().name == "skillplan"
-    assert cache_folder().is_absolute()
+    assert get_cache_folder().name == "skillplan"
+    assert get_cache_folder().is_absolute()
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", "/somewhere/else")
-    assert str(cache_folder()) == "/somewhere/else"
+    assert str(get_cache_folder()) == "/somewhere/else"
 
 
 def test_a_refusal_is_a_result_in_words():

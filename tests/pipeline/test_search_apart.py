@@ -15,7 +15,7 @@ from skillplan.errors import BackEndError, SearchStopped, SolverError
 from skillplan.pipeline import GRACE_S, make_solver, registry, solve
 from skillplan.solvers import Solver, Stop
 from skillplan.testing import lid_task
-from skillplan.workers import resident_bytes
+from skillplan.workers import measure_resident_bytes
 from thinned import slow_case
 
 PATIENCE_S = 20
@@ -153,7 +153,7 @@ def test_memory_is_measured_from_outside(stubborn):
     """What it allocates in one go, without ever looking, ends it; its incumbent counts."""
     skills, cost = best_of(lid_task())
     # The limit is for this process, too, in which other tests have run.
-    limit = (resident_bytes() or 0) + 300 * 1024 * 1024
+    limit = (measure_resident_bytes() or 0) + 300 * 1024 * 1024
     name = stubborn(
         f"""
         self.stop.incumbent(Plan({skills!r}, {cost!r}))

@@ -202,7 +202,7 @@ class TestMemoryLimit:
     def held(self, monkeypatch):
         """What the process is made to believe it holds [B]."""
         held = [100]
-        monkeypatch.setattr(stops, "resident_bytes", lambda: held[0])
+        monkeypatch.setattr(stops, "measure_resident_bytes", lambda: held[0])
         return held
 
     def test_it_is_positive(self):
@@ -226,7 +226,7 @@ class TestMemoryLimit:
 
     def test_where_the_system_does_not_tell_there_is_no_limit_to_keep(self, monkeypatch):
         """The search goes on."""
-        monkeypatch.setattr(stops, "resident_bytes", lambda: None)
+        monkeypatch.setattr(stops, "measure_resident_bytes", lambda: None)
         stop = Stop(memory_limit_bytes=1)
         assert stop.memory_left_bytes() is None
         assert not stop()

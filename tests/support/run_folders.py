@@ -14,7 +14,7 @@ import numpy as np
 from skillplan import __version__
 from skillplan.domains import Problem
 from skillplan.env import Observation
-from skillplan.files import json_text
+from skillplan.files import format_document
 from skillplan.model import replay
 from skillplan.pipeline import Setup, load_problem, make_model
 from skillplan.records import (
@@ -128,9 +128,11 @@ def write_runs(
         git_commit=None,
         machine={},
     )
-    (path / MANIFEST).write_text(json_text("skillplan.run/1", manifest))
+    (path / MANIFEST).write_text(format_document("skillplan.run/1", manifest))
     (path / get_copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
-    (path / TASK_CONFIG).write_text(json_text("skillplan.resolved-task/1", resolve_config(problem)))
+    (path / TASK_CONFIG).write_text(
+        format_document("skillplan.resolved-task/1", resolve_config(problem))
+    )
     progress = GroupProgress(
         steps=steps if done is None else done,
         failures={},
@@ -142,7 +144,7 @@ def write_runs(
         asked={},
     )
     get_group_path(path, 0).mkdir(parents=True)
-    (get_group_path(path, 0) / PROGRESS).write_text(json_text("skillplan.group/1", progress))
+    (get_group_path(path, 0) / PROGRESS).write_text(format_document("skillplan.group/1", progress))
     for run, sequence in enumerate(sequences):
         folder = get_run_path(path, run)
         folder.mkdir(parents=True)

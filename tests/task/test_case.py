@@ -21,7 +21,7 @@ from skillplan.task import (
     Metric,
     Outcome,
     Skill,
-    unreachable_facts,
+    find_unreachable_facts,
 )
 
 PLACES = tuple(f"at({i})" for i in range(5))
@@ -157,7 +157,9 @@ def test_a_place_beyond_a_gap_is_out_of_reach():
     gap = make_task(
         FACTS, [right(cases=(move(0, 1), move(2, 3)))], initial=("at(0)",), goal=("at(3)",)
     )
-    assert unreachable_facts(gap) == {"at(3)": "right needs at(2), which nothing brings about."}
+    assert find_unreachable_facts(gap) == {
+        "at(3)": "right needs at(2), which nothing brings about."
+    }
 
 
 def test_other_starts_are_among_the_states_of_the_arrays():

@@ -18,7 +18,7 @@ from skillplan.task import (
     Pose,
     Route,
     Visit,
-    planar_distance,
+    compute_planar_distance,
 )
 
 FACTS = Facts(("at(home)", "at(bin)", "tool(a)", "tool(b)", "other"), (("at(home)", "at(bin)"),))
@@ -71,7 +71,7 @@ def test_travel_is_planar_from_where_the_arm_stands():
     cost = DistanceCost(PLACES, STRAIGHT)
     assert cost.at(FACTS.of("at(home)")) == 3.0
     assert cost.at(FACTS.of("at(bin)", "other")) == 4.0
-    assert planar_distance((0, 0, 0), (3, 4, 12)) == 5.0
+    assert compute_planar_distance((0, 0, 0), (3, 4, 12)) == 5.0
 
 
 def test_what_was_travelled_to_a_place_uncounted_counts_when_it_is_left():

@@ -159,7 +159,7 @@ class TestASparseFile:
     def test_for_which_there_is_no_room_is_told_so(self, tmp_path, monkeypatch):
         """Though its header accounts for all of it."""
         begins = self.begins()
-        room = "skillplan.training.run_files.available_bytes"
+        room = "skillplan.training.run_files.get_available_bytes"
         monkeypatch.setattr(room, lambda: 2 * (self.SIZE - len(begins)) - 1)
         said = self.refused(tmp_path / "a", begins)
         assert "its arrays take more memory than the 1,07" in said

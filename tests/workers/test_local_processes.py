@@ -13,7 +13,15 @@ from typing import Any
 import pytest
 
 from skillplan.errors import SkillplanError
-from skillplan.workers import Answer, Ended, FedProgram, LocalProcesses, Worker, output_of, packed
+from skillplan.workers import (
+    Answer,
+    Ended,
+    FedProgram,
+    LocalProcesses,
+    Worker,
+    pack_content,
+    read_output,
+)
 
 
 @pytest.fixture
@@ -26,7 +34,7 @@ def executor():
 
 def started(executor: LocalProcesses, function: Callable[..., Any]) -> Worker:
     """Return a process that calls a function on its jobs."""
-    return executor.start(partial, packed(function, "tests"), "tests")
+    return executor.start(partial, pack_content(function, "tests"), "tests")
 
 
 def heard(executor: LocalProcesses, worker: Worker) -> Answer | Ended:
@@ -92,7 +100,7 @@ class TestEnds:
 
     def test_what_cannot_make_itself_ready_is_an_error_in_words(self, executor):
         """`partial` refuses what cannot be called."""
-        worker = executor.start(partial, packed("no function", "tests"), "tests")
+        worker = executor.start(partial, pack_content("no function", "tests"), "tests")
         with pytest.raises(SkillplanError, match="could not make itself ready: TypeError"):
             heard(executor, worker)
 
@@ -134,7 +142,7 @@ class TestRefusals:
     def test_what_cannot_be_sent_is_an_error_in_words(self):
         """Before anything is started."""
         with pytest.raises(SkillplanError, match="processes for tests start from cannot be sent"):
-            packed(lambda: None, "tests")
+            pack_content(lambda: None, "tests")
 
 
 class TestPrograms:
@@ -163,6 +171,6 @@ class TestPrograms:
 
     def test_the_output_of_a_program(self):
         """None where it fails or is not there."""
-        assert "here\n" == output_of([sys.executable, "-c", "print('here')"])
-        assert output_of([sys.executable, "-c", "raise SystemExit(1)"]) is None
-        assert output_of(["no-such-program-anywhere"]) is None
+        assert "here\n" == read_output([sys.executable, "-c", "print('here')"])
+        assert read_output([sys.executable, "-c", "raise SystemExit(1)"]) is None
+        assert read_output(["no-such-program-anywhere"]) is None

@@ -19,7 +19,7 @@ from skillplan.cli import heeding
 from skillplan.pipeline import Setup
 from skillplan.solvers import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
-from skillplan.workers import resident_bytes
+from skillplan.workers import measure_resident_bytes
 from skillplan_ortools import CpSatSolver
 from thinned import release_case, slow_case
 
@@ -215,7 +215,7 @@ def test_it_stops_once_the_gap_is_small_enough():
 
 def test_it_stops_before_memory_runs_out():
     """With a tenth of the limit left it ends with what it has."""
-    stop = Stop(memory_limit_bytes=int(resident_bytes() * 1.05), time_limit_s=60)
+    stop = Stop(memory_limit_bytes=int(measure_resident_bytes() * 1.05), time_limit_s=60)
     result = solve(instance("ry48p.4"), "cp-sat", stop=stop)
     assert result.status is Status.SOLVED
     assert result.reason == "memory limit"

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from skillplan.errors import SkillplanError
-from skillplan.workers import descendants
+from skillplan.workers import list_descendants
 from skillplan_ray import access
 
 NOBODY = 65534
@@ -141,7 +141,7 @@ def test_the_folder_of_a_session_is_closed_to_others(monkeypatch, length):
 def listening(process: int) -> set[str]:
     """Return the addresses on which a process and those below it listen, as Linux writes them."""
     inodes = set()
-    for number in (process, *descendants(process)):
+    for number in (process, *list_descendants(process)):
         for path in Path(f"/proc/{number}/fd").glob("*"):
             try:
                 inodes.add(os.readlink(path))

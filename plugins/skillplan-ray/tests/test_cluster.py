@@ -20,7 +20,7 @@ from skillplan.model import SkillModel
 from skillplan.pipeline import Setup
 from skillplan.task import Verdict
 from skillplan.testing import ExpensiveBoxes, lid_task, reachable_states
-from skillplan.workers import Answer, Ended, Executor, ExecutorChoice, Worker, packed
+from skillplan.workers import Answer, Ended, Executor, ExecutorChoice, Worker, pack_content
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.8670860141568904
@@ -71,7 +71,7 @@ def workers_of(executor: Executor) -> dict[str, Worker]:
     """Return a worker on each node, which evaluates what it is given."""
     from functools import partial
 
-    made = [executor.start(partial, packed(eval, "tests"), "tests") for _ in range(2)]
+    made = [executor.start(partial, pack_content(eval, "tests"), "tests") for _ in range(2)]
     return {node_of(executor, one): one for one in made}
 
 
@@ -170,7 +170,7 @@ def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster, tmp_path):
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     cluster.add_node(num_cpus=1, env_vars={"PYTHONPATH": path})
     with pytest.raises(SkillplanError, match=r"mixed.*: skillplan 9\.9\.9 \(here 0\.2\.0\)"):
-        executor_at(cluster).start(int, packed("1", "tests"), "tests")
+        executor_at(cluster).start(int, pack_content("1", "tests"), "tests")
 
 
 SEARCH = ["search-optimal", str(BOARD), "--physics", "pybullet", "--collision", "contact-pairs"]

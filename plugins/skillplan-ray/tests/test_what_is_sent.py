@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.workers import packed
+from skillplan.workers import pack_content
 from skillplan_ray import RayExecutor
 from skillplan_ray import executor as executors
 
@@ -49,8 +49,8 @@ def store(monkeypatch):
 def test_equal_content_is_sent_once_however_many_workers_start_from_it(store):
     """By its hash, not by which object it is."""
     executor = RayExecutor(3)
-    content = packed({"task": "lid"}, "tests")
-    for one in (content, packed({"task": "box"}, "tests"), bytes(bytearray(content))):
+    content = pack_content({"task": "lid"}, "tests")
+    for one in (content, pack_content({"task": "box"}, "tests"), bytes(bytearray(content))):
         executor.start(int, one, "tests")
     assert store.started == [0, 1, 0]
     assert len(store.objects) == 2
@@ -59,7 +59,7 @@ def test_equal_content_is_sent_once_however_many_workers_start_from_it(store):
 def test_after_closing_it_is_sent_anew(store):
     """Nothing is kept in the cluster's memory for nobody."""
     executor = RayExecutor(1)
-    content = packed({"task": "lid"}, "tests")
+    content = pack_content({"task": "lid"}, "tests")
     executor.start(int, content, "tests")
     executor.close()
     executor.start(int, content, "tests")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan.files import json_fault
+from skillplan.files import find_json_fault
 from skillplan.pipeline import load_problem, solve, solve_chain
 from skillplan_swarmitfix import Job, SwarmitfixConfig, account
 
@@ -127,7 +127,7 @@ class TestSupports:
         assert workpiece["points_m"][0] == pytest.approx(workpiece["points_m"][-1])
 
     def test_it_is_json(self, pentagon):
-        assert json_fault(pentagon.document) is None
+        assert find_json_fault(pentagon.document) is None
 
 
 class TestSampling:

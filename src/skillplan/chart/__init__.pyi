@@ -1,14 +1,14 @@
-from .conflict import conflict_lines as conflict_lines
+from .conflict import explain_conflict as explain_conflict
 from .partial_order import ClosedRelation as ClosedRelation
-from .partial_order import acyclic as acyclic
+from .partial_order import break_cycles as break_cycles
 from .partial_order import closure as closure
 from .partial_order import cycle as cycle
-from .partial_order import orderable as orderable
+from .partial_order import find_orderable as find_orderable
 from .partial_order import reduction as reduction
 from .precedence_chart import Alternatives as Alternatives
 from .precedence_chart import DerivedChart as DerivedChart
 from .precedence_chart import derive_chart as derive_chart
-from .precedence_chart import simplest as simplest
+from .precedence_chart import simplify_conditions as simplify_conditions
 from .precedence_query import Relation as Relation
 
 __all__ = [
@@ -16,12 +16,12 @@ __all__ = [
     "ClosedRelation",
     "DerivedChart",
     "Relation",
-    "acyclic",
+    "break_cycles",
     "closure",
-    "conflict_lines",
     "cycle",
     "derive_chart",
-    "orderable",
+    "explain_conflict",
+    "find_orderable",
     "reduction",
-    "simplest",
+    "simplify_conditions",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from skillplan.chart.partial_order import cycle, orderable
+from skillplan.chart.partial_order import cycle, find_orderable
 from skillplan.chart.precedence_query import Relation
 from skillplan.task.scene import Body, Box, Pose
 from skillplan.task.task import Task
@@ -64,7 +64,7 @@ def _words(*parts: str) -> str:
     return " ".join(filter(None, parts))
 
 
-def conflict_lines(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]:
+def explain_conflict(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]:
     """Return the reason why a relation allows no order, in at most three lines, or none.
 
     The first line gives the shortest cycle and its causes. The second names the single start or
@@ -81,11 +81,11 @@ def conflict_lines(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]
     reasons = _Reasons(task)
     lines = [_cycle_line(shortest, relations, reasons)]
     components = list(task.operations)
-    free = orderable(components, _pairs(relations))
+    free = find_orderable(components, _pairs(relations))
     best: tuple[int, list[Relation], Cause] | None = None
     for cause in _candidates(relations, reasons):
         left = [relation for relation in relations if cause not in reasons.causes(relation)]
-        count = len(orderable(components, _pairs(left)))
+        count = len(find_orderable(components, _pairs(left)))
         if count > len(free) and (best is None or count > best[0]):
             best = count, left, cause
     if best is None:

@@ -137,7 +137,7 @@ class HypotheticalStates:
         return maker.prediction.apply(state)
 
 
-def state_with_all_else(task: Task, skill: Skill) -> State:
+def find_state_with_all_else(task: Task, skill: Skill) -> State:
     """Return a state before a skill in which all other components are at their goals."""
     hypothetical = HypotheticalStates(task)
     return hypothetical.before(skill, task.operations.keys() - {hypothetical.component(skill)})

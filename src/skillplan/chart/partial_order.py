@@ -101,7 +101,7 @@ def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str,
     return ()
 
 
-def shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tuple[str, ...]:
+def find_shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tuple[str, ...]:
     """Return the components on a shortest path between two, both included, or none."""
     after: dict[str, list[str]] = {}
     for before, later in pairs:
@@ -121,7 +121,7 @@ def shortest_path(pairs: Iterable[tuple[str, str]], start: str, end: str) -> tup
     return tuple(reversed(path))
 
 
-def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
+def find_orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
     """Return the components that are neither on a cycle nor after one."""
     closed = closure(pairs)
     stuck = {first for first, second in closed if first == second}
@@ -132,7 +132,7 @@ def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> se
     }
 
 
-def acyclic(
+def break_cycles(
     pairs: Iterable[tuple[str, str]], order: Sequence[str]
 ) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
     """Return a relation without the pairs that close its cycles, and these pairs.

@@ -10,9 +10,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.conflict import explain_conflict
 from skillplan.chart.hypothetical_state import HypotheticalStates
-from skillplan.chart.partial_order import ClosedRelation, closure, shortest_path
+from skillplan.chart.partial_order import ClosedRelation, closure, find_shortest_path
 from skillplan.chart.partial_order import cycle as shortest_cycle
 from skillplan.chart.precedence_query import (
     CheckSteps,
@@ -73,7 +73,7 @@ def alternatives(
         yield from search.explore(frozenset(), frozenset())
     except Undecided:
         return None
-    conditions = simplest(search.conditions)
+    conditions = simplify_conditions(search.conditions)
     common = frozenset.intersection(*conditions) if conditions else frozenset()
     choices = sorted(
         (sorted(condition - common) for condition in conditions),
@@ -129,7 +129,7 @@ class _Search:
         )
 
 
-def simplest(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
+def simplify_conditions(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
     """Return the weakest conditions, one of which holds if and only if one of some conditions does.
 
     By consensus and absorption (Quine 1955): two conditions that contradict each other in one
@@ -248,7 +248,7 @@ class DerivedChart:
         derived = [(r.before, r.after) for r in self.relations]
         lines = []
         for before, after in self.hand_made or ():
-            path = shortest_path(derived, after, before)
+            path = find_shortest_path(derived, after, before)
             if path:
                 words = f"chart: {before} before {after} contradicts geometry: "
                 lines.append(words + self._path_words(path))
@@ -268,7 +268,7 @@ class DerivedChart:
 
     def obstacle(self, task: Task) -> str | None:
         """Return the reason why no order can exist, in at most three lines, or None."""
-        lines = conflict_lines(task, self.relations)
+        lines = explain_conflict(task, self.relations)
         never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
         return "\n".join((lines or never)[:_MOST_LINES]) or None
 

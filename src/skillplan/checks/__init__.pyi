@@ -13,10 +13,10 @@ from .verdict_cache import DiskVerdictCache as DiskVerdictCache
 from .verdict_cache import VerdictCache as VerdictCache
 from .verdict_files import VerdictFolder as VerdictFolder
 from .verdict_files import VerdictRecord as VerdictRecord
-from .verdict_files import code_origin as code_origin
-from .verdict_files import content_hash as content_hash
+from .verdict_files import compute_verdict_key as compute_verdict_key
+from .verdict_files import hash_content as hash_content
+from .verdict_files import identify_code as identify_code
 from .verdict_files import read_record as read_record
-from .verdict_files import verdict_key as verdict_key
 
 __all__ = [
     "CheckCount",
@@ -29,13 +29,13 @@ __all__ = [
     "VerdictRecord",
     "ask_again",
     "check",
-    "code_origin",
-    "content_hash",
+    "compute_verdict_key",
     "draw_kept",
     "draw_reused",
+    "hash_content",
+    "identify_code",
     "introduce",
     "list_queried_skills",
     "read_record",
     "recheck_kept",
-    "verdict_key",
 ]

@@ -20,13 +20,13 @@ from skillplan.checks.single_check import (
 )
 from skillplan.checks.variants import map_queried_skills
 from skillplan.errors import BackEndError
-from skillplan.plugins.blame import traceback_text
+from skillplan.plugins.blame import format_traceback
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.workers.executor import Ended, Executor, Worker, packed
+from skillplan.workers.executor import Ended, Executor, Worker, pack_content
 from skillplan.workers.local_processes import LocalProcesses
 
 _PURPOSE = "checks"
@@ -484,7 +484,7 @@ class CheckWorkers:
             worker.end(gently=False)
         if self._content is None:
             recipes = [Recipe.of(back_end) for back_end in self.back_ends]
-            self._content = packed((self.task, recipes), _PURPOSE)
+            self._content = pack_content((self.task, recipes), _PURPOSE)
         return self._executor.start(_prepare, self._content, _PURPOSE)
 
     def _give(self, worker: Worker, pending: _Pending) -> None:
@@ -585,7 +585,7 @@ def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failure]:
         try:
             checked = check(back_ends[back_end], skills[name], task.facts.state(bits))
         except BackEndError as error:
-            return _Failure(str(error), traceback_text(error))
+            return _Failure(str(error), format_traceback(error))
         verdict = checked.verdict
         assert verdict.present is not None
         assert verdict.absent is not None

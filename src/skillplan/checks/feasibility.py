@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from skillplan.checks.audit import ReuseSample
 from skillplan.checks.single_check import (
     Checked,
+    bound_execution_time_s,
+    can_time,
     check,
-    execution_time_s,
     introduce_back_ends,
-    least_execution_time_s,
-    tells_time,
+    query_execution_time_s,
 )
 from skillplan.checks.variants import VARIANTS, Prices, SkillVariants, choose_variant
 from skillplan.checks.verdict_cache import VerdictCache
@@ -268,7 +268,7 @@ class Feasibility:
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
         """Return the verdict of every stage, also beyond the first that refuses."""
         if not skill.applicable(state):
-            return [inapplicable(self.task, skill, state)]
+            return [refuse_inapplicable(self.task, skill, state)]
         condition = skill.condition(state)
         first = Verdict.feasible(condition.requires, condition.forbids)
         verdicts = [first.grounded(state, PRECONDITION)]
@@ -320,7 +320,7 @@ class Feasibility:
         """Return the verdict on a skill, and add the work for it to the counts."""
         if not skill.applicable(state):
             self._to_go -= 1
-            return inapplicable(self.task, skill, state)
+            return refuse_inapplicable(self.task, skill, state)
         decide = partial(ask_chain, self._chain, ask)
         if skill.ways:
             verdict = choose_variant(self.variants, decide, skill, state, self._prices)
@@ -421,9 +421,7 @@ class ExecutionTimes:
     def __init__(self, task: Task, back_ends: Iterable[BackEnd], variants: SkillVariants) -> None:
         self._variants = variants
         self._timers = tuple(
-            back_end
-            for back_end in back_ends
-            if tells_time(type(back_end)) and not back_end.screens
+            back_end for back_end in back_ends if can_time(type(back_end)) and not back_end.screens
         )
         self.sources = tuple(back_end.name for back_end in self._timers)
         self.basis = _place_and_tool_bits(task) if self._timers else 0
@@ -478,19 +476,19 @@ class ExecutionTimes:
         key = (skill.name, true_bits & mask, false_bits & mask)
         if key not in self._least_s:
             self._least_s[key] = min(
-                (least_execution_time_s(timer, skill, *key[1:]) for timer in self._timers),
+                (bound_execution_time_s(timer, skill, *key[1:]) for timer in self._timers),
                 default=math.inf,
             )
         return self._least_s[key]
 
     def _query(self, skill: Skill, state: State) -> float | None:
         for back_end in self._timers:
-            duration_s = execution_time_s(back_end, skill, state)
+            duration_s = query_execution_time_s(back_end, skill, state)
             if duration_s is None:
                 continue
             self.computed += 1
             bits = state.bits
-            least_s = least_execution_time_s(back_end, skill, bits, self._all_bits & ~bits)
+            least_s = bound_execution_time_s(back_end, skill, bits, self._all_bits & ~bits)
             if duration_s < least_s - _ROUNDING * max(1.0, duration_s):
                 raise BackEndError(
                     f"Back end {back_end.name!r} says that {skill.name} takes {duration_s!r} s in "
@@ -500,7 +498,7 @@ class ExecutionTimes:
         return None
 
 
-def inapplicable(task: Task, skill: Skill, state: State) -> Verdict:
+def refuse_inapplicable(task: Task, skill: Skill, state: State) -> Verdict:
     """Return the verdict on a skill that is not applicable in a state."""
     violated = skill.why_not(state)
     names = [*violated.requires, *(f"not {name}" for name in violated.forbids)]

@@ -12,7 +12,7 @@ from typing import NamedTuple, NoReturn
 from pydantic import BaseModel
 
 from skillplan.errors import BackEndError
-from skillplan.files.json_file import json_fault
+from skillplan.files.json_file import find_json_fault
 from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -125,7 +125,7 @@ def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
     for back_end in back_ends:
         try:
             back_end.beside([other for other in back_ends if other is not back_end])
-            fault = json_fault(back_end.basis)
+            fault = find_json_fault(back_end.basis)
         except BaseException as error:
             _blame(error, back_end)
         if fault is not None:
@@ -176,7 +176,7 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
             f"{skill.name}, not a Verdict."
         )
     if verdict.evidence:
-        fault = json_fault(verdict.evidence)
+        fault = find_json_fault(verdict.evidence)
         if fault is not None:
             raise BackEndError(
                 f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {fault}."
@@ -192,7 +192,7 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     return Checked(verdict, took_s)
 
 
-def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | None:
+def query_execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | None:
     """Return the execution time of a skill by a back end [s], or None if it cannot time it.
 
     Raises
@@ -213,7 +213,7 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
     return float(duration_s)
 
 
-def least_execution_time_s(
+def bound_execution_time_s(
     back_end: BackEnd, skill: Skill, true_bits: int, false_bits: int
 ) -> float:
     """Return the lower bound of a back end on an execution time [s]; see `least_duration_s`.
@@ -234,7 +234,7 @@ def least_execution_time_s(
     return float(least_s)
 
 
-def tells_time(back_end: type[BackEnd]) -> bool:
+def can_time(back_end: type[BackEnd]) -> bool:
     """Return whether back ends of a class can time skills."""
     return back_end.duration_s is not BackEnd.duration_s
 

@@ -17,8 +17,8 @@ from skillplan.checks.single_check import Checked
 from skillplan.checks.variants import list_queried_skills
 from skillplan.checks.verdict_files import (
     VerdictRecord,
+    find_key_folder,
     is_verdict_file,
-    key_folder,
     read_record,
 )
 from skillplan.task.back_end import BackEnd
@@ -236,7 +236,7 @@ class DiskVerdictCache(VerdictCache):
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         if not back_end.expensive:
             return _Shelf()
-        folder = key_folder(self.folder, back_end, skill)
+        folder = find_key_folder(self.folder, back_end, skill)
         return _DiskShelf(folder, back_end.task.facts, self.dropped)
 
 

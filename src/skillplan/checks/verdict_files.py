@@ -26,7 +26,7 @@ from skillplan.checks.variants import list_queried_skills
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.plugins.installed import is_editable, registered_as
+from skillplan.plugins.installed import find_entry_point, is_editable
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
@@ -51,12 +51,12 @@ _DISTRIBUTION_NAME = re.compile(r"[\w.-]+")
 _IRRELEVANT_FIELDS = ("dwell_s",)
 
 
-def key_folder(root: Path, back_end: BackEnd, skill: Skill) -> Path:
+def find_key_folder(root: Path, back_end: BackEnd, skill: Skill) -> Path:
     """Return the folder below `root` for the verdicts of a back end on a skill."""
-    return root / back_end.name / verdict_key(back_end, skill)
+    return root / back_end.name / compute_verdict_key(back_end, skill)
 
 
-def verdict_key(back_end: BackEnd, skill: Skill) -> str:
+def compute_verdict_key(back_end: BackEnd, skill: Skill) -> str:
     """Return the hash of everything that affects the verdicts of a back end on a skill.
 
     Scene, skill, facts, and the back end's name, version, options, basis and code.
@@ -67,7 +67,7 @@ def verdict_key(back_end: BackEnd, skill: Skill) -> str:
             back_end.name,
             back_end.version,
         ],
-        "code": list(code_origin(type(back_end))),
+        "code": list(identify_code(type(back_end))),
         "options": back_end.options.model_dump(mode="json"),
         "basis": _to_json(back_end.basis),
         "facts": list(back_end.task.facts.names),
@@ -82,10 +82,10 @@ def verdict_key(back_end: BackEnd, skill: Skill) -> str:
         "chart": [[line.before, line.after] for line in back_end.task.chart],
         "operations": dict(back_end.task.operations),
     }
-    return content_hash(content)
+    return hash_content(content)
 
 
-def content_hash(content: Any) -> str:
+def hash_content(content: Any) -> str:
     """Return the hexadecimal hash of JSON values; the order of keys does not matter."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -109,7 +109,7 @@ def _to_json(value: Any) -> Any:
 
 
 @cache
-def code_origin(plugin: type) -> tuple[str, ...]:
+def identify_code(plugin: type) -> tuple[str, ...]:
     """Return texts that identify the code of a plugin.
 
     Parameters
@@ -129,7 +129,7 @@ def code_origin(plugin: type) -> tuple[str, ...]:
     OSError
         If source cannot be read.
     """
-    entry = registered_as(plugin)
+    entry = find_entry_point(plugin)
     registering = None if entry is None else entry.dist
     origin = list(_list_versions(registering))
     packages = {base.__module__.partition(".")[0] for base in plugin.__mro__}
@@ -249,7 +249,7 @@ class VerdictRecord:
         """Return the record of an answer."""
         verdict = checked.verdict
         return cls(
-            key=verdict_key(back_end, skill),
+            key=compute_verdict_key(back_end, skill),
             task=back_end.task.name,
             skill=skill.name,
             back_end=back_end.name,
@@ -268,7 +268,7 @@ class VerdictRecord:
     @property
     def file_name(self) -> str:
         """The name of the file: a hash of the facts that the verdict rests on."""
-        return content_hash([list(self.present), list(self.absent)]) + ".json"
+        return hash_content([list(self.present), list(self.absent)]) + ".json"
 
     def verdict(self, facts: Facts) -> Verdict:
         """Return the verdict.
@@ -318,7 +318,7 @@ class VerdictRecord:
                 "evidence": dict(self.evidence),
             },
         }
-        text = json.dumps({**content, "checksum": content_hash(content)})
+        text = json.dumps({**content, "checksum": hash_content(content)})
         write_whole(folder / self.file_name, text)
         return self.file_name
 
@@ -342,7 +342,7 @@ def read_record(path: Path) -> VerdictRecord:
     try:
         content = parse_json(text)
         checksum = content.pop("checksum")
-        if content["format"] != FORMAT or checksum != content_hash(content):
+        if content["format"] != FORMAT or checksum != hash_content(content):
             raise ValueError("not what was written")
         verdict, back_end = content["verdict"], content["back_end"]
         record = VerdictRecord(
@@ -417,7 +417,7 @@ class VerdictFolder:
         for back_end in back_ends:
             verdicts = []
             for skill in list_queried_skills(back_end.task) if back_end.expensive else ():
-                folder = key_folder(self.root, back_end, skill)
+                folder = find_key_folder(self.root, back_end, skill)
                 paths = (folder / name for name in _list_names(folder) if is_verdict_file(name))
                 verdicts += [kept for kept in map(_read, paths) if kept is not None]
             by_back_end.append(verdicts)

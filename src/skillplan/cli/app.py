@@ -29,7 +29,7 @@ from skillplan.cli.commands.warm_up import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.cli.writing import restored_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
-from skillplan.workers.supervised import is_interrupted, passed_limit
+from skillplan.workers.supervised import describe_passed_limit, is_interrupted
 
 # Panels of the help, with the commands and their descriptions.
 PANELS = {
@@ -204,7 +204,7 @@ def _report(error: BaseException, words: list[str]) -> int:
     stopped = isinstance(error, (typer.Abort, KeyboardInterrupt, SearchStopped))
     # Libraries raise errors of their own from the exception of a signal.
     if stopped or is_interrupted():
-        if message := passed_limit():
+        if message := describe_passed_limit():
             return report_error(SkillplanError(message), words)
         tell("skillplan: interrupted")
         return exit_code(interrupted=True)

@@ -17,7 +17,7 @@ from skillplan.cli.options.values import split_names
 from skillplan.cli.output import emit
 from skillplan.cli.showing import PICTURE, draw
 from skillplan.errors import OptionError, exit_code
-from skillplan.files.output_path import output_folder
+from skillplan.files.output_path import check_output_folder
 from skillplan.physics.performance import Performer
 from skillplan.pipeline.performing import find_contact_detectors
 from skillplan.pipeline.setup import Setup
@@ -67,7 +67,7 @@ def compare_physics(
     names = split_names(engines)
     if len(names) < 2:
         raise OptionError("--engines needs two engines at least, such as pybullet,mujoco.")
-    folder = None if pictures is None else output_folder("--pictures", pictures)
+    folder = None if pictures is None else check_output_folder("--pictures", pictures)
     task = load_file(path, reading, replace(back_ends, physics=engines)).tasks[-1]
     if not task.scene.bodies:
         raise OptionError(f"{task.name!r} has no bodies: there is nothing to simulate.")

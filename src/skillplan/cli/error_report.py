@@ -13,7 +13,7 @@ import typer
 
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import SkillplanError, TaskError, exit_code
-from skillplan.plugins.blame import traceback_text
+from skillplan.plugins.blame import format_traceback
 
 _MOST_LINES = 200
 
@@ -58,7 +58,7 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
         tell(f"skillplan: error: {line}")
     if len(lines) > len(shown):
         tell(f"skillplan: and {len(lines) - len(shown)} more faults")
-    tell(traceback_text(error), end="")
+    tell(format_traceback(error), end="")
     _print_document(error_document(error), words)
     return error.exit_code
 

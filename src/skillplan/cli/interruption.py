@@ -23,8 +23,8 @@ from skillplan.errors import OptionError, SearchStopped
 from skillplan.plugins.blame import Interrupted
 from skillplan.views.text.wording import escaped
 from skillplan.workers import supervised
-from skillplan.workers.processes import resident_bytes
-from skillplan.workers.supervised import command_age_s, limit_command
+from skillplan.workers.processes import measure_resident_bytes
+from skillplan.workers.supervised import get_command_age_s, limit_command
 
 # A compiler is given this much CPU time before it is interrupted again [s].
 _RETRY_S = 0.02
@@ -208,12 +208,12 @@ class Deadline:
         *,
         graceful: bool,
     ) -> None:
-        if memory_limit_bytes is not None and resident_bytes() is None:
+        if memory_limit_bytes is not None and measure_resident_bytes() is None:
             raise OptionError(
                 "--memory-limit cannot be kept: this system does not report the size of a process."
             )
         self.time_limit_s = time_limit_s
-        begun_s = time.monotonic() - command_age_s()
+        begun_s = time.monotonic() - get_command_age_s()
         self._end_s = math.inf if time_limit_s is None else begun_s + time_limit_s
         grace_s = _GRACE_SHARE * (time_limit_s or 0.0) + _GRACE_S if graceful else 0.0
         limit_command(time_limit_s, memory_limit_bytes, grace_s)

@@ -9,7 +9,7 @@ from skillplan import errors
 from skillplan.cli.writing import as_json, document_stream, tell, write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_new
-from skillplan.files.output_path import output_path, refusing
+from skillplan.files.output_path import check_output_path, report_write_errors
 from skillplan.records.result import Result, Status
 from skillplan.views.text.table import Table, render
 
@@ -69,8 +69,8 @@ def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) ->
     OptionError
         If it is there already, or cannot be written.
     """
-    path = output_path("--out", out, suffixes, what)
-    with refusing("--out", path):
+    path = check_output_path("--out", out, suffixes, what)
+    with report_write_errors("--out", path):
         try:
             write_new(path, text)
         except FileExistsError:

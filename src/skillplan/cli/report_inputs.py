@@ -26,7 +26,7 @@ from skillplan.pipeline.performing import (
 )
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solving import open_warm_cache, solve_problem
-from skillplan.plugins.installed import distribution_versions
+from skillplan.plugins.installed import list_distribution_versions
 from skillplan.records import schemas
 from skillplan.records.certificate import Certificate
 from skillplan.records.execution.simulation import summarise_simulation
@@ -155,7 +155,7 @@ class Reporter:
             given = replace(
                 given,
                 description=description,
-                plugins=distribution_versions(),
+                plugins=list_distribution_versions(),
                 certificate=certificate,
             )
             return chain_chapter(given, name)
@@ -188,7 +188,7 @@ class Reporter:
             document,
             task,
             description,
-            distribution_versions(),
+            list_distribution_versions(),
             self.deadline.attempt(lambda: self._graph(task, setup)) or self._late_graph(task),
             None if measured is None else measured.performance,
             "" if measured is None else measured.engine,

@@ -9,7 +9,7 @@ from typing import Any
 
 from skillplan.collision.hulls import HullDetector, HullScene
 from skillplan.errors import BackEndError, OptionError
-from skillplan.files.output_path import output_path
+from skillplan.files.output_path import check_output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
 from skillplan.pipeline.performing import find_performing_engine
@@ -81,9 +81,9 @@ def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]
     """
     paths = {}
     if picture is not None:
-        paths[PICTURE] = output_path(PICTURE, picture, PICTURES, "pictures")
+        paths[PICTURE] = check_output_path(PICTURE, picture, PICTURES, "pictures")
     if animation is not None:
-        paths[ANIMATE] = output_path(ANIMATE, animation, ANIMATIONS, "animations")
+        paths[ANIMATE] = check_output_path(ANIMATE, animation, ANIMATIONS, "animations")
     return paths
 
 

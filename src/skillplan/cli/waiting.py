@@ -13,7 +13,7 @@ from skillplan.errors import OptionError
 from skillplan.solvers.solution import relative_gap
 from skillplan.solvers.stop import Progress, Stop
 from skillplan.views.text.wording import escaped
-from skillplan.workers.processes import resident_bytes
+from skillplan.workers.processes import measure_resident_bytes
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def stoppable(
     OptionError
         If there is a memory limit, and the system does not say how much memory a process holds.
     """
-    if memory_limit_bytes is not None and resident_bytes() is None:
+    if memory_limit_bytes is not None and measure_resident_bytes() is None:
         raise OptionError(
             "--memory-limit cannot be kept: this system does not report the size of a process."
         )

@@ -27,7 +27,7 @@ from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.motion import AXES, Event, Grasp, GraspKind, Visit
-from skillplan.task.pose import DOWN, Point, Pose, cross, dot, plus, same_direction, unit
+from skillplan.task.pose import DOWN, Point, Pose, cross, dot, is_same_direction, plus, unit
 from skillplan.task.scene import WORLD, Body, Placement, Robot, Scene, Tool
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
@@ -151,7 +151,7 @@ def _about_tool(scene: Scene, visit: Visit, load: _Load, envelope: Box, moved: P
     if body is None and visit.event in (Event.GRASP, Event.RELEASE, Event.FETCH):
         body = scene.body(visit.subject)
     points = hand_direction(scene, visit)
-    if same_direction(points, DOWN):
+    if is_same_direction(points, DOWN):
         if body is None:
             top_m = visit.position[2]
         elif visit.pose.is_upright:
@@ -186,8 +186,8 @@ def _stretches(scene: Scene, visit: Visit) -> tuple[Point, Point]:
     freed_m = _extent_m(scene, visit, points) + _STANDOFF_M
     if visit.event is Event.GRASP:
         # The load is lifted straight up.
-        return (none if same_direction(points, DOWN) else plus(none, points, freed_m)), none
-    if same_direction(visit.along, DOWN):
+        return (none if is_same_direction(points, DOWN) else plus(none, points, freed_m)), none
+    if is_same_direction(visit.along, DOWN):
         return none, none
     length_m = visit.insert_m or _extent_m(scene, visit, visit.along) + _STANDOFF_M
     into = plus(none, visit.along, length_m)
@@ -447,7 +447,7 @@ class AabbDetector(Detector):
                 continue
             body = self.task.scene.body(visit.subject)
             # The support of a screw is below it along its axis.
-            sideways = visit.event is Event.DRIVE and not same_direction(visit.along, DOWN)
+            sideways = visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN)
             level = visit.pose.inverse() if sideways else None
             boxes = world_boxes(body, visit.pose if level is None else level.then(visit.pose))
             floor_m = min(box.low[2] for box in boxes)

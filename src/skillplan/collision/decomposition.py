@@ -18,10 +18,10 @@ import numpy as np
 from skillplan.collision.surface import Floats, outermost, polyhedron_of
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.folder import cache_folder
+from skillplan.files.folder import get_cache_folder
 from skillplan.files.json_file import parse_json
 from skillplan.files.regular_file import read_bytes
-from skillplan.plugins.installed import decompositions
+from skillplan.plugins.installed import list_decompositions
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Mesh
 
@@ -85,13 +85,15 @@ def _pieces_of(mesh: Mesh) -> list[Decomposition]:
 
 
 def _kept_or_made(mesh: Mesh, label: str) -> Decomposition:
-    entry = next(iter(sorted(decompositions(), key=lambda decomposition: decomposition.name)), None)
+    entry = next(
+        iter(sorted(list_decompositions(), key=lambda decomposition: decomposition.name)), None
+    )
     if entry is None:
         raise NoPieces(
             "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio, or "
             "split it into convex pieces, one entry of 'meshes' each"
         )
-    path = cache_folder() / "pieces" / f"{_key(mesh, entry)}.json"
+    path = get_cache_folder() / "pieces" / f"{_key(mesh, entry)}.json"
     kept = _kept(path)
     if kept is not None:
         return kept

@@ -18,11 +18,11 @@ from pydantic import BaseModel, ValidationError
 
 from skillplan.domains.domain import Domain
 from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
-from skillplan.files.schema_errors import schema_issues, shown, untagged
+from skillplan.files.schema_errors import list_schema_issues, remove_tags, shown
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
-from skillplan.task.task import Task, unreachable_facts
+from skillplan.task.task import Task, find_unreachable_facts
 
 # Greatest depth of a key path, as for task files.
 _MOST_STEPS = 32
@@ -305,7 +305,7 @@ def _grounded(
     sha256 = _content_hash(config)
     tasks = domain.ground(config, sha256)
     for task in tasks:
-        lost = {} if task.infeasible else unreachable_facts(task)
+        lost = {} if task.infeasible else find_unreachable_facts(task)
         issues += [
             Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
             for fact, reason in lost.items()
@@ -370,10 +370,12 @@ def _validated(
     except ValidationError as error:
         # Entries that could not be read are missing from the data; the document reports them.
         unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
-        listed = schema_issues(error, domain.Config)
+        listed = list_schema_issues(error, domain.Config)
         faults = [issue for issue in listed if issue.path not in unread]
         unknown = [
-            untagged(fault["loc"]) for fault in error.errors() if fault["type"] == "extra_forbidden"
+            remove_tags(fault["loc"])
+            for fault in error.errors()
+            if fault["type"] == "extra_forbidden"
         ]
         if len(unknown) < error.error_count():
             return None, faults
@@ -385,7 +387,7 @@ def _validated(
         # Models are validated as a whole only if their keys are valid. A missing key may be a
         # misspelt unknown one, which is reported already.
         unread |= {tuple(path[:-1]) for path in unknown}
-        listed = schema_issues(error, domain.Config)
+        listed = list_schema_issues(error, domain.Config)
         return None, faults + [issue for issue in listed if issue.path not in unread]
 
 

@@ -23,7 +23,7 @@ MaskKind = typing.Literal["none", "applicable", "feasible"]
 Objective = typing.Literal["reward", "cost"]
 
 
-def checked_name(what: str, name: str, kinds: Any) -> Any:
+def check_name(what: str, name: str, kinds: Any) -> Any:
     """Return a name that must belong to a kind.
 
     Parameters
@@ -83,7 +83,7 @@ class Observation:
         OptionError
             If the kind is unknown.
         """
-        named: ObservationKind = checked_name("observation", kind, ObservationKind)
+        named: ObservationKind = check_name("observation", kind, ObservationKind)
         literals = task.observation or tuple(Literal(name) for name in task.facts.names)
         if named != "paper":
             seen = {literal.fact for literal in literals}
@@ -128,7 +128,7 @@ def _cost(skill: Skill, state: State) -> float:
         return 0.0
 
 
-def allowed_actions(
+def list_allowed_actions(
     model: SkillModel, state: State, mask: MaskKind, feasible: Callable[[int], bool]
 ) -> Sequence[int]:
     """Return the actions that a mask allows in a state, in ascending order.
@@ -191,7 +191,7 @@ class RewardFunction:
         OptionError
             If the objective is unknown.
         """
-        checked_name("objective", objective, Objective)
+        check_name("objective", objective, Objective)
         reward = task.reward
         infeasible = _FAILED if reward is None else reward.infeasible
         return cls(

@@ -12,8 +12,8 @@ from skillplan.env.observation import (
     MaskKind,
     Observation,
     RewardFunction,
-    allowed_actions,
-    checked_name,
+    check_name,
+    list_allowed_actions,
 )
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
@@ -47,7 +47,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     observation
         ``paper``, ``markov`` or ``layout``: see `Observation`.
     mask
-        ``none``, ``applicable`` or ``feasible``: see `allowed_actions`.
+        ``none``, ``applicable`` or ``feasible``: see `list_allowed_actions`.
     objective
         ``reward`` or ``cost``: see `RewardFunction`.
     render_mode
@@ -78,7 +78,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         self.model = model
         self.render_mode = render_mode
         self._observation = Observation.of(model.task, observation)
-        self._mask: MaskKind = checked_name("mask", mask, MaskKind)
+        self._mask: MaskKind = check_name("mask", mask, MaskKind)
         self._reward_function = RewardFunction.of(model.task, objective)
         self.features = self._observation.features
         self.observation_space = self._observation.space
@@ -189,7 +189,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
 
     def _info(self) -> dict[str, Any]:
         mask = np.zeros(len(self.model.task.skills), dtype=np.int8)
-        mask[list(allowed_actions(self.model, self._state, self._mask, self._feasible))] = 1
+        mask[list(list_allowed_actions(self.model, self._state, self._mask, self._feasible))] = 1
         return {"state": list(self._state), "action_mask": mask, "cost": 0.0}
 
     def _feasible(self, action: int) -> bool:

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from skillplan.env.observation import MaskKind, Observation, RewardFunction, checked_name
+from skillplan.env.observation import MaskKind, Observation, RewardFunction, check_name
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
@@ -80,7 +80,7 @@ class PlaceRecord:
         return cls(model, bits, steps, generator)
 
 
-def family_observations(tasks: Sequence[Task], kind: str) -> list[Observation]:
+def make_family_observations(tasks: Sequence[Task], kind: str) -> list[Observation]:
     """Return the observation of every task.
 
     Parameters
@@ -183,9 +183,9 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self.models = (models,) if isinstance(models, SkillModel) else tuple(models)
         if not self.models or num_envs < 1:
             raise ValueError("An environment has at least one model and one place.")
-        allowed: MaskKind = checked_name("mask", mask, MaskKind)
+        allowed: MaskKind = check_name("mask", mask, MaskKind)
         tasks = [model.task for model in self.models]
-        observations = family_observations(tasks, observation)
+        observations = make_family_observations(tasks, observation)
         self.num_envs = num_envs
         self.features = observations[0].features
         self.single_observation_space = observations[0].space

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.observation import MaskKind, Observation, RewardFunction, allowed_actions
+from skillplan.env.observation import MaskKind, Observation, RewardFunction, list_allowed_actions
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 
@@ -168,7 +168,7 @@ class TransitionTable:
             model, state = self.models[index], self._states[number]
             feasible = partial(self._feasible, number)
             # Actions first: they may discover states, and the arrays then grow.
-            allowed = list(allowed_actions(model, state, self._mask, feasible))
+            allowed = list(list_allowed_actions(model, state, self._mask, feasible))
             self.masks[number, allowed] = True
             self.features[number] = self._observations[index].encode(state)
             self._observed[number] = True

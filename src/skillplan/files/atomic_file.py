@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from skillplan.files.folder import sync_folder
-from skillplan.files.regular_file import RefusedFile, open_regular, plain_path_within
+from skillplan.files.regular_file import RefusedFile, open_regular, resolve_plainly_within
 
 # Names have at most 255 bytes, and the temporary file needs some of them.
 _KEPT_NAME_BYTES = 160
@@ -36,7 +36,7 @@ def write_whole(
     OSError
         If it cannot be written; then nothing changes.
     """
-    with replacing(path, within=within) as file:
+    with replace_file(path, within=within) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
@@ -66,7 +66,9 @@ def write_new(path: Path, content: str | bytes) -> None:
 
 
 @contextmanager
-def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> Iterator[IO[bytes]]:
+def replace_file(
+    path: Path, *, within: str | os.PathLike[str] | None = None
+) -> Iterator[IO[bytes]]:
     """Yield a file that replaces another one when the block ends.
 
     Parameters
@@ -80,7 +82,7 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
         If it cannot be written; after any exception, nothing changes.
     """
     if within is not None:
-        path = plain_path_within(path.parent, within) / path.name
+        path = resolve_plainly_within(path.parent, within) / path.name
     temporary = _temporary_name(path)
     with _piece(temporary) as file:
         yield file
@@ -91,7 +93,7 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
+def write_beside(path: Path) -> Iterator[Path]:
     """Yield the path of a new file for another program, which then replaces `path`.
 
     Raises
@@ -132,7 +134,7 @@ def write_as_one(
         If a file cannot be written; `filename` names it. If the disk is full, the earlier files
         stay; else none is left.
     """
-    folder = plain_path_within(folder, within)
+    folder = resolve_plainly_within(folder, within)
     *names, last = contents
     # The temporary file of the last one comes first and goes last: while it exists, the others may
     # be new.
@@ -200,7 +202,7 @@ def remove_unfinished(folder: Path, *, within: str | os.PathLike[str]) -> None:
     OSError
         If it cannot be read or written, or there is a link on the way.
     """
-    folder = plain_path_within(folder, within)
+    folder = resolve_plainly_within(folder, within)
     with suppress(FileNotFoundError):
         for name in os.listdir(folder):
             if is_unfinished(name):

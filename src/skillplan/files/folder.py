@@ -13,7 +13,7 @@ from typing import Self
 from filelock import lock_descriptor, unlock_descriptor
 
 from skillplan.errors import OptionError
-from skillplan.files.regular_file import plain_path_within
+from skillplan.files.regular_file import resolve_plainly_within
 
 # Error codes of file systems that cannot force a folder to disk.
 _NOT_FOR_FOLDERS = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
@@ -32,7 +32,7 @@ def make_folder(path: Path, *, within: Path) -> None:
     OSError
         If it cannot be created, or there is a link on the way.
     """
-    plain_path_within(path, within).mkdir(parents=True, exist_ok=True)
+    resolve_plainly_within(path, within).mkdir(parents=True, exist_ok=True)
 
 
 def sync_folder(folder: Path) -> None:
@@ -158,7 +158,7 @@ class HeldFolder:
             raise OptionError(f"--out {self._out}: cannot be used: {reason}.") from None
 
 
-def cache_folder() -> Path:
+def get_cache_folder() -> Path:
     """Return the folder for caches: ``SKILLPLAN_CACHE_DIR``, or the user's cache."""
     chosen = os.environ.get("SKILLPLAN_CACHE_DIR")
     if chosen:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import read_bytes
-from skillplan.files.schema_errors import schema_issues
+from skillplan.files.schema_errors import list_schema_issues
 
 MAX_DEPTH = 64
 _MOST_DIGITS = 300
@@ -92,7 +92,7 @@ _MOST_BYTES = 64 * 1024 * 1024
 _Content = TypeVar("_Content", bound=BaseModel)
 
 
-def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
+def format_document(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
     """Return the text of a document, which starts with the name of its schema.
 
     Raises
@@ -107,7 +107,7 @@ def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
 def read_document(
     path: Path, schema: str, remedy: str, *, within: Path | None = None
 ) -> dict[str, Any]:
-    """Return the content of a document that `json_text` wrote, without its schema name.
+    """Return the content of a document that `format_document` wrote, without its schema name.
 
     Parameters
     ----------
@@ -154,10 +154,12 @@ def read_checked(
         As for `read_document`, or if the content does not match.
     """
     document = read_document(path, schema, remedy, within=within)
-    return fitted(document, path, model, remedy)
+    return validate_document(document, path, model, remedy)
 
 
-def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str) -> _Content:
+def validate_document(
+    document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str
+) -> _Content:
     """Return the content of a document as a validated model.
 
     Raises
@@ -168,11 +170,11 @@ def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remed
     try:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:
-        fault = str(schema_issues(error, model)[0]).rstrip(".")
+        fault = str(list_schema_issues(error, model)[0]).rstrip(".")
         raise OptionError(f"{path}: is damaged: {fault}. {remedy}.") from None
 
 
-def json_fault(value: Mapping[str, Any]) -> str | None:
+def find_json_fault(value: Mapping[str, Any]) -> str | None:
     """Return the reason why a mapping is not JSON, or None; NaN and infinity are not."""
     try:
         json.dumps(dict(value), allow_nan=False)

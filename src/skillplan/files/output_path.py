@@ -10,7 +10,7 @@ from pathlib import Path
 from skillplan.errors import OptionError
 
 
-def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> Path:
+def check_output_path(option: str, out: str, suffixes: Collection[str], what: str) -> Path:
     """Return the path of an output, after checks that it can be written.
 
     Parameters
@@ -34,10 +34,10 @@ def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> 
     if suffix.lower() not in suffixes:
         fault = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
         raise OptionError(f"{option} {out}: {fault}; end it in {' or '.join(suffixes)}.")
-    return output_file(option, out)
+    return check_output_file(option, out)
 
 
-def output_file(option: str, out: str) -> Path:
+def check_output_file(option: str, out: str) -> Path:
     """Return the path of an output with any suffix, after the same checks.
 
     Raises
@@ -62,7 +62,7 @@ def output_file(option: str, out: str) -> Path:
     return path
 
 
-def output_folder(option: str, out: str) -> Path:
+def check_output_folder(option: str, out: str) -> Path:
     """Return the folder for several files, after checks that it can be created.
 
     Parameters
@@ -96,7 +96,7 @@ def output_folder(option: str, out: str) -> Path:
 
 
 @contextmanager
-def refusing(option: str, path: Path) -> Iterator[None]:
+def report_write_errors(option: str, path: Path) -> Iterator[None]:
     """Turn a failure to write into a clear message.
 
     Raises

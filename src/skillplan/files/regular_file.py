@@ -134,7 +134,7 @@ def open_regular(
     return descriptor
 
 
-def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
+def resolve_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
     """Return the real path of a file that must lie in a folder; it need not exist.
 
     Raises
@@ -148,7 +148,7 @@ def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str
     return real
 
 
-def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
+def resolve_plainly_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
     """Return the real path of a file in a folder; only the folder itself may be a link.
 
     Parameters
@@ -161,7 +161,7 @@ def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[st
     RefusedFile
         If ``..`` leads out of the folder, or there is a link on the way.
     """
-    real, root = real_path_within(path, folder), Path(os.path.realpath(folder))
+    real, root = resolve_within(path, folder), Path(os.path.realpath(folder))
     named = Path(os.path.abspath(path))
     for start in (Path(os.path.abspath(folder)), root):
         if named.is_relative_to(start):
@@ -190,7 +190,7 @@ def _has_kind(path: str | os.PathLike[str], is_kind: Callable[[int], bool]) -> b
 
 def _opened_within(path: str | os.PathLike[str], flags: int, within: str | os.PathLike[str]) -> int:
     """Open a file of a folder, step by step and without following links."""
-    real = plain_path_within(path, within)
+    real = resolve_plainly_within(path, within)
     _refuse_irregular(path, _status(real))
     if os.open not in os.supports_dir_fd:
         return os.open(real, flags | _CAREFUL | _BINARY, 0o666)
@@ -224,7 +224,7 @@ class CompanionFileError(Exception):
     """A file named in a task file cannot be used; the message gives the reason and a remedy."""
 
 
-def companion_in(folder: Path, name: str) -> Path:
+def find_companion(folder: Path, name: str) -> Path:
     """Return the path of a file below the folder of a task file.
 
     Parameters
@@ -248,7 +248,7 @@ def companion_in(folder: Path, name: str) -> Path:
     if ".." in PurePosixPath(name).parts:
         raise CompanionFileError(outside)
     try:
-        return real_path_within(folder / name, folder)
+        return resolve_within(folder / name, folder)
     except RefusedFile:
         raise CompanionFileError(outside) from None
     except (OSError, ValueError) as error:

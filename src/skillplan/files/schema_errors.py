@@ -50,14 +50,14 @@ class Located(ValueError):
         super().__init__(message)
 
 
-def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]:
+def list_schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]:
     """Return an issue for each fault, a thousand at most."""
     issues = []
     for fault in error.errors(include_url=False)[:_MOST]:
-        path = untagged(fault["loc"])
+        path = remove_tags(fault["loc"])
         kind = fault["type"]
         if kind == "extra_forbidden":
-            hint = name_hint(str(path[-1]), fields_at(model, path[:-1]))
+            hint = name_hint(str(path[-1]), list_fields_at(model, path[:-1]))
             issues.append(Issue(f"unknown key {shown(path[-1])}. {hint}", path, at_key=True))
         elif kind == "missing":
             meaning = _meaning(model, path)
@@ -76,7 +76,7 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
     return issues
 
 
-def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
+def remove_tags(location: Iterable[str | int]) -> tuple[str | int, ...]:
     """Return the path of a fault, without tags of alternative forms."""
     return tuple(step for step in location if step not in _TAGS)
 
@@ -131,7 +131,7 @@ def shown(value: object) -> str:
     return text if len(text) <= 48 else text[:45] + "..."
 
 
-def continued(sentence: str) -> str:
+def continue_sentence(sentence: str) -> str:
     """Return a sentence for the middle of a line, with a small first letter.
 
     Leading names, such as G41 or X, are kept.
@@ -156,7 +156,7 @@ def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:
     return description.partition(";")[0]
 
 
-def fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
+def list_fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
     """Return the keys that `model` allows at a path."""
     resolved = _model_at(model, path)
     if resolved is None:

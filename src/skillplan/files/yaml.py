@@ -38,7 +38,7 @@ _HINTS = (
 )
 
 
-def syntax_issue(error: yaml.YAMLError, text: str) -> Issue:
+def describe_syntax_error(error: yaml.YAMLError, text: str) -> Issue:
     """Return the issue for a syntax error, with its position and advice."""
     mark: Any = getattr(error, "problem_mark", None)
     start: Any = getattr(error, "context_mark", None)
@@ -194,7 +194,7 @@ def parse(text: str, source: str) -> Document:
         tags = _guard(text, source)
         root = yaml.compose(text, Loader=_LOADER)
     except yaml.YAMLError as error:
-        raise TaskError(source, [syntax_issue(error, text)]) from None
+        raise TaskError(source, [describe_syntax_error(error, text)]) from None
     if root is None:
         raise TaskError(source, [Issue("is empty. Start it with 'kind:'.", (), 1, 1)])
     reader = _Reader(source)

@@ -496,10 +496,10 @@ def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
 
 
 def _least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
-    from skillplan.model.tabular_mdp import least_expected_cost
+    from skillplan.model.tabular_mdp import compute_least_expected_cost
 
     try:
-        least_cost = least_expected_cost(model, _CHANCE_STATES, stop)
+        least_cost = compute_least_expected_cost(model, _CHANCE_STATES, stop)
     except ModelTooLarge:
         return LeastCost(EXPECTATION, why_not=f"too large, more than {_CHANCE_STATES:,} states")
     if model.stats.unknown:

@@ -32,7 +32,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status, tolerance
 from skillplan.records.stored.result_file import StoredClaims
-from skillplan.workers.processes import exit_code_of
+from skillplan.workers.processes import run_program
 
 NAME = "fast-downward"
 _PACKAGE = "up_fast_downward"
@@ -112,7 +112,7 @@ def run_planner(task: PlanningTask, limit_s: float) -> PlannerAnswer:
     with tempfile.TemporaryDirectory(prefix="skillplan-pddl-") as folder:
         write_whole(Path(folder) / DOMAIN, task.domain())
         write_whole(Path(folder) / PROBLEM, task.problem())
-        code = exit_code_of(words, folder, limit_s + _GRACE_S)
+        code = run_program(words, folder, limit_s + _GRACE_S)
         if code in _SOLVED:
             text = read_bytes(Path(folder) / _PLAN, _MOST_PLAN_BYTES, within=folder).decode()
             return _solved(task, text)

@@ -206,10 +206,10 @@ def _judge_expectation(
 def _find_least_cost(model: SkillModel) -> tuple[float | None, str]:
     """Return the least expected cost, or None and why the referee cannot calculate it."""
     # Imports numpy, which a task without chance does not need.
-    from skillplan.model.tabular_mdp import least_expected_cost
+    from skillplan.model.tabular_mdp import compute_least_expected_cost
 
     try:
-        least_cost = least_expected_cost(model, CHANCE_STATES)
+        least_cost = compute_least_expected_cost(model, CHANCE_STATES)
     except ModelTooLarge:
         return None, f"a proof under chance is audited up to {CHANCE_STATES:,} states"
     if model.stats.unknown:

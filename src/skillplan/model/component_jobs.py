@@ -15,11 +15,11 @@ from operator import or_
 from skillplan.errors import NotASequencing
 from skillplan.model.fact_analysis import (
     CostBasis,
-    each_bit,
     effects,
-    exclusive_bits,
-    live_skills,
-    named_bits,
+    find_live_skills,
+    iterate_bits,
+    map_exclusive_bits,
+    map_named_bits,
 )
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -90,9 +90,9 @@ class ComponentJobs:
             raise self.no("skills may have several outcomes")
         if any(skill.cases for skill in task.skills):
             raise self.no("what a skill brings about depends on the state")
-        self._exclusive = exclusive_bits(task)
+        self._exclusive = map_exclusive_bits(task)
         self._initial = task.initial.bits
-        self._live = live_skills(task)
+        self._live = find_live_skills(task)
         self._named = self._named_bits()
         chains = self._chains()
         self.connectors = self._connectors(chains)
@@ -125,7 +125,7 @@ class ComponentJobs:
             if bits is None:
                 raise self.no(f"nothing is known of what the cost of {skill.name} depends on")
             depended |= bits
-        return {name: bits & ~depended for name, bits in named_bits(self.task).items()}
+        return {name: bits & ~depended for name, bits in map_named_bits(self.task).items()}
 
     def _chains(self) -> dict[str, tuple[Skill, ...]]:
         """Return the skills of each unfinished component, in order."""
@@ -138,7 +138,7 @@ class ComponentJobs:
             raise self.no("one fact finishes several components")
         makers: dict[int, list[Skill]] = {}
         for skill in self._live:
-            for bit in each_bit(skill.prediction.add.bits):
+            for bit in iterate_bits(skill.prediction.add.bits):
                 makers.setdefault(bit.bit_length(), []).append(skill)
         chains = {}
         for component, bit in facts.items():
@@ -242,7 +242,7 @@ class ComponentJobs:
 
     def _excluded(self, holds: int) -> int:
         """Return the bits of facts that some facts exclude."""
-        excluded = (self._exclusive.get(bit.bit_length(), 0) for bit in each_bit(holds))
+        excluded = (self._exclusive.get(bit.bit_length(), 0) for bit in iterate_bits(holds))
         return reduce(or_, excluded, 0)
 
     def _check_connectors(self) -> None:
@@ -286,13 +286,15 @@ class DoneSets:
         self._undone = reduce(or_, (job.stages[0] for job in structure.jobs), 0)
         self._telling = reduce(or_, (job.change for job in structure.jobs), 0)
         self._owner = {
-            bit.bit_length(): i for i, job in enumerate(structure.jobs) for bit in each_bit(job.own)
+            bit.bit_length(): i
+            for i, job in enumerate(structure.jobs)
+            for bit in iterate_bits(job.own)
         }
 
     def state_bits(self, done: int) -> int:
         """Return the own facts of all jobs if exactly some jobs are done."""
         bits = self._undone
-        for i in members(done):
+        for i in list_members(done):
             bits ^= self.structure.jobs[i].change
         return bits
 
@@ -301,7 +303,7 @@ class DoneSets:
         assert verdict.present is not None
         assert verdict.absent is not None
         bits = (verdict.present.bits | verdict.absent.bits) & self._telling
-        return reduce(or_, (1 << self._owner[bit.bit_length()] for bit in each_bit(bits)), 0)
+        return reduce(or_, (1 << self._owner[bit.bit_length()] for bit in iterate_bits(bits)), 0)
 
     def demands(self, job: int) -> tuple[int, int]:
         """Return the jobs that preconditions of a job require to be done, and not done.
@@ -317,7 +319,7 @@ class DoneSets:
         for skill in structure.jobs[job].chain:
             needs = skill.precondition.requires.bits & foreign
             bars = skill.precondition.forbids.bits & foreign
-            for bit in each_bit(needs | bars):
+            for bit in iterate_bits(needs | bars):
                 must_hold = bool(bit & needs)
                 other = self._owner[bit.bit_length()]
                 stages = structure.jobs[other].stages
@@ -331,13 +333,13 @@ class DoneSets:
         return done, undone
 
 
-def members(jobs: int) -> Iterator[int]:
+def list_members(jobs: int) -> Iterator[int]:
     """Yield the indices of a set of jobs."""
-    for bit in each_bit(jobs):
+    for bit in iterate_bits(jobs):
         yield bit.bit_length() - 1
 
 
-def closed(
+def close_relation(
     structure: ComponentJobs, before: Mapping[int, int]
 ) -> tuple[dict[int, int], dict[int, int]]:
     """Return all direct and indirect predecessors and successors of each job.
@@ -352,7 +354,7 @@ def closed(
     NotASequencing
         If the precedence has a cycle.
     """
-    direct = {i: list(members(jobs)) for i, jobs in before.items()}
+    direct = {i: list(list_members(jobs)) for i, jobs in before.items()}
     try:
         order = list(TopologicalSorter(direct).static_order())
     except CycleError as error:

@@ -11,7 +11,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
 
-def each_bit(bits: int) -> Iterator[int]:
+def iterate_bits(bits: int) -> Iterator[int]:
     """Yield the bits of an integer, the lowest first."""
     while bits:
         low = bits & -bits
@@ -24,7 +24,7 @@ def effects(skill: Skill) -> int:
     return skill.prediction.add.bits | skill.prediction.delete.bits
 
 
-def live_skills(task: Task) -> tuple[Skill, ...]:
+def find_live_skills(task: Task) -> tuple[Skill, ...]:
     """Return the skills that may become applicable.
 
     The others never become applicable: in the delete relaxation, where facts stay true, a required
@@ -52,7 +52,7 @@ def live_skills(task: Task) -> tuple[Skill, ...]:
         live = [skill for skill in live if skill.name in reachable]
 
 
-def exclusive_bits(task: Task) -> dict[int, int]:
+def map_exclusive_bits(task: Task) -> dict[int, int]:
     """Return the bits of the facts that each fact excludes, by the number of its bit."""
     exclusive: dict[int, int] = {}
     for group in task.facts.exclusive:
@@ -65,7 +65,7 @@ def exclusive_bits(task: Task) -> dict[int, int]:
     return exclusive
 
 
-def named_bits(task: Task) -> dict[str, int]:
+def map_named_bits(task: Task) -> dict[str, int]:
     """Return the bits of the facts named after each component, without places of arms."""
     stands = {fact for robot in task.scene.robots for fact in robot.places}
     named = {component: task.facts.bit(fact) for component, fact in task.operations.items()}

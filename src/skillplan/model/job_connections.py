@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.model.component_jobs import ComponentJobs, DoneSets
-from skillplan.model.fact_analysis import each_bit
+from skillplan.model.fact_analysis import iterate_bits
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.cost import NEVER, TableCost
 from skillplan.task.skill import Skill
@@ -192,7 +192,7 @@ class JobConnections:
                 facts = ", ".join(verdict.facts)
                 raise self._structure.no(f"{skill.name} depends on what has been done: {facts}")
             basis |= (verdict.present.bits | verdict.absent.bits) & self._structure.situation
-            for other in each_bit(self._sets.named(verdict) & ~(done | never)):
+            for other in iterate_bits(self._sets.named(verdict) & ~(done | never)):
                 queries += 1
                 more = self._verdict(skill, situation, done | other)
                 open_sets.append((more, done | other, never))
@@ -424,7 +424,7 @@ class PricedConnections:
         return self._kept[key]
 
 
-def needed_connections(
+def find_needed_connections(
     jobs: int, all_before: Mapping[int, int], all_after: Mapping[int, int]
 ) -> NDArray[np.bool_]:
     """Return whether each job may directly follow each other, shape (n + 1, n); row 0 is the start.

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.conflict import explain_conflict
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import Relation
 from skillplan.checks.feasibility import PRECONDITION
@@ -63,7 +63,7 @@ class _Reached:
     succeeded: set[str]
 
 
-def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
+def explain_obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
     """Return the reason why the goal is unreachable, in at most three lines.
 
     The reason is the shortest cycle of precedence that the verdicts of reachable states show.
@@ -104,7 +104,7 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
             for relation in _relations(hypothetical, skill, reached.tries[skill.name].verdict)
         ),
     ]
-    cycle = conflict_lines(model.task, relations)
+    cycle = explain_conflict(model.task, relations)
     return "\n".join(cycle or _sentences(hypothetical, blocked, reached.tries))
 
 

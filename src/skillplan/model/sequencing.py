@@ -18,9 +18,13 @@ from numpy.typing import NDArray
 
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import CheckSteps, Undecided, run_queries
-from skillplan.model.component_jobs import ComponentJobs, DoneSets, closed, members
-from skillplan.model.fact_analysis import each_bit
-from skillplan.model.job_connections import JobConnections, PricedConnections, needed_connections
+from skillplan.model.component_jobs import ComponentJobs, DoneSets, close_relation, list_members
+from skillplan.model.fact_analysis import iterate_bits
+from skillplan.model.job_connections import (
+    JobConnections,
+    PricedConnections,
+    find_needed_connections,
+)
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict, VerdictStatus
 
@@ -182,7 +186,7 @@ class JobQuery:
             done |= blamed
             if sure:
                 self.before = done
-        for other in each_bit(blamed):
+        for other in iterate_bits(blamed):
             feasible_set = yield from self._feasible(position, done | other, undone)
             if feasible_set is not None:
                 return feasible_set
@@ -196,7 +200,7 @@ class JobQuery:
         """
         done, named = self._found[position]
         blamed: dict[int, int] = {}
-        for other in each_bit(named & ~(self.before | self.after)):
+        for other in iterate_bits(named & ~(self.before | self.after)):
             verdict = yield from self._check(position, done ^ other)
             if not verdict.is_feasible:
                 blamed[other] = self._blamed(verdict) & ~other
@@ -224,7 +228,7 @@ class JobQuery:
             facts = ", ".join(verdict.facts)
             name = self.job.chain[position].name
             raise self._structure.no(f"{name} depends on more than the order of parts: {facts}")
-        for other in each_bit(self._blamed(verdict) & ~(done | never)):
+        for other in iterate_bits(self._blamed(verdict) & ~(done | never)):
             more = done | other | closed_before[other.bit_length() - 1]
             if not more & never:
                 yield from self._cover(position, more, never, closed_before)
@@ -350,7 +354,9 @@ class SequencingProblem:
         costs, paths_by_job = connections.matrix(), connections.paths
         before = _precedence(model, structure, sets, connections)
         if model.asks_costs:
-            needed = needed_connections(len(structure.jobs), *closed(structure, before))
+            needed = find_needed_connections(
+                len(structure.jobs), *close_relation(structure, before)
+            )
             priced = PricedConnections(model, structure, connections, needed)
             costs, paths_by_job = priced.costs, priced.paths
         chosen = sorted(before)
@@ -367,7 +373,9 @@ class SequencingProblem:
             costs[0, chosen],
             costs[np.ix_([1 + job for job in chosen], chosen)],
             frozenset(
-                (index[member], index[job]) for job in chosen for member in members(before[job])
+                (index[member], index[job])
+                for job in chosen
+                for member in list_members(before[job])
             ),
             paths,
             model.task.step_limit,
@@ -397,10 +405,10 @@ def _precedence(
         run({job: query.relations() for job, query in new.items()})
         _exchange(queries)
         # Every plan also does jobs that are not in the goal but needed for it.
-        needed = {other for query in queries.values() for other in members(query.before)}
+        needed = {other for query in queries.values() for other in list_members(query.before)}
         todo = needed - set(queries)
     before = {job: query.before for job, query in queries.items()}
-    all_before, all_after = closed(structure, before)
+    all_before, all_after = close_relation(structure, before)
     left_out = sum(1 << job for job in range(len(structure.jobs)) if job not in queries)
     for job in queries:
         all_after[job] |= left_out
@@ -411,10 +419,10 @@ def _precedence(
 def _exchange(queries: Mapping[int, JobQuery]) -> None:
     """Complete the relation: every predecessor has the job as a successor, and vice versa."""
     for job, query in queries.items():
-        for other in members(query.before):
+        for other in list_members(query.before):
             if other in queries:
                 queries[other].after |= 1 << job
-        for other in members(query.after):
+        for other in list_members(query.after):
             if other in queries:
                 queries[other].before |= 1 << job
 

@@ -221,7 +221,7 @@ class _Rows:
         return rows
 
 
-def least_expected_cost(
+def compute_least_expected_cost(
     model: SkillModel, limit: int, over: Callable[[], bool] = lambda: False
 ) -> float | None:
     """Return the least expected cost of a policy that reaches the goal with certainty.

@@ -21,8 +21,8 @@ from skillplan.task.pose import (
     Quaternion,
     cross,
     dot,
+    is_same_direction,
     plus,
-    same_direction,
     unit,
 )
 from skillplan.task.scene import Body, Grasp, GraspKind, Robot, Scene, Tool, ToolKind
@@ -132,7 +132,7 @@ class LinearMotion:
     @property
     def points_down(self) -> bool:
         """True if the hand points straight down."""
-        return same_direction(self.points, DOWN)
+        return is_same_direction(self.points, DOWN)
 
     @property
     def is_vertical(self) -> bool:
@@ -255,7 +255,7 @@ def _linear_motion(
         low_m = visit.position[2]
     else:
         low_m = -body.reach_m(visit.pose, DOWN)
-    if same_direction(points, DOWN):
+    if is_same_direction(points, DOWN):
         yaw_rad = _closing_yaw_rad(visit, grasp, closing)
     else:
         yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
@@ -288,9 +288,9 @@ def _linear_motion(
 
 def _drop_m(visit: Visit, drop_height_m: float) -> float:
     """Return the height above its goal at which a visit releases a part [m]."""
-    if visit.event is not Event.RELEASE or same_direction(visit.along, AXES["z"]):
+    if visit.event is not Event.RELEASE or is_same_direction(visit.along, AXES["z"]):
         return 0.0
-    if same_direction(visit.along, DOWN):
+    if is_same_direction(visit.along, DOWN):
         return drop_height_m
     return min(drop_height_m, _SIDE_LIFT_M)
 
@@ -309,7 +309,7 @@ def _stretches(
     """
     backwards = (-points[0], -points[1], -points[2])
     if grasp is None or body is None:
-        if visit.event is not Event.DRIVE or same_direction(visit.along, DOWN):
+        if visit.event is not Event.DRIVE or is_same_direction(visit.along, DOWN):
             return (tip,), (tip,)
         away = (tip, plus(tip, visit.along, -(visit.insert_m or _SCREW_STRETCH_M)))
         return away, away
@@ -317,8 +317,8 @@ def _stretches(
     freed = (tip, plus(tip, backwards, free_m))
     if visit.event is Event.GRASP:
         # The load is lifted straight up.
-        return ((tip,) if same_direction(points, DOWN) else freed), (tip,)
-    downwards = same_direction(visit.along, DOWN)
+        return ((tip,) if is_same_direction(points, DOWN) else freed), (tip,)
+    downwards = is_same_direction(visit.along, DOWN)
     length_m = visit.insert_m or free_m
     inserted = (tip,) if downwards else (tip, plus(tip, visit.along, -length_m))
     blocked = grasp.kind is GraspKind.JAWS and abs(dot(visit.along, closing)) > 1e-6
@@ -331,7 +331,7 @@ def _hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
     if grasp is not None:
         return unit(visit.pose.rotate(grasp.approach)), unit(visit.pose.rotate(grasp.closing))
     points = visit.along if visit.event is Event.DRIVE else DOWN
-    if same_direction(points, DOWN):
+    if is_same_direction(points, DOWN):
         yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
         return DOWN, (math.cos(yaw_rad), math.sin(yaw_rad), 0.0)
     # A rotation about its own axis is free: take a horizontal one if possible.

@@ -26,7 +26,7 @@ from skillplan.pipeline.solving import (
     open_warm_cache,
     search,
 )
-from skillplan.plugins.blame import debugging, traceback_text
+from skillplan.plugins.blame import format_traceback, is_debugging
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
@@ -37,9 +37,9 @@ from skillplan.workers.executor import (
     Executor,
     News,
     Worker,
-    packed,
+    pack_content,
+    set_stop_handler,
     shares_files,
-    when_asked_to_stop,
 )
 from skillplan.workers.local_processes import LocalProcesses
 
@@ -221,8 +221,8 @@ def _make_chain_row(problem: Problem, request: SearchRequest) -> ChainResult:
 
 def _log(error: SkillplanError) -> None:
     """Log the traceback if ``SKILLPLAN_DEBUG`` demands it; the row has the message."""
-    if debugging():
-        _LOG.error("%s\n%s", error, traceback_text(error))
+    if is_debugging():
+        _LOG.error("%s\n%s", error, format_traceback(error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,7 +323,7 @@ def rows_side_by_side(
     maker = terms.setup.make_executor
     executor = LocalProcesses(slots) if maker is None else maker(slots)
     alone = replace(terms, setup=terms.setup.in_worker)
-    content = packed(_Ground(_sendable(alone), limits), _PURPOSE)
+    content = pack_content(_Ground(_sendable(alone), limits), _PURPOSE)
     rows: dict[int, Row] = {}
     try:
         for index, outcome in _outcomes(executor, content, solvers, stop):
@@ -383,12 +383,12 @@ def _prepare(ground: _Ground) -> Callable[[str], Row | _Wrong]:
 
     def work(solver: str) -> Row | _Wrong:
         stop = Stop(**ground.limits)
-        when_asked_to_stop(stop.interrupt)
+        set_stop_handler(stop.interrupt)
         try:
             return ground.terms.row(solver, stop)
         except WRONG_INPUT as error:
             return _Wrong(str(error))
         finally:
-            when_asked_to_stop(None)
+            set_stop_handler(None)
 
     return work

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
-from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.conflict import explain_conflict
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.chart.precedence_query import CheckSteps, PrecedenceQuery, run_queries
@@ -17,7 +17,7 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.collision.aabb import AabbDetector
 from skillplan.domains.load import Problem
 from skillplan.errors import BackEndError, Issue, PluginError
-from skillplan.model.obstruction import obstruction
+from skillplan.model.obstruction import explain_obstruction
 from skillplan.model.skill_model import SkillModel
 from skillplan.physics.kinematic import surely_reached
 from skillplan.physics.linear_motions import too_wide
@@ -240,7 +240,7 @@ def _too_expensive(task: Task) -> str:
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
     """Yield messages about the reason why no order exists."""
     by = f"by {', '.join(names)}"
-    first, *rest = conflict_lines(task, chart.relations) or ("",)
+    first, *rest = explain_conflict(task, chart.relations) or ("",)
     if first:
         yield f"{by} no order exists: {first}."
         yield from (f"{line}." for line in rest)
@@ -263,7 +263,7 @@ def explain_infeasible(model: SkillModel, *, charted: bool) -> str:
         obstacle = ("" if chart.cycle else _contradict_chart(model)) or chart.obstacle(task)
         if obstacle:
             return obstacle
-    return obstruction(model) or f"none within {task.step_limit} skills"
+    return explain_obstruction(model) or f"none within {task.step_limit} skills"
 
 
 def _contradict_chart(model: SkillModel) -> str:

@@ -18,11 +18,11 @@ from pydantic import BaseModel, ValidationError
 
 from skillplan.domains.domain import Domain
 from skillplan.errors import Issue, OptionError, PluginError, name_hint
-from skillplan.files.schema_errors import schema_issues, shown
+from skillplan.files.schema_errors import list_schema_issues, shown
 from skillplan.plugins import installed
 from skillplan.plugins.blame import ends_program
 from skillplan.records import schemas
-from skillplan.workers.supervised import doing, import_limit_s
+from skillplan.workers.supervised import doing, get_import_limit_s
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -187,7 +187,7 @@ def load(kind: str, name: str) -> type[Any]:
         owners = " and ".join(_owner(entry) for entry in providers)
         raise PluginError(f"The {kind} {name!r} is provided by {owners}. Uninstall one of them.")
     entry = providers[0]
-    limit_s = import_limit_s()
+    limit_s = get_import_limit_s()
     activity = f"the import of the {kind} {name!r} of {_owner(entry)} ({entry.value})"
     try:
         with doing(activity, limit_s=limit_s, forced=True, exit_code=PluginError.exit_code):
@@ -238,7 +238,7 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
     try:
         return model.model_validate(dict(values))
     except ValidationError as error:
-        lines = [str(issue) for issue in schema_issues(error, model)]
+        lines = [str(issue) for issue in list_schema_issues(error, model)]
         raise OptionError(f"Options of the {kind} {name!r}: {' '.join(lines)}") from None
 
 
@@ -264,7 +264,7 @@ def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue
     try:
         model.model_validate({k: v for k, v in values.items() if k in model.model_fields})
     except ValidationError as error:
-        issues += [issue.under(name) for issue in schema_issues(error, model)]
+        issues += [issue.under(name) for issue in list_schema_issues(error, model)]
     return issues
 
 

@@ -30,7 +30,7 @@ from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import BackEndError, SkillplanError, SolverError
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline.solving import SearchOutcome, SearchRequest, blame_solver, run_solver
-from skillplan.plugins.blame import ends_program, traceback_text
+from skillplan.plugins.blame import ends_program, format_traceback
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import MEMORY_LIMIT, Progress, Stop
@@ -41,12 +41,12 @@ from skillplan.workers.executor import (
     Executor,
     News,
     Worker,
-    packed,
+    pack_content,
+    set_stop_handler,
     tell,
-    when_asked_to_stop,
 )
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.processes import resident_bytes_of
+from skillplan.workers.processes import measure_resident_bytes_of
 
 _PURPOSE = "the search"
 # Time that the process may take to return after a request to stop [s].
@@ -143,7 +143,7 @@ def search_apart(
     recipes = [Recipe.of(back_end) for back_end in model.feasibility.back_ends]
     content: Content = (model.task, recipes, type(solver), solver.options, folder)
     place = LocalProcesses(1) if executor is None else executor
-    worker = place.start(prepare, packed(content, _PURPOSE), _PURPOSE)
+    worker = place.start(prepare, pack_content(content, _PURPOSE), _PURPOSE)
     try:
         size = request.sample_size
         worker.take(Job(request.seed, size, stop.left(), stop.best, stop.lower_bound))
@@ -161,7 +161,7 @@ def _listen(name: str, worker: Worker, place: Executor, stop: Stop) -> SearchOut
             outcome = inbox.read()
             if outcome is not None:
                 return outcome
-        limit, held = stop.memory_limit_bytes, resident_bytes_of(worker.number)
+        limit, held = stop.memory_limit_bytes, measure_resident_bytes_of(worker.number)
         late = asked_s is not None and time.monotonic() > asked_s + GRACE_S
         if limit is not None and held is not None and held > limit:
             stop.end(MEMORY_LIMIT)
@@ -250,7 +250,7 @@ def prepare(content: Content) -> Callable[[Job], SearchOutcome | Failure]:
         try:
             return run_job(job)
         except SkillplanError as error:
-            return Failure(str(error), traceback_text(error), isinstance(error, BackEndError))
+            return Failure(str(error), format_traceback(error), isinstance(error, BackEndError))
 
     def run_job(job: Job) -> SearchOutcome:
         stop = _make_stop(job)
@@ -358,5 +358,5 @@ def _make_stop(job: Job) -> Stop:
         stop.incumbent(job.start)
     if job.lower_bound is not None:
         stop.bound(job.lower_bound)
-    when_asked_to_stop(stop.interrupt)
+    set_stop_handler(stop.interrupt)
     return stop

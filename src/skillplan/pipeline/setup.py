@@ -7,14 +7,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
-from skillplan.checks.single_check import tells_time
+from skillplan.checks.single_check import can_time
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.physics.engine import Engine
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
-from skillplan.plugins.installed import AUTO, PREFERRED, installed_simulator
+from skillplan.plugins.installed import AUTO, PREFERRED, find_simulator
 from skillplan.records.result import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
@@ -158,7 +158,7 @@ class Setup:
         chosen = [("physics", self.physics_choice(task).name)]
         chosen += [("collision", choice.name) for choice in self.collision_choices(task)]
         screen = SCREEN if self.screens(task) else None
-        tell = [n for kind, n in chosen if n != screen and tells_time(registry.load(kind, n))]
+        tell = [n for kind, n in chosen if n != screen and can_time(registry.load(kind, n))]
         return ",".join(tell)
 
     def _detectors(self, task: Task) -> tuple[str, ...]:
@@ -209,7 +209,7 @@ def resolve_engine(name: str) -> str:
     """
     if name != AUTO:
         return name
-    installed = installed_simulator()
+    installed = find_simulator()
     if installed is None:
         known = " or ".join(f"skillplan-{engine}" for engine in PREFERRED)
         raise OptionError(f"physics 'auto' finds no engine that moves bodies: pip install {known}.")

@@ -25,7 +25,7 @@ from skillplan.errors import (
     SolverError,
     name_hint,
 )
-from skillplan.files.folder import cache_folder
+from skillplan.files.folder import get_cache_folder
 from skillplan.judge.referee import judge
 from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import replay
@@ -676,4 +676,4 @@ def list_expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
 
 def open_warm_cache() -> DiskVerdictCache:
     """Return the cache that is kept between runs."""
-    return DiskVerdictCache(cache_folder() / "verdicts")
+    return DiskVerdictCache(get_cache_folder() / "verdicts")

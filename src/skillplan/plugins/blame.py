@@ -40,7 +40,7 @@ def blame(
     """
     if isinstance(error, ours) or ends_program(error):
         raise error
-    raise error_class(say(raised_by(plugin, error))) from error
+    raise error_class(say(describe_exception(plugin, error))) from error
 
 
 def ends_program(error: BaseException) -> bool:
@@ -51,7 +51,7 @@ def ends_program(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and _python_hears_ctrl_c()
 
 
-def raised_by(plugin: type, error: BaseException) -> str:
+def describe_exception(plugin: type, error: BaseException) -> str:
     """Return the description of an exception, with file and line in the plugin.
 
     Parameters
@@ -66,18 +66,18 @@ def raised_by(plugin: type, error: BaseException) -> str:
     place = _place_of(plugin, error)
     if not place:
         return words
-    hint = "" if debugging() else "; SKILLPLAN_DEBUG=1 shows the traceback"
+    hint = "" if is_debugging() else "; SKILLPLAN_DEBUG=1 shows the traceback"
     return f"{words} ({place}{hint})"
 
 
-def debugging() -> bool:
+def is_debugging() -> bool:
     """Return whether ``SKILLPLAN_DEBUG`` requests tracebacks."""
     return bool(os.environ.get("SKILLPLAN_DEBUG"))
 
 
-def traceback_text(error: SkillplanError) -> str:
-    """Return the traceback of a plugin's exception if `debugging`; else empty."""
-    if not debugging():
+def format_traceback(error: SkillplanError) -> str:
+    """Return the traceback of a plugin's exception if `is_debugging`; else empty."""
+    if not is_debugging():
         return ""
     if error.remote_traceback or error.__cause__ is None:
         return error.remote_traceback

@@ -33,7 +33,7 @@ def registered(kind: str) -> EntryPoints:
     return _of_group(GROUPS[kind])
 
 
-def decompositions() -> EntryPoints:
+def list_decompositions() -> EntryPoints:
     """Return the entry points that decompose meshes."""
     return _of_group(f"skillplan.{_DECOMPOSITION}")
 
@@ -58,7 +58,7 @@ def chapters() -> EntryPoints:
     return _of_group(f"skillplan.{_CHAPTER}")
 
 
-def registered_as(plugin: type[Any]) -> EntryPoint | None:
+def find_entry_point(plugin: type[Any]) -> EntryPoint | None:
     """Return the entry point of a class, or None.
 
     The class decides, not the name of its module: an entry point may name a package that imports
@@ -81,7 +81,7 @@ def is_editable(distribution: Distribution) -> bool:
         return False
 
 
-def distribution_versions() -> tuple[tuple[str, str], ...]:
+def list_distribution_versions() -> tuple[tuple[str, str], ...]:
     """Return names and versions of the distributions with plugins."""
     providers = {
         entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None
@@ -185,7 +185,7 @@ PREFERRED = ("pybullet", "mujoco")
 """Engines that execute skills, the preferred first."""
 
 
-def installed_simulator() -> str | None:
+def find_simulator() -> str | None:
     """Return the name of the engine for ``auto``, or None."""
     known = registered("physics").names
     return next((name for name in PREFERRED if name in known), None)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from skillplan.files.json_file import json_fault
+from skillplan.files.json_file import find_json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
@@ -100,7 +100,7 @@ class Solution:
         if not isinstance(self.proved, bool):
             raise ValueError(f"its claim of a proof is {self.proved!r}, neither True nor False")
         trace = dict(self.trace)
-        fault = json_fault(trace)
+        fault = find_json_fault(trace)
         if fault is not None:
             raise ValueError(f"its trace is not JSON: {fault}")
         answer = self.found

@@ -10,7 +10,7 @@ from typing import Any
 
 from skillplan.checks.feasibility import CheckCount
 from skillplan.solvers.solution import Plan, relative_gap
-from skillplan.workers.processes import resident_bytes
+from skillplan.workers.processes import measure_resident_bytes
 
 # A solver that polls returns long before; one that does not is stopped by the model [s].
 _GRACE_S = 1.0
@@ -215,7 +215,7 @@ class Stop:
         """
         if self._memory_limit_bytes is None:
             return None
-        held = resident_bytes()
+        held = measure_resident_bytes()
         return None if held is None else max(0, self._memory_limit_bytes - held)
 
     @property

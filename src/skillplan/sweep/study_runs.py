@@ -17,7 +17,7 @@ from skillplan.records.sweep.result import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.workers.executor import Answer, Executor, News, Worker, packed, shares_files
+from skillplan.workers.executor import Answer, Executor, News, Worker, pack_content, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 
 # Time limit of the exact search from one start [s].
@@ -187,7 +187,7 @@ def do_runs(
     """
     executor = LocalProcesses(count) if executor is None else executor
     todo = iter(orders)
-    content = packed(replace(job, setup=job.setup.in_worker), _PURPOSE)
+    content = pack_content(replace(job, setup=job.setup.in_worker), _PURPOSE)
     at: dict[Worker, Order] = {}
     again: list[Order] = []
 

@@ -5,7 +5,7 @@ from .cost import ConstantCost as ConstantCost
 from .cost import Cost as Cost
 from .cost import DistanceCost as DistanceCost
 from .cost import TableCost as TableCost
-from .cost import planar_distance as planar_distance
+from .cost import compute_planar_distance as compute_planar_distance
 from .motion import AXES as AXES
 from .motion import Event as Event
 from .motion import Grasp as Grasp
@@ -45,7 +45,7 @@ from .task import Metric as Metric
 from .task import Place as Place
 from .task import Precedence as Precedence
 from .task import Task as Task
-from .task import unreachable_facts as unreachable_facts
+from .task import find_unreachable_facts as find_unreachable_facts
 from .verdict import Verdict as Verdict
 from .verdict import VerdictStatus as VerdictStatus
 
@@ -94,10 +94,10 @@ __all__ = [
     "Verdict",
     "VerdictStatus",
     "Visit",
+    "compute_planar_distance",
     "cross",
     "dot",
-    "planar_distance",
+    "find_unreachable_facts",
     "plus",
     "unit",
-    "unreachable_facts",
 ]

@@ -172,7 +172,7 @@ class DistanceCost:
         routes = []
         for route in self.motion.routes:
             points = [visit.position for visit in route.visits]
-            beyond = sum(planar_distance(a, b) for a, b in pairwise(points))
+            beyond = sum(compute_planar_distance(a, b) for a, b in pairwise(points))
             dwell_s = math.fsum(visit.dwell_s for visit in route.visits) if self.dwells else 0.0
             routes.append((route.when.bits, points[0][0], points[0][1], beyond, dwell_s))
         object.__setattr__(self, "_places_mask", mask)
@@ -220,7 +220,7 @@ class DistanceCost:
                 yield start
 
 
-def planar_distance(start: Point, goal: Point) -> float:
+def compute_planar_distance(start: Point, goal: Point) -> float:
     """Return the horizontal distance between two points [m]."""
     return math.hypot(goal[0] - start[0], goal[1] - start[1])
 

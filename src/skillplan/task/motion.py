@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from skillplan.task.pose import DOWN, Point, Pose, dot, is_unit, same_direction
+from skillplan.task.pose import DOWN, Point, Pose, dot, is_same_direction, is_unit
 from skillplan.task.state import State
 
 AXES: dict[str, Point] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -67,14 +67,14 @@ class Grasp:
         """Name of the body axis along which jaws close, or None."""
         backwards = (-self.closing[0], -self.closing[1], -self.closing[2])
         for name, axis in AXES.items():
-            if same_direction(axis, self.closing) or same_direction(axis, backwards):
+            if is_same_direction(axis, self.closing) or is_same_direction(axis, backwards):
                 return name
         return None
 
     @property
     def from_above(self) -> bool:
         """True if the hand points along -z of the body's frame."""
-        return same_direction(self.approach, DOWN)
+        return is_same_direction(self.approach, DOWN)
 
 
 __all__ = ["Event", "Motion", "Point", "Route", "Visit"]

@@ -162,7 +162,7 @@ def is_unit(vector: Point) -> bool:
     return abs(math.hypot(*vector) - 1) <= _SAME
 
 
-def same_direction(a: Point, b: Point) -> bool:
+def is_same_direction(a: Point, b: Point) -> bool:
     """Return whether two unit vectors are equal."""
     return dot(a, b) >= 1 - _SAME
 

@@ -283,7 +283,7 @@ class Task:
         return self.metric.text(cost)
 
 
-def unreachable_facts(task: Task) -> dict[str, str]:
+def find_unreachable_facts(task: Task) -> dict[str, str]:
     """Return the goal facts that no sequence of skills can reach, each with a reason.
 
     This is the usual delete relaxation: facts, once true, stay true.

@@ -35,9 +35,9 @@ from skillplan.workers.executor import (
     ExecutorChoice,
     News,
     Worker,
-    packed,
+    pack_content,
+    set_stop_handler,
     tell,
-    when_asked_to_stop,
 )
 from skillplan.workers.local_processes import LocalProcesses
 
@@ -64,12 +64,12 @@ def _count(job: int) -> int:
 
 def _wait(job: float) -> str:
     event = threading.Event()
-    when_asked_to_stop(event.set)
+    set_stop_handler(event.set)
     tell("listening")
     end_s = time.monotonic() + job
     while not event.is_set() and time.monotonic() < end_s:
         time.sleep(0.01)
-    when_asked_to_stop(None)
+    set_stop_handler(None)
     return "asked to stop" if event.is_set() else "heard nothing"
 
 
@@ -263,7 +263,7 @@ class ExpensiveBoxes(AabbDetector):
 
 
 def _started(executor: Executor, function: str) -> Worker:
-    return executor.start(prepare, packed(function, _WHAT), _WHAT)
+    return executor.start(prepare, pack_content(function, _WHAT), _WHAT)
 
 
 def _done(executor: Executor, worker: Worker, job: Any) -> Any:

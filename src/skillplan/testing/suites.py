@@ -14,7 +14,7 @@ import pytest
 from skillplan.domains.domain import Domain
 from skillplan.errors import OptionError
 from skillplan.exporters.exporter import Exporter, Handover
-from skillplan.files.json_file import json_fault
+from skillplan.files.json_file import find_json_fault
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
 from skillplan.pipeline.exchange import export_files, list_notes, make_exporter, make_handover
@@ -140,7 +140,7 @@ class DomainSuite:
         """Its description can be printed, even for an unsolved file."""
         plugin: Domain = registry.load("domain", self.domain)()
         config = plugin.Config.model_validate(self.content)
-        assert json_fault(plugin.account(config, {}).document) is None
+        assert find_json_fault(plugin.account(config, {}).document) is None
 
     def test_the_schema_describes_every_key(self) -> None:
         """Editors can show the meaning of a key."""

@@ -16,7 +16,7 @@ from typing import Any
 from skillplan.domains.assembly.board_generator import MOST_PARTS, BoardGenerator
 from skillplan.errors import OptionError
 from skillplan.files.folder import HeldFolder
-from skillplan.files.output_path import output_folder, refusing
+from skillplan.files.output_path import check_output_folder, report_write_errors
 from skillplan.model.policy_value import roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
@@ -180,7 +180,7 @@ class FamilyFolder(HeldFolder):
 
     def __init__(self, out: str) -> None:
         super().__init__(out)
-        output_folder("--out", out)
+        check_output_folder("--out", out)
         with self._opening("training"):
             pass
 
@@ -212,7 +212,7 @@ def train_family(
 
     lesson = learner.learn(models(), plan.seed, on_step)
     trial = None if stop() else _try_policy(lesson.policy, plan.family, plan.seed, stop)
-    with refusing("--out", folder.path):
+    with report_write_errors("--out", folder.path):
         return write_relational(
             folder.path,
             lesson.policy,

@@ -33,7 +33,7 @@ from skillplan.files.folder import FolderLock, make_folder
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.registry import load
 from skillplan.pipeline.solving import make_model, open_warm_cache
-from skillplan.plugins.blame import debugging, ends_program, raised_by
+from skillplan.plugins.blame import describe_exception, ends_program, is_debugging
 from skillplan.records.training.result import GreedyRollOut
 from skillplan.records.training.run_folder import (
     CHECKPOINT,
@@ -57,7 +57,7 @@ from skillplan.training.run_files import (
     writing,
 )
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed, shares_files
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, pack_content, shares_files
 from skillplan.workers.local_processes import LocalProcesses
 
 # Processes of a killed program end within this time [s].
@@ -413,10 +413,10 @@ def _describe_failure(job: GroupJob, error: BaseException) -> GroupFailure:
         return GroupFailure(job.group, str(error), fatal=True)
     if isinstance(error, SkillplanError):
         return GroupFailure(job.group, str(error), back_end=isinstance(error, BackEndError))
-    if debugging():
+    if is_debugging():
         raise error
     name = job.plan.solver
-    reason = f"The solver {name!r} failed: {raised_by(load('solver', name), error)}"
+    reason = f"The solver {name!r} failed: {describe_exception(load('solver', name), error)}"
     return GroupFailure(job.group, reason)
 
 
@@ -583,9 +583,9 @@ class _WorkerPool:
 
     def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
         if self._executor.shares_files:
-            worker = self._executor.start(serve, packed(job.in_worker, _PURPOSE), _PURPOSE)
+            worker = self._executor.start(serve, pack_content(job.in_worker, _PURPOSE), _PURPOSE)
         else:
-            content = packed(SentGroup.of(job.in_worker), _PURPOSE)
+            content = pack_content(SentGroup.of(job.in_worker), _PURPOSE)
             worker = self._executor.start(serve_sent, content, _PURPOSE)
         self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)

@@ -33,10 +33,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import GrowingFile, is_unfinished, write_whole
 from skillplan.files.folder import make_folder
-from skillplan.files.json_file import json_text, parse_json
+from skillplan.files.json_file import format_document, parse_json
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.safetensors_file import read_safetensors
-from skillplan.files.schema_errors import schema_issues
+from skillplan.files.schema_errors import list_schema_issues
 from skillplan.records import schemas
 from skillplan.records.training.run_folder import (
     MANIFEST,
@@ -51,7 +51,7 @@ from skillplan.records.training.run_folder import (
     read_metrics,
 )
 from skillplan.solvers.learning.learner import Episode, Snapshot
-from skillplan.workers.processes import available_bytes
+from skillplan.workers.processes import get_available_bytes
 
 _KEY = "skillplan"
 # Larger than any replay buffer that fits into memory today.
@@ -137,7 +137,7 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
 
     try:
         data, file_header = read_safetensors(
-            path, MOST_BYTES, room_bytes=available_bytes(), within=within
+            path, MOST_BYTES, room_bytes=get_available_bytes(), within=within
         )
         kept = load(data)
         del data
@@ -167,7 +167,7 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
     try:
         checked = _Content.model_validate(content)
     except ValidationError as error:
-        fault = str(schema_issues(error, _Content)[0]).rstrip(".")
+        fault = str(list_schema_issues(error, _Content)[0]).rstrip(".")
         raise OptionError(f"{path}: is damaged: {fault}. {_REMEDY}.") from None
     return Checkpoint(checked.steps, checked.lengths, Snapshot(arrays, checked.notes))
 
@@ -432,7 +432,7 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
         make_folder(get_group_path(folder, group), within=folder)
-        text = json_text(schemas.RUN_GROUP, progress)
+        text = format_document(schemas.RUN_GROUP, progress)
         write_whole(get_group_path(folder, group) / PROGRESS, text, within=folder)
 
 

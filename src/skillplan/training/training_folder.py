@@ -26,7 +26,7 @@ from skillplan.files.atomic_file import (
     write_whole,
 )
 from skillplan.files.folder import HeldFolder
-from skillplan.files.json_file import json_text
+from skillplan.files.json_file import format_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
 from skillplan.pipeline import registry
@@ -49,7 +49,7 @@ from skillplan.records.training.run_folder import (
 from skillplan.solvers.learning.learner import STRIDE_STEPS, LearnerOptions
 from skillplan.training.run_files import writing
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.workers.processes import output_of
+from skillplan.workers.processes import read_output
 
 SCHEDULE = "schedule_steps"
 
@@ -266,7 +266,9 @@ class TrainingFolder(HeldFolder):
             self._compare(stored, kept, requested, problem)
             if longer:
                 check_extension(self.path, existing, requested.steps, requested=steps_said)
-                write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
+                write_whole(
+                    self.path / MANIFEST, format_document(schemas.RUN, kept), within=self.path
+                )
                 self.extended = describe_extension(kept)
             runs = [get_run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
             groups = [
@@ -279,9 +281,9 @@ class TrainingFolder(HeldFolder):
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
         write_whole(self.path / copy, content, within=self.path)
-        config = json_text(schemas.RESOLVED_TASK, resolve_config(problem))
+        config = format_document(schemas.RESOLVED_TASK, resolve_config(problem))
         write_whole(self.path / TASK_CONFIG, config, within=self.path)
-        write_whole(self.path / MANIFEST, json_text(schemas.RUN, requested), within=self.path)
+        write_whole(self.path / MANIFEST, format_document(schemas.RUN, requested), within=self.path)
         remove_unfinished(self.path, within=self.path)
         return requested
 
@@ -392,6 +394,6 @@ def _find_git_commit() -> str | None:
     """Return the commit of the running source; None if it is not a checkout."""
     source = Path(skillplan.__file__)
     git = ["git", "-C", str(source.parent)]
-    if output_of([*git, "ls-files", "--error-unmatch", source.name]) is None:
+    if read_output([*git, "ls-files", "--error-unmatch", source.name]) is None:
         return None
-    return (output_of([*git, "rev-parse", "HEAD"]) or "").strip() or None
+    return (read_output([*git, "rev-parse", "HEAD"]) or "").strip() or None

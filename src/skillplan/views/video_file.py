@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import replacing, write_whole, written_beside
-from skillplan.files.output_path import refusing
+from skillplan.files.atomic_file import replace_file, write_beside, write_whole
+from skillplan.files.output_path import report_write_errors
 from skillplan.physics.performance import Image
 from skillplan.workers.processes import FedProgram
 
@@ -39,7 +39,7 @@ def save_picture(image: Image, path: Path, option: str) -> None:
     OptionError
         If it cannot be written; the message begins with the option of the file.
     """
-    with refusing(option, path):
+    with report_write_errors(option, path):
         content = io.BytesIO()
         _pillow(image).save(content, format="PNG", optimize=False)
         write_whole(path, content.getvalue())
@@ -63,7 +63,11 @@ def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
     OptionError
         If the file cannot be written, or the library for MP4 is not installed.
     """
-    with suppress(_Empty), refusing(option, path), _writer(path, frames_per_s, option) as writer:
+    with (
+        suppress(_Empty),
+        report_write_errors(option, path),
+        _writer(path, frames_per_s, option) as writer,
+    ):
         try:
             yield _Guarded(writer, option, path)
         finally:
@@ -76,10 +80,10 @@ def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
 def _writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter | _Mp4Writer]:
     """Open a writer for the format of the suffix, whose file then replaces `path`."""
     if path.suffix.lower() == ".gif":
-        with replacing(path) as file:
+        with replace_file(path) as file:
             yield _GifWriter(file, frames_per_s)
     else:
-        with written_beside(path) as temporary:
+        with write_beside(path) as temporary:
             yield _Mp4Writer(temporary, frames_per_s, option)
 
 
@@ -97,7 +101,7 @@ class _Guarded:
 
     def add(self, image: Image) -> None:
         """Append an image."""
-        with refusing(self._option, self._path):
+        with report_write_errors(self._option, self._path):
             self._writer.add(image)
 
 

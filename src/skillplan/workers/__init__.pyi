@@ -5,13 +5,13 @@ from .executor import Executor as Executor
 from .executor import ExecutorChoice as ExecutorChoice
 from .executor import Prepare as Prepare
 from .executor import Worker as Worker
-from .executor import packed as packed
+from .executor import pack_content as pack_content
 from .local_processes import LocalProcesses as LocalProcesses
 from .processes import FedProgram as FedProgram
-from .processes import output_of as output_of
-from .processes import resident_bytes as resident_bytes
-from .processes import resident_bytes_of as resident_bytes_of
-from .supervisor import descendants as descendants
+from .processes import measure_resident_bytes as measure_resident_bytes
+from .processes import measure_resident_bytes_of as measure_resident_bytes_of
+from .processes import read_output as read_output
+from .supervisor import list_descendants as list_descendants
 
 __all__ = [
     "POLL_S",
@@ -23,9 +23,9 @@ __all__ = [
     "LocalProcesses",
     "Prepare",
     "Worker",
-    "descendants",
-    "output_of",
-    "packed",
-    "resident_bytes",
-    "resident_bytes_of",
+    "list_descendants",
+    "measure_resident_bytes",
+    "measure_resident_bytes_of",
+    "pack_content",
+    "read_output",
 ]

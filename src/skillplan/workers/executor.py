@@ -218,7 +218,7 @@ MakeExecutor = Callable[[int], Executor]
 """Returns an executor with a number of slots. None instead stands for this machine."""
 
 
-def packed(content: Any, what: str) -> bytes:
+def pack_content(content: Any, what: str) -> bytes:
     """Return the content that workers start with, pickled.
 
     Raises
@@ -295,13 +295,13 @@ def tell(content: Any) -> None:
         _here.tell(content)
 
 
-def when_asked_to_stop(request: Callable[[], None] | None) -> None:
+def set_stop_handler(request: Callable[[], None] | None) -> None:
     """Set the function that is called when the client requests a stop; None removes it."""
     _here.on_request = request
 
 
-def asked_to_stop() -> None:
-    """Call the function of `when_asked_to_stop`; the executor calls this in the worker."""
+def handle_stop_request() -> None:
+    """Call the function of `set_stop_handler`; the executor calls this in the worker."""
     if _here.on_request is not None:
         _here.on_request()
 

@@ -28,8 +28,8 @@ from skillplan.workers.executor import (
     News,
     Prepare,
     Worker,
-    asked_to_stop,
     connect,
+    handle_stop_request,
     is_worker,
 )
 
@@ -194,7 +194,7 @@ def _serve(line: Connection, prepare: Prepare, content: bytes, shielded: bool) -
         shield_libraries()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if _REQUEST is not None:
-        signal.signal(_REQUEST, lambda *_: asked_to_stop())
+        signal.signal(_REQUEST, lambda *_: handle_stop_request())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # C libraries print there, too, and stdout is reserved for a document.
     silence = os.open(os.devnull, os.O_WRONLY)

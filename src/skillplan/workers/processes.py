@@ -61,7 +61,7 @@ class FedProgram:
             raise OSError(lines[-1] if lines else "the program failed and printed nothing")
 
 
-def output_of(words: Sequence[str]) -> str | None:
+def read_output(words: Sequence[str]) -> str | None:
     """Return the stdout of a program, or None if it is missing or fails."""
     import subprocess
 
@@ -72,9 +72,7 @@ def output_of(words: Sequence[str]) -> str | None:
     return completed.stdout
 
 
-def exit_code_of(
-    words: Sequence[str], folder: str | os.PathLike[str], limit_s: float
-) -> int | None:
+def run_program(words: Sequence[str], folder: str | os.PathLike[str], limit_s: float) -> int | None:
     """Return the exit code of a program, or None if it was killed; its output is discarded.
 
     Parameters
@@ -108,7 +106,7 @@ def exit_code_of(
         process.wait()
 
 
-def resident_bytes() -> int | None:
+def measure_resident_bytes() -> int | None:
     """Return the resident memory of this process [bytes], or None if it is unknown.
 
     Without a process file system, this is the largest size so far.
@@ -124,7 +122,7 @@ def resident_bytes() -> int | None:
     return largest if sys.platform == "darwin" else largest * 1024
 
 
-def resident_bytes_of(process: int | None, *, private: bool = False) -> int | None:
+def measure_resident_bytes_of(process: int | None, *, private: bool = False) -> int | None:
     """Return the resident memory of another process [bytes], or None if it is unknown.
 
     Parameters
@@ -139,7 +137,7 @@ def resident_bytes_of(process: int | None, *, private: bool = False) -> int | No
     return None
 
 
-def available_bytes() -> int | None:
+def get_available_bytes() -> int | None:
     """Return the memory that the system can still provide [bytes], or None if it is unknown."""
     with suppress(OSError, ValueError):
         for line in _MEMINFO.read_text().splitlines():

@@ -71,7 +71,7 @@ def requests() -> tuple[signal.Signals, ...]:
     return (REQUEST, LAST_REQUEST)
 
 
-def command_age_s() -> float:
+def get_command_age_s() -> float:
     """Return the time since the start of the command [s]; 0 without a supervisor."""
     return 0.0 if _line.number is None else time.monotonic() - _IMPORTED_S
 
@@ -99,7 +99,7 @@ def limit_command(
     if _line.number is None:
         return
     _line.limit_s = time_limit_s
-    begun_s = time.monotonic() - command_age_s()
+    begun_s = time.monotonic() - get_command_age_s()
     _line.deadline_s = None if time_limit_s is None else begun_s + time_limit_s + grace_s
     texts = [
         NO_LIMIT if value is None else repr(value).encode()
@@ -113,19 +113,19 @@ def limit_imports(time_limit_s: float | None) -> None:
     _line.import_limit_s = time_limit_s
 
 
-def import_limit_s() -> float | None:
+def get_import_limit_s() -> float | None:
     """Return the limit set by `limit_imports`."""
     return _line.import_limit_s
 
 
-def passed_limit() -> str:
+def describe_passed_limit() -> str:
     """Return the message if the time limit has passed; else empty."""
     if _line.deadline_s is None or time.monotonic() < _line.deadline_s:
         return ""
-    return time_limit_message(_line.limit_s or 0.0)
+    return format_time_limit(_line.limit_s or 0.0)
 
 
-def time_limit_message(limit_s: float) -> str:
+def format_time_limit(limit_s: float) -> str:
     """Return the message for a command that exceeded its time limit."""
     return f"The command took longer than --time-limit {limit_s:g} and was ended. Allow more time."
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from skillplan.errors import exit_code
 from skillplan.workers import supervised
-from skillplan.workers.processes import resident_bytes_of
+from skillplan.workers.processes import measure_resident_bytes_of
 
 # Times from the first signal, or a limit, to an exception in the child, and to its end [s].
 _PATIENCE_S, _LAST_PATIENCE_S = 2.0, 1.0
@@ -336,7 +336,7 @@ class _Watch:
         """End the child if it, or its activity, exceeds its time limit."""
         late = self._late_activity(now_s)
         if self._deadline_s is not None and now_s >= self._deadline_s:
-            self._why = supervised.time_limit_message(self._limit_s)
+            self._why = supervised.format_time_limit(self._limit_s)
             self._send_last(now_s)
         elif late is not None:
             self._why = f"{late.name} took longer than {late.limit_s:.1f} s and was ended."
@@ -356,7 +356,7 @@ class _Watch:
 
     def _is_memory_short(self) -> bool:
         limit = self._memory_limit_bytes
-        return limit is not None and tree_bytes(self._process) > limit
+        return limit is not None and measure_tree_bytes(self._process) > limit
 
     def _send_last(self, now_s: float) -> None:
         self._send(supervised.LAST_REQUEST)
@@ -372,7 +372,7 @@ class _Watch:
         """Kill the child and all its processes."""
         # Stopped first, so that it starts no more.
         self._send(signal.SIGSTOP)
-        for number in (*descendants(self._process), self._process):
+        for number in (*list_descendants(self._process), self._process):
             with suppress(ProcessLookupError, PermissionError):
                 os.kill(number, signal.SIGKILL)
         self._next_s = None
@@ -459,16 +459,18 @@ def _how(status: int) -> str:
     return f"signal {-status}"
 
 
-def tree_bytes(process: int) -> int:
+def measure_tree_bytes(process: int) -> int:
     """Return the memory of a process and its descendants [bytes].
 
     Zero if the system does not report it. Shared file mappings, such as libraries, count once.
     """
-    own = [resident_bytes_of(number, private=True) or 0 for number in descendants(process)]
-    return (resident_bytes_of(process) or 0) + sum(own)
+    own = [
+        measure_resident_bytes_of(number, private=True) or 0 for number in list_descendants(process)
+    ]
+    return (measure_resident_bytes_of(process) or 0) + sum(own)
 
 
-def descendants(process: int) -> list[int]:
+def list_descendants(process: int) -> list[int]:
     """Return the ids of the descendants of a process.
 
     Empty if the system does not list them.

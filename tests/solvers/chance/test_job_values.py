@@ -15,7 +15,7 @@ from example_count import examples
 from situations import make_skill, make_task, model_of
 from skillplan.domains.assembly import BoardGenerator
 from skillplan.errors import NotASequencing
-from skillplan.model import ComponentJobs, SkillModel, evaluate_policy, least_expected_cost
+from skillplan.model import ComponentJobs, SkillModel, compute_least_expected_cost, evaluate_policy
 from skillplan.pipeline import load_problem, make_model, solve
 from skillplan.records import Status
 from skillplan.solvers import Stop
@@ -59,7 +59,7 @@ def test_it_costs_what_the_best_policy_of_all_states_does(board, tmp_path_factor
     """And following it costs what it claims; also where most grasps fail."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
     values = JobValues(model, 1_000, Stop())
-    least = least_expected_cost(model, 20_000)
+    least = compute_least_expected_cost(model, 20_000)
     assert values.cost == pytest.approx(least, abs=1e-9)
     assert values.cost <= evaluate_policy(model, values.get).cost + 1e-12
     assert evaluate_policy(model, values.get).cost == pytest.approx(values.cost, abs=1e-9)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.errors import TaskError
-from skillplan.model import SkillModel, least_expected_cost
+from skillplan.model import SkillModel, compute_least_expected_cost
 from skillplan.pipeline import load_problem, make_model, solve
 from skillplan.records import Status
 from skillplan.task import State
@@ -170,7 +170,7 @@ def test_every_solver_is_right_or_proves_nothing(document, tmp_path_factory):
     """And the referee, by its own sweeps, believes none that is wrong."""
     task = load(document, tmp_path_factory.mktemp("board"))
     least = float(exact_least_cost(make_model(task)))
-    own = least_expected_cost(make_model(task), 20_000)
+    own = compute_least_expected_cost(make_model(task), 20_000)
     assert own is None or own == pytest.approx(least, rel=1e-9)
     for solver in SOLVERS:
         result = solve(task, solver)

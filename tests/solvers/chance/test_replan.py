@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.domains.assembly import BoardGenerator
-from skillplan.model import evaluate_policy, least_expected_cost
+from skillplan.model import compute_least_expected_cost, evaluate_policy
 from skillplan.pipeline import load_problem, make_model
 from skillplan.solvers import Stop
 from skillplan.solvers.chance import AdaptiveSearch, ReplanSolver, relaxed, retried, why_not_retried
@@ -53,7 +53,7 @@ def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(board, 
     path = tmp_path_factory.mktemp("board") / "board.yaml"
     path.write_text(board.text(), "utf-8")
     model = make_model(load_problem(path).task)
-    least = least_expected_cost(model, 20_000)
+    least = compute_least_expected_cost(model, 20_000)
     assert least is not None
     for lookahead in (True, False):
         options = ReplanSolver.Options(lookahead=lookahead, roll_outs=2)
@@ -143,7 +143,7 @@ def test_where_failing_saves_something_no_bound_is_claimed():
     assert found.trace["no_bound"] == "a failure might save something"
     assert found.policy is not None
     cost = evaluate_policy(model, found.policy.get).cost
-    least = least_expected_cost(model, 100)
+    least = compute_least_expected_cost(model, 100)
     assert least is not None
     assert cost is not None
     assert least - 1e-9 <= cost < math.inf

@@ -35,7 +35,7 @@ from skillplan.solvers.ordering import (
     search_worker,
     side_by_side,
 )
-from skillplan.workers import Answer, Ended, Executor, descendants
+from skillplan.workers import Answer, Ended, Executor, list_descendants
 from sop_instances import BEST_KNOWN, instance
 
 PATIENCE_S = 120
@@ -55,7 +55,7 @@ def ordering(name: str) -> OrderingInstance:
 
 def children(process: int) -> set[int]:
     """Return the processes that run below a process: that of the command, and those of it."""
-    return set(filter(running, descendants(process)))
+    return set(filter(running, list_descendants(process)))
 
 
 def running(process: int) -> bool:

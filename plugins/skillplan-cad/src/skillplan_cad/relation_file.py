@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.errors import OptionError
-from skillplan.files.json_file import json_text, read_document
+from skillplan.files.json_file import format_document, read_document
 from skillplan.records.schemas import RELATION
 from skillplan_cad.product import Vector
 from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, RelationPart, Sensitive
@@ -19,7 +19,7 @@ _REMEDY = "Write it anew with `skillplan import-cad`"
 
 def relation_text(relation: Relation) -> str:
     """Return the content of `relation.json`."""
-    return json_text(RELATION, relation_document(relation)) + "\n"
+    return format_document(RELATION, relation_document(relation)) + "\n"
 
 
 def relation_document(relation: Relation) -> dict[str, Any]:

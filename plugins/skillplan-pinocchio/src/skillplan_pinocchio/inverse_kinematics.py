@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.pose import DOWN, Point, same_direction
+from skillplan.task.pose import DOWN, Point, is_same_direction
 from skillplan_pinocchio.arm_model import (
     ArmModel,
     Vector,
@@ -78,7 +78,7 @@ class Unreachable:
     def reason(self) -> str:
         """The reason as one clause."""
         where = ", ".join(f"{value:.3f}" for value in self.position)
-        if same_direction(self.points, DOWN):
+        if is_same_direction(self.points, DOWN):
             return f"the hand cannot point straight down at ({where}): {self.why}"
         along = ", ".join(f"{value:.2f}" for value in self.points)
         return f"the hand cannot point along ({along}) at ({where}): {self.why}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event
-from skillplan.task.pose import DOWN, Pose, same_direction
+from skillplan.task.pose import DOWN, Pose, is_same_direction
 from skillplan.task.scene import Scene
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -163,7 +163,7 @@ class SweptMotionBuilder:
         body = self.scene.body(visit.subject)
         pieces = standing_pieces_of(body, visit.pose)
         obstacles = self.planner.obstacles
-        if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
+        if visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN):
             # A screw is supported along its axis.
             level = visit.pose.inverse()
             pieces = _seen_from(level, pieces)

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.workers.executor import asked_to_stop, connect
+from skillplan.workers.executor import connect, handle_stop_request
 from skillplan_ray.fingerprint import fingerprint
 
 READY, NEWS, DONE, FAILED, BROKEN = "ready", "news", "done", "failed", "broken"
@@ -73,7 +73,7 @@ class Actor:
 
     def stop(self) -> None:
         """Request the end of the present job."""
-        asked_to_stop()
+        handle_stop_request()
 
     def _do(self, job: bytes) -> None:
         assert self._work is not None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.errors import Issue
-from skillplan.files.schema_errors import continued
+from skillplan.files.schema_errors import continue_sentence
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.fleet.task import fleet_faults
 from skillplan_swarmitfix.heads.grid import MOST_HEADS, HeadGrid
@@ -38,7 +38,7 @@ def issues(config: SwarmitfixConfig) -> Iterator[Issue]:
         try:
             found += _trajectory(config, bench)
         except ValueError as error:
-            found.append(Issue(continued(str(error)), ("trajectory",)))
+            found.append(Issue(continue_sentence(str(error)), ("trajectory",)))
     if not found and config.robots is not None:
         robots = Job(config).robots
         found += _places(bench, len(robots))
@@ -59,7 +59,7 @@ def _positions(config: SwarmitfixConfig, bench: Bench) -> Iterator[Issue]:
         try:
             bench.position(name)
         except ValueError as error:
-            yield Issue(continued(str(error)), path)
+            yield Issue(continue_sentence(str(error)), path)
 
 
 def _states(bench: Bench, goals: int, path: tuple[str | int, ...]) -> Iterator[Issue]:
@@ -99,7 +99,7 @@ def _machine(config: SwarmitfixConfig) -> Iterator[Issue]:
     try:
         _ = Job(config).pkm_reach_m
     except ValueError as error:
-        yield Issue(continued(str(error)), ("pkm",))
+        yield Issue(continue_sentence(str(error)), ("pkm",))
 
 
 def _side(config: SwarmitfixConfig) -> Iterator[Issue]:
@@ -146,7 +146,9 @@ def _heads(config: SwarmitfixConfig) -> Iterator[Issue]:
     job = Job(config)
     found = [] if config.heads.subdivisions is not None else list(_segments(job))
     if not found:
-        found = [Issue(continued(str(error)), ("trajectory",)) for error in job.unreachable()]
+        found = [
+            Issue(continue_sentence(str(error)), ("trajectory",)) for error in job.unreachable()
+        ]
     if not found:
         goals = len(job.heads) if job.infeasible else len(job.goal_sets)
         found = list(_states(job.bench, goals, ("trajectory",)))

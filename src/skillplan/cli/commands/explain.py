@@ -118,7 +118,7 @@ def command(
     whole product, or from what is in place after --after or --from, and what is in its way in the
     others.
     """
-    from skillplan.chart.hypothetical_state import state_with_all_else
+    from skillplan.chart.hypothetical_state import find_state_with_all_else
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
@@ -151,7 +151,7 @@ def command(
     cache = open_cache(caching)
     model = make_model(loaded, setup, cache, back_ends=made)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
-    state = state_with_all_else(loaded, chosen) if last else find_state_after(model, before)
+    state = find_state_with_all_else(loaded, chosen) if last else find_state_after(model, before)
     explanation = explain(model, chosen, state)
     if drawer is not None:
         taken = model.feasibility.taken(chosen, explanation.state)
@@ -202,12 +202,14 @@ def _explain_freedom(
 
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
-    from skillplan.files.output_path import output_path
+    from skillplan.files.output_path import check_output_path
     from skillplan.records.questions import find_freedom
     from skillplan.records.stored.product_relation import read_relation_beside
     from skillplan.views.tables.questions import freedom_tables
 
-    path = None if picture is None else output_path("--picture", picture, _PICTURES, "pictures")
+    path = (
+        None if picture is None else check_output_path("--picture", picture, _PICTURES, "pictures")
+    )
     relation = read_relation_beside(Path(task_file))
     state = None if before is None else _predict_state(task, before)
     directions = find_freedom(task, relation, part, state)

@@ -87,14 +87,14 @@ def command(
     from skillplan.cli.waiting import showing_checks
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import exit_code
-    from skillplan.files.output_path import output_file, output_folder
+    from skillplan.files.output_path import check_output_file, check_output_folder
     from skillplan.model.replay import replay
     from skillplan.pipeline.exchange import export_files, list_notes, make_exporter, make_handover
     from skillplan.pipeline.solving import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
     exporter = make_exporter(to, setup.options.get(to, {}))
-    path = output_file("--out", out) if exporter.suffix else output_folder("--out", out)
+    path = check_output_file("--out", out) if exporter.suffix else check_output_folder("--out", out)
     with showing_checks("exporting") as on_check:
         model = make_model(
             loaded, setup, open_cache(checking), jobs=checking.jobs, on_check=on_check
@@ -166,9 +166,9 @@ def _read(
 def _write(exporter: Exporter, path: Path, files: Mapping[str, str | bytes]) -> None:
     from skillplan.errors import OptionError
     from skillplan.files.atomic_file import write_as_one, write_new
-    from skillplan.files.output_path import refusing
+    from skillplan.files.output_path import report_write_errors
 
-    with refusing("--out", path):
+    with report_write_errors("--out", path):
         if not exporter.suffix:
             path.mkdir(exist_ok=True)
             write_as_one(path, files, within=path)

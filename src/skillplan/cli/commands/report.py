@@ -68,11 +68,11 @@ def command(
     from skillplan.cli.report_inputs import Reporter
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import OptionError, exit_code
-    from skillplan.files.output_path import output_path
+    from skillplan.files.output_path import check_output_path
     from skillplan.views.report.page import HOW_TO_GET, page_html, player
 
     deadline = limits.begin(graceful=True)
-    path = output_path("--out", out, SUFFIXES, "pages")
+    path = check_output_path("--out", out, SUFFIXES, "pages")
     if Path(path).exists():
         raise OptionError(f"--out {out}: is there already. Name a new file.")
     web_player = player()

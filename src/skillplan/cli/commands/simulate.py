@@ -152,7 +152,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import exit_code
-    from skillplan.files.output_path import output_path
+    from skillplan.files.output_path import check_output_path
     from skillplan.pipeline.performing import choose_variants, plan_times
     from skillplan.records.execution.simulation import SUFFIXES, Simulation, find_applicable_part
     from skillplan.views.tables.trials import simulation_tables
@@ -164,9 +164,9 @@ def command(
     checkers = introduce(setup.back_ends(loaded))
     engine = performer(checkers, "move")
     possible, obstacle = find_applicable_part(loaded, skills)
-    film = None if video is None else output_path("--video", video, VIDEOS, "videos")
+    film = None if video is None else check_output_path("--video", video, VIDEOS, "videos")
     angle = _parse_angle(camera)
-    table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
+    table = None if trace is None else check_output_path("--trace", trace, SUFFIXES, "traces")
     with ExitStack() as stack:
         show = None
         if film is not None:

@@ -41,9 +41,9 @@ def plugin_names(kind: str) -> Complete:
 
 def engine_names(incomplete: str) -> list[str]:
     """Return the installed engines that begin so, and ``auto``."""
-    from skillplan.plugins.installed import AUTO, installed_simulator
+    from skillplan.plugins.installed import AUTO, find_simulator
 
-    auto = [AUTO] if installed_simulator() and AUTO.startswith(incomplete) else []
+    auto = [AUTO] if find_simulator() and AUTO.startswith(incomplete) else []
     return [*auto, *plugin_names("physics")(incomplete)]
 
 
@@ -97,7 +97,7 @@ def plugin_options(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
     """Yield kind and name of the plugins named on the line or, where none is, of the task's."""
-    from skillplan.plugins.installed import AUTO, installed_simulator
+    from skillplan.plugins.installed import AUTO, find_simulator
 
     given = ctx.params
     for kind, keys in {"solver": ("solver", "solvers"), "collision": ("collision",)}.items():
@@ -105,7 +105,7 @@ def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
             yield from ((kind, name) for name in (given.get(key) or "").split(",") if name)
     physics = given.get("physics")
     if physics == AUTO:
-        physics = installed_simulator()
+        physics = find_simulator()
     if physics:
         yield "physics", physics
     task = _task(ctx)

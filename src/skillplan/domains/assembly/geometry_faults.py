@@ -18,7 +18,7 @@ from skillplan.domains.assembly.resting import find_resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES
-from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
+from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
 
 _MAX_SHAPES = 1024
 # More than twice the density of the densest chemical element [kg/m3].
@@ -197,7 +197,7 @@ def _find_hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
 
 
 def _goes_down(screw: ScrewConfig) -> bool:
-    return same_direction(screw.direction, DOWN)
+    return is_same_direction(screw.direction, DOWN)
 
 
 def _rests_upright(config: AssemblyConfig, screw: ScrewConfig) -> bool:

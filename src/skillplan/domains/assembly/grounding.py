@@ -20,7 +20,7 @@ from skillplan.domains.assembly.resting import bearers_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import as_point, dwell_s, given_kinds
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL
-from skillplan.task.cost import DistanceCost, planar_distance
+from skillplan.task.cost import DistanceCost, compute_planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.scene import Body, Placement, Pose, Robot, Scene, Tool
@@ -58,7 +58,7 @@ class _Grounding:
         self.places = {self.facts.bit(f"at({name})"): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(f"at({name})" for name in self.positions))
         self.behind_m = {
-            self.facts.bit(f"at({part}.missed)"): planar_distance(
+            self.facts.bit(f"at({part}.missed)"): compute_planar_distance(
                 self.layout.start(part).pose.position, self.positions[f"{part}.missed"]
             )
             for part in vocabulary.missed_parts(config)

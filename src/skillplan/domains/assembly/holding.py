@@ -13,7 +13,7 @@ from skillplan.domains.assembly.schema_types import GraspConfig, unit_of
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import AXES, Grasp, GraspKind
-from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
+from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, plus, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 # Share of the height between the jaws that they hold, and the most of it [m].
@@ -58,7 +58,7 @@ class Handle:
         self.shapes = tuple(shapes)
         self.approach = unit_of(given.approach)
         self.outwards: Point = _opposite(self.approach)
-        self.from_top = same_direction(self.approach, DOWN)
+        self.from_top = is_same_direction(self.approach, DOWN)
         self.closing: Point | None = None
         self.closes_askew = False
         axis = given.closing_axis
@@ -265,7 +265,7 @@ def _common(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] 
 def side_name(approach: Point) -> str:
     """Return the name of the side from which a hand comes."""
     for name, direction in _SIDES:
-        if same_direction(direction, approach):
+        if is_same_direction(direction, approach):
             return name
     return direction_name(_opposite(approach))
 
@@ -274,7 +274,7 @@ def direction_name(direction: Point) -> str:
     """Return the name of a unit vector: ``-x``, or its components if it is oblique."""
     for name, axis in AXES.items():
         for sign in (1.0, -1.0):
-            if same_direction((sign * axis[0], sign * axis[1], sign * axis[2]), direction):
+            if is_same_direction((sign * axis[0], sign * axis[1], sign * axis[2]), direction):
                 return f"{'+' if sign > 0 else '-'}{name}"
     return "(" + " ".join(f"{value + 0.0:.3g}" for value in direction) + ")"
 

@@ -12,7 +12,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.schema_types import dwell_s, unit_of
 from skillplan.errors import Issue
 from skillplan.task.motion import AXES, Event, Grasp, Visit
-from skillplan.task.pose import DOWN, Point, cross, dot, same_direction, unit
+from skillplan.task.pose import DOWN, Point, cross, dot, is_same_direction, unit
 
 # Overlap that still counts as touching: coordinates of a file are rounded [m].
 _TOUCH_M = 2e-4
@@ -38,7 +38,7 @@ def find_insertion_issues(config: AssemblyConfig) -> Iterator[Issue]:
         directions = _given_directions(part)
         for index, direction in enumerate(directions):
             earlier = next(
-                i for i, other in enumerate(directions) if same_direction(other, direction)
+                i for i, other in enumerate(directions) if is_same_direction(other, direction)
             )
             if earlier != index:
                 message = f"is the direction of entry {earlier}. Leave one out."
@@ -79,7 +79,7 @@ def insertion_m(config: AssemblyConfig, name: str, direction: Point) -> float | 
     5 mm. None for a part that comes straight down from above everything.
     """
     given_m = config.parts[name].insert_m
-    if given_m is not None or same_direction(direction, DOWN):
+    if given_m is not None or is_same_direction(direction, DOWN):
         return given_m
     lengths_m = [_LEAST_M]
     level = min(AXES.values(), key=lambda axis: abs(dot(axis, direction)))

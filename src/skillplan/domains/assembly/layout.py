@@ -13,7 +13,7 @@ from skillplan.collision.solid import Solid
 from skillplan.domains.assembly.part_schema import ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.task.motion import AXES
-from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
+from skillplan.task.pose import DOWN, Point, Pose, cross, is_same_direction, unit
 from skillplan.task.shape import Box, Shape
 
 _TABLE_M = 40.0
@@ -89,7 +89,7 @@ class Layout:
         """Return the pose of a hole's mouth; the screw goes in along its -z axis."""
         mouth = self.hole(screw)
         into = screw.direction
-        if same_direction(into, DOWN):
+        if is_same_direction(into, DOWN):
             return Pose(mouth)
         # A screw may be turned about its axis, so any horizontal direction serves.
         level = unit(cross(into, AXES["z"] if abs(into[2]) < _STEEP else AXES["x"]))

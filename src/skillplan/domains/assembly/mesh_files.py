@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from skillplan.files.regular_file import CompanionFileError, companion_in, read_companion
+from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
 from skillplan.task.motion import Point
 
 MAX_CORNERS = 5_000
@@ -247,7 +247,7 @@ def _even_directions() -> Floats:
 def content_of(folder: Path, name: str) -> tuple[bytes, str]:
     """Return the content of a file and its suffix."""
     try:
-        path = companion_in(folder, name)
+        path = find_companion(folder, name)
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             raise MeshFileError(

@@ -34,7 +34,7 @@ from skillplan.domains.assembly.schema_types import (
     unit_of,
 )
 from skillplan.domains.domain import Name, Strict
-from skillplan.files.schema_errors import Located, continued, shown
+from skillplan.files.schema_errors import Located, continue_sentence, shown
 from skillplan.task.pose import DOWN, Point
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
@@ -121,7 +121,7 @@ class MeshConfig(Strict):
             own, about = read_pieces(folder, mesh.pieces, mesh.scale, read)
         except MeshFileError as error:
             name = mesh.pieces if error.key == "pieces" else mesh.file
-            raise Located(f"{shown(name)}: {continued(str(error))}", error.key) from None
+            raise Located(f"{shown(name)}: {continue_sentence(str(error))}", error.key) from None
         centre = mesh.centre_m or [0.0, 0.0, read.size[2] / 2]
         where = (centre[0], centre[1], centre[2])
         mesh._corners = read.about(where)

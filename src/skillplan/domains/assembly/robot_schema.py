@@ -30,8 +30,8 @@ from skillplan.domains.assembly.schema_types import (
     is_absent,
 )
 from skillplan.domains.domain import Name, Strict
-from skillplan.files.regular_file import CompanionFileError, companion_in, read_companion
-from skillplan.files.schema_errors import Located, continued, shown
+from skillplan.files.regular_file import CompanionFileError, find_companion, read_companion
+from skillplan.files.schema_errors import Located, continue_sentence, shown
 from skillplan.robots.arm_description import ArmDescription, Hand, Triple
 from skillplan.robots.catalogue import (
     ARMS,
@@ -112,7 +112,7 @@ class RobotConfig(Strict):
         except ArmFileError as error:
             words = str(error)
             if error.key == "model":
-                words = f"{shown(robot.model)}: {continued(words)}"
+                words = f"{shown(robot.model)}: {continue_sentence(words)}"
             key = error.key if getattr(robot, error.key) is not None else "model"
             raise Located(words, key) from None
         robot._hand = STANDARD_HAND
@@ -283,7 +283,7 @@ def read_arm(
             "There is no such model; give panda, ur5e, or a file that ends in .urdf."
         )
     try:
-        path = companion_in(folder, name)
+        path = find_companion(folder, name)
         content = read_companion(path, MAX_BYTES, "robot")
     except CompanionFileError as error:
         raise ArmFileError(str(error)) from None

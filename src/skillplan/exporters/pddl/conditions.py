@@ -18,7 +18,7 @@ from itertools import chain
 from operator import or_
 
 from skillplan.chart.precedence_query import CheckSteps, run_queries
-from skillplan.model.fact_analysis import each_bit
+from skillplan.model.fact_analysis import iterate_bits
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
@@ -38,7 +38,7 @@ class ConsistentStates:
         self._groups = [(mask, _keeps_one(task, mask)) for mask in masks]
         self._groups_of: dict[int, list[int]] = {}
         for number, mask in enumerate(masks):
-            for bit in each_bit(mask):
+            for bit in iterate_bits(mask):
                 self._groups_of.setdefault(bit.bit_length(), []).append(number)
         several = (number for number, groups in self._groups_of.items() if len(groups) > 1)
         # Only these facts link groups with each other.
@@ -52,7 +52,7 @@ class ConsistentStates:
         group
             Bits of an exclusive group, or of one fact without a group.
         """
-        cases = [(bit, group & ~bit) for bit in each_bit(group)]
+        cases = [(bit, group & ~bit) for bit in iterate_bits(group)]
         cases += [] if self.is_exact(group) else [(0, group)]
         split = ((region[0] | true, region[1] | false) for true, false in cases)
         return [part for part in split if self.member(part) is not None]
@@ -64,7 +64,7 @@ class ConsistentStates:
     def groups(self, bits: int) -> list[int]:
         """Return the groups of facts as bits; a fact without a group is its own group."""
         masks: dict[int, None] = {}
-        for bit in each_bit(bits):
+        for bit in iterate_bits(bits):
             numbers = self._groups_of.get(bit.bit_length(), ())
             masks.update(dict.fromkeys(self._groups[number][0] for number in numbers))
             if not numbers:
@@ -104,7 +104,7 @@ class ConsistentStates:
         mask, exact = self._groups[number]
         left = mask & ~false
         first = left & self.task.initial.bits
-        bits = chain(each_bit(first), each_bit(left & ~first), () if exact else (0,))
+        bits = chain(iterate_bits(first), iterate_bits(left & ~first), () if exact else (0,))
         for bit in bits:
             case = (true | bit, false if bit else false | left)
             closed = self._propagate(*case, [number, *self._around(bit or left)])
@@ -113,7 +113,7 @@ class ConsistentStates:
 
     def _around(self, changed: int) -> Iterator[int]:
         """Yield the numbers of the groups that share changed facts."""
-        for bit in each_bit(changed & self._shared):
+        for bit in iterate_bits(changed & self._shared):
             yield from self._groups_of[bit.bit_length()]
 
     def _propagate(self, true: int, false: int, numbers: Iterable[int]) -> Region | None:
@@ -286,7 +286,7 @@ def _explore(model: SkillModel, states: ConsistentStates, case: Case) -> CheckSt
             cover.refusal = cover.refusal or words
             if verdict.status is VerdictStatus.UNKNOWN:
                 cover.left_out = cover.left_out or words
-        for bit in each_bit(rests & ~true & ~false):
+        for bit in iterate_bits(rests & ~true & ~false):
             todo.append((true, false | bit) if bit & here else (true | bit, false))
             true, false = (true | bit, false) if bit & here else (true, false | bit)
     return cover
@@ -345,10 +345,10 @@ class _Widening:
     def widest(self, region: FeasibleRegion) -> FeasibleRegion:
         """Return a maximal region, widened literal by literal and then place by place."""
         true, false, places = region.true, region.false, region.places
-        for bit in each_bit(false | true):
+        for bit in iterate_bits(false | true):
             if self._is_free(true & ~bit, false & ~bit, places):
                 true, false = true & ~bit, false & ~bit
-        for bit in each_bit(self._open & ~places):
+        for bit in iterate_bits(self._open & ~places):
             if self._is_free(true, false, bit):
                 places |= bit
         return FeasibleRegion(true, false, places)

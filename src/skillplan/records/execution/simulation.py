@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skillplan.files.atomic_file import replacing
-from skillplan.files.output_path import refusing
+from skillplan.files.atomic_file import replace_file
+from skillplan.files.output_path import report_write_errors
 from skillplan.physics.performance import Performance, PerformedSkill, Sample
 from skillplan.records import schemas
 from skillplan.records.result import SimulationOutcome
@@ -48,14 +48,14 @@ def trace_file(
         If it cannot be written.
     """
     with (
-        refusing(option, path),
-        replacing(path) as file,
+        report_write_errors(option, path),
+        replace_file(path) as file,
     ):
         text = io.TextIOWrapper(file, "utf-8", newline="")
         trace = _Trace(csv.writer(text, lineterminator="\n"), bodies)
 
         def note(sample: Sample) -> None:
-            with refusing(option, path):
+            with report_write_errors(option, path):
                 trace.note(sample)
 
         yield note

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.json_file import fitted, read_document
+from skillplan.files.json_file import read_document, validate_document
 from skillplan.files.regular_file import is_folder
 from skillplan.records import schemas
 from skillplan.records.result import Origin, Status
@@ -171,7 +171,7 @@ def read_with_document(path: str) -> tuple[StoredResult, dict[str, Any]]:
     named, file = Path(path), find_result_path(path)
     within = named if is_folder(named) else None
     document = read_document(file, schemas.RESULT, _REMEDY, within=within)
-    return fitted(document, file, StoredResult, _REMEDY), document
+    return validate_document(document, file, StoredResult, _REMEDY), document
 
 
 def describe_other_task(

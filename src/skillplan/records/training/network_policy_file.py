@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from skillplan.env.observation import Observation
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.json_file import json_text, read_checked
+from skillplan.files.json_file import format_document, read_checked
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
@@ -129,7 +129,7 @@ def write_network(
     write_whole(folder / f"{stem}.safetensors", data, within=within)
     write_whole(
         folder / f"{stem}.json",
-        json_text(schemas.NETWORK_POLICY, document),
+        format_document(schemas.NETWORK_POLICY, document),
         within=within,
     )
 

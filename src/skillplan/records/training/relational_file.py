@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.json_file import json_text, read_checked
+from skillplan.files.json_file import format_document, read_checked
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import RELATIONAL
@@ -104,7 +104,7 @@ def write_relational(folder: Path, policy: FamilyPolicy, **content: Any) -> Rela
         sha256=hashlib.sha256(data).hexdigest(),
     )
     write_whole(folder / WEIGHTS, data, within=folder)
-    text = json_text(schemas.RELATIONAL_POLICY, document)
+    text = format_document(schemas.RELATIONAL_POLICY, document)
     write_whole(folder / RELATIONAL, text, within=folder)
     return document
 

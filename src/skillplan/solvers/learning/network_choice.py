@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.observation import MaskKind, Observation, allowed_actions, checked_name
+from skillplan.env.observation import MaskKind, Observation, check_name, list_allowed_actions
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Policy
@@ -42,7 +42,7 @@ class NetworkChoice:
         self, network: NetworkPolicy, model: SkillModel, observation: str, mask: str
     ) -> None:
         self._network, self._model = network, model
-        self._mask: MaskKind = checked_name("mask", mask, MaskKind)
+        self._mask: MaskKind = check_name("mask", mask, MaskKind)
         self._observation = Observation.of(model.task, observation)
 
     def __call__(self, state: State) -> Skill:
@@ -59,7 +59,7 @@ class NetworkChoice:
             # All transitions are queried at once, and kept by the model.
             return any(arrow.skill is skills[action] for arrow in model.transitions(state))
 
-        mask[list(allowed_actions(model, state, self._mask, feasible))] = True
+        mask[list(list_allowed_actions(model, state, self._mask, feasible))] = True
         return mask
 
 

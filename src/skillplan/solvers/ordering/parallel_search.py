@@ -20,9 +20,9 @@ from skillplan.solvers.ordering.search_worker import (
     Improve,
     prepare,
 )
-from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, pack_content
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.processes import resident_bytes_of
+from skillplan.workers.processes import measure_resident_bytes_of
 
 _WHAT = "the search"
 _EVERY_S = 0.02
@@ -49,7 +49,7 @@ class Helper:
     @property
     def resident_bytes(self) -> int:
         """Memory of the process [B], 0 if unknown."""
-        return resident_bytes_of(self.process.number) or 0
+        return measure_resident_bytes_of(self.process.number) or 0
 
 
 class Helpers:
@@ -127,7 +127,7 @@ class Helpers:
             if left is not None and left < _PROCESS_BYTES * (len(self._all) + 2):
                 self.lost.append("one was not started: memory limit")
                 continue
-            ground = packed(Ground(instance, self._seed + number * _SEEDS), _WHAT)
+            ground = pack_content(Ground(instance, self._seed + number * _SEEDS), _WHAT)
             try:
                 process = self._executor.start(prepare, ground, _WHAT)
             except SkillplanError as error:

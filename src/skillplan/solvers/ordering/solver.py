@@ -17,7 +17,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
-from skillplan.workers.processes import available_bytes
+from skillplan.workers.processes import get_available_bytes
 
 if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem
@@ -189,7 +189,7 @@ class SequencingSolver(JobOrderSolver):
     def _memory_bytes(self) -> int | None:
         left = self.stop.memory_left_bytes()
         if left is None:
-            free = available_bytes()
+            free = get_available_bytes()
             return None if free is None else int(_SHARE * free)
         return left
 

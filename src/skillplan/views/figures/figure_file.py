@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.output_path import output_path
+from skillplan.files.output_path import check_output_path
 from skillplan.views.figures.figure_style import house_style
 from skillplan.views.text.wording import escaped
 
@@ -70,7 +70,7 @@ def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
     OptionError
         If the suffix is unknown, or the folder is missing or closed to writing.
     """
-    return output_path("--out", out, (*SUFFIXES, *more), "figures")
+    return check_output_path("--out", out, (*SUFFIXES, *more), "figures")
 
 
 def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:

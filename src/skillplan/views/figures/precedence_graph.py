@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from skillplan.chart.partial_order import acyclic, closure, reduction
+from skillplan.chart.partial_order import break_cycles, closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
 
@@ -130,7 +130,7 @@ def precedence_graph(
     lines = {(line.before, line.after) for line in task.chart}
     reasons = {} if chart is None else {(r.before, r.after): r.reason for r in chart.relations}
     order = {name: number for number, name in enumerate(task.operations)}
-    forward, closing = acyclic(lines | set(reasons), tuple(order))
+    forward, closing = break_cycles(lines | set(reasons), tuple(order))
     derived, drawn = closure(forward & set(reasons)), closure(forward & lines)
     kept = reduction(derived | drawn)
     edges = []

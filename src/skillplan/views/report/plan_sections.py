@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records.execution.simulation import PlannedTimes, compute_time_difference
-from skillplan.task.task import Task, unreachable_facts
+from skillplan.task.task import Task, find_unreachable_facts
 from skillplan.views.figures.exploded_figure import exploded_picture
 from skillplan.views.figures.gantt_figure import FAILED, PlanBar, gantt_picture, plan_bars
 from skillplan.views.figures.layout_figure import layout_picture
@@ -188,7 +188,7 @@ def refusals_section(
 ) -> Section:
     """Return unreachable facts and refused skills with reasons."""
     rows: list[tuple[object, object, object]] = []
-    rows += [(fact, "out of reach", why) for fact, why in unreachable_facts(task).items()]
+    rows += [(fact, "out of reach", why) for fact, why in find_unreachable_facts(task).items()]
     if performance is not None:
         for skill in performance.skills:
             if not skill.verdict.is_feasible:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.conflict import explain_conflict
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.records.evaluation import Evaluation
@@ -62,7 +62,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     notes += _choices(chart)
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.cycle:
-        first, *others = conflict_lines(task, chart.relations)
+        first, *others = explain_conflict(task, chart.relations)
         notes += [f"No order exists: {first}", *others]
     notes += chart.contradictions
     title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import BackEndError
-from skillplan.workers.executor import Answer, Ended, Worker, packed
+from skillplan.workers.executor import Answer, Ended, Worker, pack_content
 from skillplan.workers.local_processes import LocalProcesses
 from skillplan_cad.blocking.pair_lattice import (
     Block,
@@ -221,7 +221,7 @@ def answers_of(
         for line in lines:
             yield test.along(*line)
         return
-    content = packed((product, tolerance_m), _WHAT)
+    content = pack_content((product, tolerance_m), _WHAT)
     with closing(LocalProcesses(min(jobs, len(lines)))) as executor:
         left = list(lines)
         busy: list[Worker] = []

@@ -17,7 +17,7 @@ from safetensors.numpy import load, save
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.folder import cache_folder
+from skillplan.files.folder import get_cache_folder
 from skillplan.files.regular_file import is_folder, read_bytes
 from skillplan_cad import __version__
 from skillplan_cad.build_relation import Blocked, Joints, blocked_of, joints_of, relation_of
@@ -265,7 +265,7 @@ class KeptStages:
     """
 
     def __init__(self, keep: bool, tell: Callable[[str], None]) -> None:
-        self._folder: Path | None = cache_folder() / "import-cad" if keep else None
+        self._folder: Path | None = get_cache_folder() / "import-cad" if keep else None
         self._tell = tell
 
     def run(

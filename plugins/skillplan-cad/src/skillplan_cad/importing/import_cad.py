@@ -9,8 +9,8 @@ from typing import Any
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.atomic_file import write_as_one
-from skillplan.files.json_file import json_text
-from skillplan.files.output_path import output_folder, refusing
+from skillplan.files.json_file import format_document
+from skillplan.files.output_path import check_output_folder, report_write_errors
 from skillplan.records.schemas import IMPORT
 from skillplan_cad.build_relation import waived_pairs
 from skillplan_cad.importing.exploded import Draw
@@ -195,7 +195,7 @@ def import_cad(
         If anything given is wrong; nothing is written.
     """
     settings = settings_of(given)
-    path, folder = Path(source), output_folder("--out", out)
+    path, folder = Path(source), check_output_folder("--out", out)
     findings = found_in(path, settings, tell)
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
@@ -207,7 +207,7 @@ def import_cad(
     document |= made.document
     files = {
         "relation.json": relation_text(relation),
-        "report.json": json_text(IMPORT, document) + "\n",
+        "report.json": format_document(IMPORT, document) + "\n",
         **made.files,
     }
     write(folder, files)
@@ -224,7 +224,7 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
     OptionError
         If they cannot be written.
     """
-    with refusing("--out", folder):
+    with report_write_errors("--out", folder):
         within = {(folder / name).parent for name in files}
         made = [one for one in sorted({folder, *within}) if not one.exists()]
         for one in made:

@@ -8,7 +8,7 @@ import numpy as np
 
 from skillplan.domains.assembly.mesh_files import MeshFileError, parsed
 from skillplan.errors import OptionError, name_hint
-from skillplan.files.regular_file import RefusedFile, read_bytes, real_path_within
+from skillplan.files.regular_file import RefusedFile, read_bytes, resolve_within
 from skillplan_cad.product import Points, Triangles
 from skillplan_cad.reading.raw_part import MOST_PARTS, RawPart, RawProduct
 
@@ -97,7 +97,7 @@ def unit_m(unit: str) -> float:
 
 def _content(folder: Path, path: Path) -> bytes:
     try:
-        content = read_bytes(real_path_within(path, folder), MOST_BYTES, within=folder)
+        content = read_bytes(resolve_within(path, folder), MOST_BYTES, within=folder)
     except RefusedFile as refused:
         remedies = {"large": ". Save it with fewer triangles", "outside": ". Copy the file there"}
         remedy = remedies.get(refused.why, "")

@@ -15,9 +15,9 @@ from typing import Any
 
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import RefusedFile, read_bytes
-from skillplan.workers.executor import Answer, Ended, Prepare, Worker, packed
+from skillplan.workers.executor import Answer, Ended, Prepare, Worker, pack_content
 from skillplan.workers.local_processes import LocalProcesses
-from skillplan.workers.processes import resident_bytes_of
+from skillplan.workers.processes import measure_resident_bytes_of
 from skillplan_cad.reading.glb import NOT_FINITE, parts_of
 from skillplan_cad.reading.raw_part import RawProduct
 
@@ -92,7 +92,7 @@ def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> An
     with closing(LocalProcesses(1)) as executor:
         if executor.refusal:
             return prepare(content)(None)
-        worker = executor.start(prepare, packed(content, _WHAT), _WHAT)
+        worker = executor.start(prepare, pack_content(content, _WHAT), _WHAT)
         worker.take(None)
         until = time.monotonic() + limits.seconds
         while True:
@@ -107,7 +107,7 @@ def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> An
                     f"{path}: OCCT was still at it after {limits.seconds:.0f} s and was ended. "
                     f"{_REMEDY}, or sub-assemblies one by one."
                 )
-            if (resident_bytes_of(worker.number) or 0) > limits.memory_bytes:
+            if (measure_resident_bytes_of(worker.number) or 0) > limits.memory_bytes:
                 raise OptionError(
                     f"{path}: OCCT took more than {limits.memory_bytes / _GIB:.3g} GiB of memory "
                     f"and was ended. {_REMEDY}, or sub-assemblies one by one."

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.errors import Issue
-from skillplan.files.schema_errors import schema_issues
+from skillplan.files.schema_errors import list_schema_issues
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
@@ -224,7 +224,7 @@ def _issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
     try:
         config = domain.Config.model_validate(document, context={"folder": Path(folder)})
     except ValidationError as error:
-        return list(schema_issues(error, domain.Config))
+        return list(list_schema_issues(error, domain.Config))
     return list(domain.issues(config))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
 from skillplan.task.motion import Event, Grasp, GraspKind, Point
-from skillplan.task.pose import DOWN, plus, same_direction
+from skillplan.task.pose import DOWN, is_same_direction, plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
@@ -102,7 +102,7 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     arm.press_n = np.zeros(3)
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
-    if not same_direction(motion.visit.along, DOWN):
+    if not is_same_direction(motion.visit.along, DOWN):
         # The thread holds the screw against gravity.
         bearing = world.nearest(screw, through)
         if bearing is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, jaw_opening_m, visited_grasp
 from skillplan.task.motion import Event, GraspKind
-from skillplan.task.pose import DOWN, Pose, plus, same_direction
+from skillplan.task.pose import DOWN, Pose, is_same_direction, plus
 from skillplan.task.scene import Placement, Robot
 from skillplan.task.shape import Mesh
 from skillplan.task.skill import Skill
@@ -48,7 +48,7 @@ class Fastenings:
             motions = (skill.motion, *(way.motion for way in skill.ways))
             routes = (route for motion in motions if motion is not None for route in motion.routes)
             for visit in (visit for route in routes for visit in route.visits):
-                if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
+                if visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN):
                     self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
 
     def hold(self, body: str, placement: Placement) -> bool:

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from skillplan.domains.domain import Strict
-from skillplan.files.schema_errors import Located, continued, schema_issues
+from skillplan.files.schema_errors import Located, continue_sentence, list_schema_issues
 from skillplan_swarmitfix.trajectory.path import TrajectoryPath, one_line
 from skillplan_swarmitfix.trajectory.units import UnitName
 
@@ -129,7 +129,7 @@ class TrajectoryConfig(DrawingConfig):
         try:
             cls.model_validate(content)
         except ValidationError as error:
-            fault = schema_issues(error, cls)[0]
+            fault = list_schema_issues(error, cls)[0]
             place = read.place_of(fault.path[1:2] if fault.path[:1] == ("path",) else ("start",))
             raise Located(in_file(data["file"], place, fault.message), "file") from None
         made = handler({**data, **content})
@@ -147,7 +147,7 @@ class TrajectoryConfig(DrawingConfig):
             What is wrong; it stays as it is where the trajectory is not read from a file.
         """
         if self.file is None or self._read is None:
-            return continued(message)
+            return continue_sentence(message)
         return in_file(self.file, self._read.place_of(path), message)
 
     @property
@@ -172,7 +172,7 @@ class TrajectoryConfig(DrawingConfig):
 
 def in_file(name: str, place: str, message: str) -> str:
     """Return a message that says where in a file the fault is."""
-    return ": ".join(filter(None, (one_line(name, 200), place, continued(message))))
+    return ": ".join(filter(None, (one_line(name, 200), place, continue_sentence(message))))
 
 
 def _trajectory_in(folder: Path, name: str, drawing: DrawingConfig) -> TrajectoryPath:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skillplan.chart.partial_order import closure
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.errors import OptionError
-from skillplan.model.fact_analysis import CostBasis, effects, named_bits
+from skillplan.model.fact_analysis import CostBasis, effects, map_named_bits
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -78,7 +78,7 @@ class ElementPaths:
         _check(task)
         self.task = task
         self.elements = tuple(task.operations)
-        named = named_bits(task)
+        named = map_named_bits(task)
         self.own = tuple(named.get(one, 0) for one in self.elements)
         self.goals = tuple(task.facts.bit(fact) for fact in task.operations.values())
         self._skills: dict[str, list[Skill]] = {one: [] for one in self.elements}
