@@ -20,7 +20,7 @@ from skillplan.records.result import Result
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 
 BOARD = "configs/inverter_board.yaml"
 SWEPT = Setup(collision=("swept",), with_chart=False)
@@ -88,7 +88,7 @@ def measured(paths: list[tuple[JointPath, int]], timing: Timing) -> tuple[float,
 
 def most_used(path: JointPath, limits: JointLimits) -> float:
     """Return the most that toppra's run uses of a limit of speed or acceleration, at samples."""
-    run = fastest_trajectory(path, limits)
+    run = find_fastest_trajectory(path, limits)
     samples = [run.at(time_s) for time_s in np.linspace(0.0, run.duration_s, SAMPLES).tolist()]
     speeds = np.abs([speed for _, speed, _ in samples]) / limits.speed_rad_per_s
     gains = np.abs([gain for _, _, gain in samples]) / limits.acceleration_rad_per_s2
@@ -106,7 +106,7 @@ def main() -> None:
     paths = paths_of(task, result)
     ways: dict[str, Timing] = {
         "trapezoid": lambda path: trapezoid_s(path, limits),
-        "toppra": lambda path: fastest_trajectory(path, limits).duration_s,
+        "toppra": lambda path: find_fastest_trajectory(path, limits).duration_s,
     }
     found = {name: measured(paths, timing) for name, timing in ways.items()}
     resting_s = result.makespan_s - found["toppra"][0]

@@ -30,8 +30,8 @@ from skillplan_pinocchio import (
     Travel,
     TravelPlanner,
     Unfound,
-    box_corners,
-    obstacles_of,
+    collect_obstacles,
+    compute_box_corners,
 )
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -102,7 +102,7 @@ def _drawn(rng: np.random.Generator, board: str, scene: Scene) -> CrampedTravel:
     while True:
         pillars = [_pillar(rng, number) for number in range(_PILLARS)]
         sweeps = HandSweeps(scene, robot, _CLEARANCE_M)
-        planner = TravelPlanner(arm, sweeps, [*obstacles_of(scene), *pillars])
+        planner = TravelPlanner(arm, sweeps, [*collect_obstacles(scene), *pillars])
         there = {one.fact for one in pillars if one.fact is not None and rng.random() < 0.8}
         there |= {
             body.placements[rng.integers(len(body.placements))].fact
@@ -133,7 +133,9 @@ def _pillar(rng: np.random.Generator, number: int) -> Obstacle:
     height_m = rng.uniform(0.2, 1.0)
     centre = (away_m * math.cos(bearing), away_m * math.sin(bearing), height_m / 2)
     box = Box((float(width_m), float(depth_m), float(height_m)), centre)
-    return Obstacle(f"pillar {number}", f"stands({number})", (ConvexPiece(box_corners(box)),))
+    return Obstacle(
+        f"pillar {number}", f"stands({number})", (ConvexPiece(compute_box_corners(box)),)
+    )
 
 
 def _motion(arm: ArmModel, goal_rad: np.ndarray, scene: Scene, body: Body | None) -> LinearMotion:

@@ -17,10 +17,10 @@ from skillplan_simulation import (
     ExecutionSettings,
     JointMotion,
     Vector,
-    hand_of,
-    of_quaternion,
-    pose_of,
-    turn_between,
+    compute_turn,
+    convert_quaternion,
+    get_hand,
+    make_pose,
 )
 
 SETTINGS = ExecutionSettings()
@@ -68,13 +68,13 @@ class Held:
 
     def __init__(self, task: Task, held_m: float = 0.06) -> None:
         (robot,) = task.scene.robots
-        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(hand_of(robot))
+        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(get_hand(robot))
         self.begin_rad = np.array(self.arm.kinematics.home_rad)
         self.arm.stand(self.begin_rad, 0.04)
         tip = self.arm.tip()
         turned = tip.rotation @ ACROSS
         self.world.add(
-            task.scene.body("part"), pose_of(tip.position - held_m * turned[:, 2], turned)
+            task.scene.body("part"), make_pose(tip.position - held_m * turned[:, 2], turned)
         )
         self.at_work = ControlledRobot(self.world, self.arm, task.scene, SETTINGS, robot.tools[0])
         self.at_work.carry("part")
@@ -88,7 +88,7 @@ class Held:
         """Return where the part is in the hand, and how it is turned there."""
         hand, pose = self.arm.tip(), self.world.pose("part")
         away = hand.rotation.T @ (np.array(pose.position) - hand.position)
-        return away, hand.rotation.T @ of_quaternion(pose.orientation)
+        return away, hand.rotation.T @ convert_quaternion(pose.orientation)
 
     def swung(self) -> tuple[float, float]:
         """Swing it for 4 s; return how far it slips [mm] and turns [deg]."""
@@ -98,7 +98,7 @@ class Held:
         self.at_work.follow(JointMotion(self.arm.kinematics, path, run))
         after = self.in_hand()
         slip_mm = 1000 * float(np.linalg.norm(after[0] - before[0]))
-        return slip_mm, math.degrees(float(np.linalg.norm(turn_between(before[1], after[1]))))
+        return slip_mm, math.degrees(float(np.linalg.norm(compute_turn(before[1], after[1]))))
 
 
 ROD = {"cylinder": {"diameter_m": 0.02, "height_m": 0.08}}

@@ -19,7 +19,7 @@ from example_count import examples
 from skillplan.pipeline import load_problem
 from skillplan.task import Skill, State, Task, Verdict
 from skillplan_mujoco import MujocoEngine
-from skillplan_simulation import PairLimits, pair_verdict
+from skillplan_simulation import PairLimits, check_pairs
 
 Query = tuple[Skill, State]
 
@@ -47,7 +47,7 @@ def on_the_optimum(task: Task, actions: Iterable[int] = OPTIMAL) -> list[Query]:
 def contacts(engine: MujocoEngine, query: Query) -> Verdict:
     """Return the verdict of contact-pairs on an execution."""
     parts = [body.name for body in engine.task.scene.bodies]
-    return pair_verdict(engine.record(*query), PairLimits(), parts)
+    return check_pairs(engine.record(*query), PairLimits(), parts)
 
 
 def test_a_part_is_picked_up_by_suction_and_set_down_within_a_tenth_of_a_millimetre(engine, task):

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from skillplan.robots import panda
-from skillplan_pinocchio import ArmModel, closing_yaw_rad, pose_down
+from skillplan_pinocchio import ArmModel, get_closing_yaw_rad, make_pose_down
 
 
 def postures(count):
@@ -54,14 +54,14 @@ def test_the_ready_pose_points_straight_down_in_front_of_the_base():
     position, rotation = ArmModel().tip(np.array(panda.READY_RAD))
     assert position[1] == pytest.approx(0.0, abs=1e-12)
     assert rotation[:, 2] == pytest.approx((0.0, 0.0, -1.0), abs=1e-12)
-    assert closing_yaw_rad(rotation) == pytest.approx(-math.pi / 2)
+    assert get_closing_yaw_rad(rotation) == pytest.approx(-math.pi / 2)
 
 
 @pytest.mark.parametrize("yaw_rad", [-2.0, 0.0, 0.3, math.pi / 2])
 def test_jaws_close_along_the_y_of_the_hand(yaw_rad):
     """The yaw of a pose is that of its second axis, and the pose is a rotation."""
-    pose = pose_down((0.5, 0.1, 0.2), yaw_rad)
-    assert closing_yaw_rad(pose.rotation) == pytest.approx(yaw_rad)
+    pose = make_pose_down((0.5, 0.1, 0.2), yaw_rad)
+    assert get_closing_yaw_rad(pose.rotation) == pytest.approx(yaw_rad)
     assert pose.rotation[:, 1] == pytest.approx((math.cos(yaw_rad), math.sin(yaw_rad), 0.0))
     assert np.linalg.det(pose.rotation) == pytest.approx(1.0)
 
@@ -69,7 +69,7 @@ def test_jaws_close_along_the_y_of_the_hand(yaw_rad):
 def test_the_jacobian_is_the_derivative_of_the_error():
     """By differences."""
     arm = ArmModel()
-    target = pose_down((0.5, 0.1, 0.2), 0.4)
+    target = make_pose_down((0.5, 0.1, 0.2), 0.4)
     for joints in postures(5):
         _, jacobian = arm.error(joints, target)
         here = arm.tip(joints)

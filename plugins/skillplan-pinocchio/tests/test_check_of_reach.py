@@ -10,7 +10,7 @@ from skillplan.physics import straight_down
 from skillplan.pipeline import load_problem, obstacles, preview_problem
 from skillplan.robots import ARMS
 from skillplan.task import Robot
-from skillplan_pinocchio import ArmModel, Unreachable, elbows
+from skillplan_pinocchio import ArmModel, Unreachable, iterate_elbows
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -62,7 +62,7 @@ def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
         height_m = ring.low_m + up * (ring.high_m - ring.low_m) - hand.tip_m
         bearing = 2.4 * turn
         tip = (away_m * math.cos(bearing), away_m * math.sin(bearing), height_m)
-        found = elbows(arm, tip, bearing + turn * math.pi / turns)
+        found = iterate_elbows(arm, tip, bearing + turn * math.pi / turns)
         assert any(not isinstance(posture, Unreachable) for posture in found), tip
 
 

@@ -14,7 +14,7 @@ from concave_shapes import as_obj, channel, channel_boxes
 from skillplan import load_problem
 from skillplan.collision import decomposition_of
 from skillplan.task import Body, Box, Mesh, Pose
-from skillplan_pinocchio import SweptDetector, nearness, pieces_of, standing_pieces_of
+from skillplan_pinocchio import SweptDetector, make_pieces, make_standing_pieces, measure_distance
 
 ORIGIN = (0.0, 0.0, 0.0)
 TASK = """kind: assembly
@@ -78,8 +78,8 @@ def test_a_part_stands_as_its_triangles_and_moves_as_its_pieces(task):
     body = task.scene.body("channel")
     assert isinstance(body.exact_shapes[0], Mesh)
     assert len(body.shapes) >= 3
-    (standing,) = standing_pieces_of(body, Pose(ORIGIN))
-    moving = pieces_of(body, Pose(ORIGIN))
+    (standing,) = make_standing_pieces(body, Pose(ORIGIN))
+    moving = make_pieces(body, Pose(ORIGIN))
     low = np.min([piece.low for piece in moving], axis=0)
     assert standing.low == pytest.approx(low, abs=1e-6)
 
@@ -106,11 +106,11 @@ def test_swept_lets_a_board_down_onto_the_floor_of_a_mesh_with_walls(task):
 def test_triangles_are_met_where_the_boxes_they_bound_are(size, place, turn):
     """What is not wholly inside; to the tolerance of contacts, without margins of coal."""
     channel_body = Body("channel", channel_boxes(), (), 1.0, surfaces=(channel(),))
-    (triangles,) = standing_pieces_of(channel_body, Pose(ORIGIN))
-    boxes = pieces_of(channel_body, Pose(ORIGIN))
-    (moving,) = pieces_of(Body("it", (Box(size, ORIGIN),), (), 1.0), Pose.turned(place, turn))
-    exact = nearness(moving, triangles).distance_m
-    of_boxes = min(nearness(moving, box).distance_m for box in boxes)
+    (triangles,) = make_standing_pieces(channel_body, Pose(ORIGIN))
+    boxes = make_pieces(channel_body, Pose(ORIGIN))
+    (moving,) = make_pieces(Body("it", (Box(size, ORIGIN),), (), 1.0), Pose.turned(place, turn))
+    exact = measure_distance(moving, triangles).distance_m
+    of_boxes = min(measure_distance(moving, box).distance_m for box in boxes)
     if of_boxes > 0:
         assert exact == pytest.approx(of_boxes, abs=1e-6)
     elif of_boxes < -6e-4:

@@ -9,7 +9,7 @@ import pytest
 from skillplan.physics import widest_m
 from skillplan.robots import panda
 from skillplan.task import Box, Robot, Tool, ToolKind
-from skillplan_pinocchio import ConvexPiece, hand_parts
+from skillplan_pinocchio import ConvexPiece, build_hand_parts
 
 AT = (0.0, 0.0, 0.3)
 GRIPPER = Tool("gripper", "tool(gripper)", AT)
@@ -20,7 +20,7 @@ ROBOT = Robot("panda", (0.0, 0.0, 0.0), 0.855, 0.15, {}, (GRIPPER, CUP, DRIVER))
 
 def pieces(tool, opening_m=0.0, tip=(0.0, 0.0, 0.0), yaw_rad=0.0):
     """Return the pieces of what is at the end of the arm, by the names of its parts."""
-    return {part.name: part.at(tip, yaw_rad) for part in hand_parts(ROBOT, tool, opening_m)}
+    return {part.name: part.at(tip, yaw_rad) for part in build_hand_parts(ROBOT, tool, opening_m)}
 
 
 def tip_frame(depths_m, along_m, across_m):
@@ -111,7 +111,7 @@ def test_without_a_tool_the_arm_ends_at_its_flange():
     """Unless the task knows of no tools at all: then it has its hand."""
     assert pieces(None) == {}
     bare = Robot("panda", (0.0, 0.0, 0.0), 0.855, 0.15, {})
-    assert {part.name for part in hand_parts(bare, None, 0.0)} == {"a finger", "the hand"}
+    assert {part.name for part in build_hand_parts(bare, None, 0.0)} == {"a finger", "the hand"}
 
 
 @pytest.mark.parametrize(("opening_m", "expected"), [(None, 0.08), (0.05, 0.05), (0.2, 0.08)])

@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan_pinocchio import ArmModel, Unreachable, closing_yaw_rad, elbows, pose_down, solve
+from skillplan_pinocchio import (
+    ArmModel,
+    Unreachable,
+    get_closing_yaw_rad,
+    iterate_elbows,
+    make_pose_down,
+    solve,
+)
 
 ARM = ArmModel()
 ANGLES = st.floats(-math.pi, math.pi)
@@ -19,7 +26,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 def test_what_is_found_is_accurate_and_within_limits(away_m, bearing_rad, z_m, yaw_rad):
     """To a micrometre and a microradian, for every elbow; and the first one always leads there."""
     position = (away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad), z_m)
-    found = list(elbows(ARM, position, yaw_rad))
+    found = list(iterate_elbows(ARM, position, yaw_rad))
     assert not isinstance(found[0], Unreachable)
     for joints in found:
         if isinstance(joints, Unreachable):
@@ -30,14 +37,14 @@ def test_what_is_found_is_accurate_and_within_limits(away_m, bearing_rad, z_m, y
         assert np.abs(reached - position).max() < 1e-6
         assert rotation[2, 2] == pytest.approx(-1.0, abs=1e-12)
         # With the hand turned by half a turn jaws close the same way.
-        assert math.sin(closing_yaw_rad(rotation) - yaw_rad) == pytest.approx(0.0, abs=1e-6)
+        assert math.sin(get_closing_yaw_rad(rotation) - yaw_rad) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_elbow_swings_while_the_hand_stays():
     """One pose, several postures."""
     found = [
         joints
-        for joints in elbows(ARM, (0.5, 0.0, 0.1), 0.0)
+        for joints in iterate_elbows(ARM, (0.5, 0.0, 0.1), 0.0)
         if not isinstance(joints, Unreachable)
     ]
     heights_m = {round(float(ARM.frames([joints])[1][0, 3, 1]), 2) for joints in found}
@@ -47,15 +54,15 @@ def test_the_elbow_swings_while_the_hand_stays():
 
 def test_the_same_question_has_the_same_answer_bit_for_bit():
     """Whatever was asked between."""
-    first = list(elbows(ARM, (0.5, 0.1, 0.05), 0.3))
-    list(elbows(ARM, (0.3, -0.3, 0.2), -1.0))
-    for one, other in zip(first, elbows(ARM, (0.5, 0.1, 0.05), 0.3), strict=True):
+    first = list(iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3))
+    list(iterate_elbows(ARM, (0.3, -0.3, 0.2), -1.0))
+    for one, other in zip(first, iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3), strict=True):
         assert np.array_equal(one, other)
 
 
 def test_what_is_too_far_is_said_with_its_distance():
     """And how far off the nearest posture is."""
-    found = next(iter(elbows(ARM, (0.95, 0.0, 0.0), 0.0)))
+    found = next(iter(iterate_elbows(ARM, (0.95, 0.0, 0.0), 0.0)))
     assert isinstance(found, Unreachable)
     assert found.reason == (
         "the hand cannot point straight down at (0.950, 0.000, 0.000): it is 1.007 m from the "
@@ -66,7 +73,7 @@ def test_what_is_too_far_is_said_with_its_distance():
 
 def test_what_is_too_near_is_said_with_the_joints_that_stop_it():
     """They cannot bend any further."""
-    found = next(iter(elbows(ARM, (0.2, 0.0, 0.15), 0.0)))
+    found = next(iter(iterate_elbows(ARM, (0.2, 0.0, 0.15), 0.0)))
     assert isinstance(found, Unreachable)
     assert "joint" in found.why
     assert "4" in found.why
@@ -76,14 +83,14 @@ def test_what_is_too_near_is_said_with_the_joints_that_stop_it():
 def test_a_start_beyond_the_limits_is_moved_into_them():
     """A bearing behind the arm."""
     start = np.array([3.1, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8])
-    joints = solve(ARM, pose_down((-0.4, 0.15, 0.2), 0.0), start)
+    joints = solve(ARM, make_pose_down((-0.4, 0.15, 0.2), 0.0), start)
     assert not isinstance(joints, Unreachable)
     assert joints[0] <= ARM.high_rad[0]
 
 
 def test_without_a_pull_joints_move_as_little_as_they_can():
     """From where the tip is already, not at all."""
-    (start, *_) = elbows(ARM, (0.5, 0.1, 0.05), 0.3)
+    (start, *_) = iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3)
     position, rotation = ARM.tip(start)
-    same = solve(ARM, pose_down(tuple(position), closing_yaw_rad(rotation)), start)
+    same = solve(ARM, make_pose_down(tuple(position), get_closing_yaw_rad(rotation)), start)
     assert same == pytest.approx(start, abs=1e-6)

@@ -13,8 +13,8 @@ from skillplan_pinocchio import (
     JointLimits,
     JointPath,
     SweptDetector,
-    fastest_trajectory,
-    least_between_s,
+    bound_duration_s,
+    find_fastest_trajectory,
 )
 
 LIMITS = JointLimits.of(PANDA).scaled(0.5)
@@ -27,8 +27,8 @@ POSTURES = st.lists(
 @given(nodes=POSTURES)
 def test_no_trajectory_between_two_postures_takes_less(nodes):
     """Whatever lies between them."""
-    taken_s = fastest_trajectory(JointPath(nodes), LIMITS).duration_s
-    assert least_between_s(nodes[0], nodes[-1], LIMITS) <= taken_s + 1e-9
+    taken_s = find_fastest_trajectory(JointPath(nodes), LIMITS).duration_s
+    assert bound_duration_s(nodes[0], nodes[-1], LIMITS) <= taken_s + 1e-9
 
 
 @pytest.mark.parametrize("way_rad", [0.01, 0.3, 2.0])
@@ -37,13 +37,13 @@ def test_a_joint_that_goes_alone_takes_no_more(joint, way_rad):
     """With and without reaching its greatest speed; to 0.2 %."""
     start, end = np.zeros(7), np.zeros(7)
     end[joint] = way_rad
-    taken_s = fastest_trajectory(JointPath([start, end]), LIMITS).duration_s
-    assert taken_s == pytest.approx(least_between_s(start, end, LIMITS), rel=2e-3)
+    taken_s = find_fastest_trajectory(JointPath([start, end]), LIMITS).duration_s
+    assert taken_s == pytest.approx(bound_duration_s(start, end, LIMITS), rel=2e-3)
 
 
 def test_staying_takes_no_time():
     """The bound is 0."""
-    assert least_between_s(np.ones(7), np.ones(7), LIMITS) == 0.0
+    assert bound_duration_s(np.ones(7), np.ones(7), LIMITS) == 0.0
 
 
 def pairs(task):
@@ -107,7 +107,7 @@ def test_a_bound_computes_no_trajectory(board, monkeypatch):
     def boom(*question):
         raise AssertionError("a trajectory was computed")
 
-    monkeypatch.setattr("skillplan_pinocchio.timing.skill_times.fastest_trajectory", boom)
+    monkeypatch.setattr("skillplan_pinocchio.timing.skill_times.find_fastest_trajectory", boom)
     detector = SweptDetector(board)
     for skill in board.skills:
         assert detector.least_duration_s(skill, board.initial.bits, 0) > 0

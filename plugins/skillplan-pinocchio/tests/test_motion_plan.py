@@ -12,8 +12,8 @@ from skillplan_pinocchio import (
     LinkSweep,
     MotionPlanner,
     Obstacle,
-    box_corners,
-    table,
+    compute_box_corners,
+    make_table,
 )
 
 ARM = ArmModel()
@@ -28,7 +28,7 @@ def linear_motion(tip=TIP, above=ABOVE):
 
 def box(name, size, centre, fact=""):
     """Return an obstacle; always there without a fact."""
-    return Obstacle(name, fact or None, (ConvexPiece(box_corners(Box(size, centre))),))
+    return Obstacle(name, fact or None, (ConvexPiece(compute_box_corners(Box(size, centre))),))
 
 
 def planner(*obstacles, **changes):
@@ -48,7 +48,7 @@ WALL = box("wall", (0.04, 1.2, 0.8), (0.25, 0.0, 0.4), "placed(wall)")
 
 def test_where_nothing_is_met_one_elbow_is_enough():
     """The one nearest to the ready pose, over a table."""
-    planned = planner(Obstacle(TABLE, None, (table(),))).plan(linear_motion())
+    planned = planner(Obstacle(TABLE, None, (make_table(),))).plan(linear_motion())
     assert len(planned.elbows) == 1
     assert planned.elbows[0].meets == ()
     assert np.array_equal(planned.elbows[0].strokes.down[0].nodes, first_path().nodes)

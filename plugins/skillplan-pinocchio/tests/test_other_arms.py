@@ -16,10 +16,10 @@ from skillplan_pinocchio import (
     ArmModel,
     LinkPiece,
     Unreachable,
-    elbows,
-    hand_pose,
-    pose_down,
-    postures,
+    iterate_elbows,
+    iterate_postures,
+    make_hand_pose,
+    make_pose_down,
 )
 from urdf_text import CAPSULE, urdf
 
@@ -118,7 +118,7 @@ def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model, mount):
     target = pin.SE3(
         rotation @ pin.rpy.rpyToMatrix(0.3, -0.2, 0.1), at + np.array((0.02, 0.03, -0.04))
     )
-    found = list(postures(arm, target))
+    found = list(iterate_postures(arm, target))
     assert len(found) > 4
     for joints in found:
         assert not isinstance(joints, Unreachable)
@@ -130,7 +130,7 @@ def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model, mount):
         assert abs(turned[:, 1] @ target.rotation[:, 1]) == pytest.approx(1.0, abs=1e-7)
     away = [round(float(np.abs(joints - arm.home_rad).max()), 6) for joints in found]
     assert away == sorted(away)
-    again = list(postures(ArmModel.of(robot(model, mount)), target))
+    again = list(iterate_postures(ArmModel.of(robot(model, mount)), target))
     assert all(np.array_equal(one, other) for one, other in zip(found, again, strict=True))
 
 
@@ -139,7 +139,7 @@ def test_of_a_full_turn_the_angle_nearest_to_home_is_taken():
     turned = replace(UR5E, home_rad=(*UR5E.home_rad[:5], 6.0))
     arm = ArmModel(description=turned, hand=STANDARD_HAND)
     at, rotation = arm.tip(arm.home_rad)
-    first = next(postures(arm, pin.SE3(rotation, at)))
+    first = next(iterate_postures(arm, pin.SE3(rotation, at)))
     assert first == pytest.approx(arm.home_rad, abs=1e-9)
 
 
@@ -148,18 +148,18 @@ def test_a_mount_that_is_turned_about_the_vertical_turns_the_postures_along(yaw_
     """Seen from the arm nothing has changed."""
     mount = Pose.upright((0.2, -0.1, 0.05), yaw_rad)
     there = mount.apply((0.45, 0.1, 0.05))
-    here = next(elbows(ArmModel(), (0.45, 0.1, 0.05), 0.3))
-    turned = next(elbows(ArmModel.of(robot("panda", mount)), there, 0.3 + yaw_rad))
+    here = next(iterate_elbows(ArmModel(), (0.45, 0.1, 0.05), 0.3))
+    turned = next(iterate_elbows(ArmModel.of(robot("panda", mount)), there, 0.3 + yaw_rad))
     assert turned == pytest.approx(here, abs=1e-6)
 
 
 def test_what_a_ur_cannot_reach_is_said_with_its_distance():
     """And why."""
     arm = ArmModel(description=UR5E, hand=STANDARD_HAND)
-    (found,) = postures(arm, hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
+    (found,) = iterate_postures(arm, make_hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
     assert isinstance(found, Unreachable)
     assert found.distance_m > 0.3
-    (down,) = elbows(arm, (0.0, 0.0, 2.0), 0.0)
+    (down,) = iterate_elbows(arm, (0.0, 0.0, 2.0), 0.0)
     assert isinstance(down, Unreachable)
     assert down.reason.startswith("the hand cannot point straight down at (0.000, 0.000, 2.000): ")
 
@@ -209,8 +209,8 @@ def outside_m(corners, points):
 
 def test_a_panda_points_down_as_before():
     """With the posture that kept verdicts rest on: joint for joint."""
-    first = next(elbows(ArmModel(), (0.5, 0.1, 0.05), 0.3))
+    first = next(iterate_elbows(ArmModel(), (0.5, 0.1, 0.05), 0.3))
     at, rotation = ArmModel().tip(first)
     assert at == pytest.approx((0.5, 0.1, 0.05), abs=1e-6)
-    assert rotation == pytest.approx(pose_down((0.5, 0.1, 0.05), 0.3).rotation, abs=1e-6)
+    assert rotation == pytest.approx(make_pose_down((0.5, 0.1, 0.05), 0.3).rotation, abs=1e-6)
     assert PANDA.swing == (0, 2, 6)

@@ -5,7 +5,7 @@ import pytest
 
 from skillplan import load_problem
 from skillplan.robots import STANDARD_HAND, UR5E
-from skillplan_pinocchio import ArmModel, ConvexPiece, SelfCheck, SweptDetector, descent_paths
+from skillplan_pinocchio import ArmModel, ConvexPiece, SelfCheck, SweptDetector, iterate_descents
 
 TASK = """kind: assembly
 name: close_to_its_base
@@ -57,7 +57,7 @@ def test_links_are_checked_only_if_they_are_to_be(tmp_path):
 def test_a_posture_that_is_free_is_taken_where_a_preferred_one_is_not(arm, tmp_path):
     """A little farther out some postures leave room."""
     check = SelfCheck(arm)
-    paths = list(descent_paths(arm, (0.18, 0.0, 0.05), (0.18, 0.0, 0.25), 0.0))
+    paths = list(iterate_descents(arm, (0.18, 0.0, 0.05), (0.18, 0.0, 0.25), 0.0))
     assert check.first_hit(paths[0]) is not None
     assert any(check.first_hit(path) is None for path in paths)
     detector, skill, state = picked(tmp_path, 0.2)
@@ -67,14 +67,14 @@ def test_a_posture_that_is_free_is_taken_where_a_preferred_one_is_not(arm, tmp_p
 def test_a_free_stroke_has_no_hit(arm):
     """In front of the arm no posture touches anything."""
     check = SelfCheck(arm)
-    for path in descent_paths(arm, (0.4, 0.0, 0.05), (0.4, 0.0, 0.25), 0.0):
+    for path in iterate_descents(arm, (0.4, 0.0, 0.05), (0.4, 0.0, 0.25), 0.0):
         assert check.first_hit(path) is None
 
 
 def test_what_is_held_runs_into_the_base(arm):
     """Or into the first link above it: a long bar across the tip, where a short one passes."""
     check = SelfCheck(arm)
-    path = next(descent_paths(arm, (0.4, 0.0, 0.05), (0.4, 0.0, 0.25), 0.0))
+    path = next(iterate_descents(arm, (0.4, 0.0, 0.05), (0.4, 0.0, 0.25), 0.0))
     (x, y, z), _ = arm.tip(path.nodes[0])
     ends = np.array([[a, b, c] for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)])
     for length_m, hits in ((0.1, False), (0.78, True)):

@@ -7,7 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skillplan.task import Body, Box, Cylinder, Mesh, Pose
-from skillplan_pinocchio import Obstacle, intersection, pieces_of, planar_hull, supports_of, table
+from skillplan_pinocchio import (
+    Obstacle,
+    compute_planar_hull,
+    find_supports,
+    intersect,
+    make_pieces,
+    make_table,
+)
 
 POINTS = st.lists(st.tuples(st.floats(-1, 1, width=16), st.floats(-1, 1, width=16)), max_size=12)
 # Triangles of a prism on a triangle, three corners, then three opposite; and of a tetrahedron.
@@ -19,13 +26,13 @@ SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 def block(size, x=0.0, y=0.0, z=0.0, yaw_rad=0.0):
     """Return the pieces of a block that stands at a place."""
     body = Body("it", (Box(size, (0.0, 0.0, size[2] / 2)),), (), 1.0)
-    return pieces_of(body, Pose.upright((x, y, z), yaw_rad))
+    return make_pieces(body, Pose.upright((x, y, z), yaw_rad))
 
 
 def ground(pieces, *under, tolerance_m=2e-4):
     """Return what could bear a body: blocks below it, in order."""
     obstacles = [Obstacle(f"block {n}", f"placed({n})", one) for n, one in enumerate(under)]
-    return supports_of("it", pieces, obstacles, tolerance_m)
+    return find_supports("it", pieces, obstacles, tolerance_m)
 
 
 @pytest.mark.parametrize(("overhang_m", "stays"), [(0.0, True), (0.049, True), (0.051, False)])
@@ -61,12 +68,12 @@ def test_blocks_side_by_side_do_not_bear_each_other():
 def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
     """A body whose centre is beside its foot tips on the table, too."""
     shapes = (Box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01)), Box((0.2, 0.02, 0.02), (0.08, 0.0, 0.03)))
-    obstacles = [Obstacle("the table", None, (table(),))]
+    obstacles = [Obstacle("the table", None, (make_table(),))]
     for body, stays in (
         (Body("it", shapes[:1], (), 1.0), True),
         (Body("it", shapes, (), 1.0), False),
     ):
-        found = supports_of("it", pieces_of(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
+        found = find_supports("it", make_pieces(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
         assert found.hold([True]) is stays
 
 
@@ -82,7 +89,7 @@ def test_a_cylinder_stands_on_its_circle():
     """Half of it beyond an edge is the limit."""
     drum = Body("it", (Cylinder(0.04, 0.04, (0.0, 0.0, 0.02)),), (), 1.0)
     for x_m, stays in ((0.049, True), (0.051, False)):
-        pieces = pieces_of(drum, Pose((x_m, 0.0, 0.02)))
+        pieces = make_pieces(drum, Pose((x_m, 0.0, 0.02)))
         assert ground(pieces, block((0.1, 0.1, 0.02))).hold([True]) is stays
 
 
@@ -92,21 +99,21 @@ def test_the_centre_of_mass_is_that_of_the_volume():
         tuple((x, y, z) for y in (-0.05, 0.05) for x, z in ((0.0, 0.0), (0.09, 0.0), (0.0, 0.1))),
         PRISM,
     )
-    pieces = pieces_of(Body("it", (wedge,), (), 1.0), Pose((0.0, 0.0, 0.0)))
+    pieces = make_pieces(Body("it", (wedge,), (), 1.0), Pose((0.0, 0.0, 0.0)))
     assert ground(pieces).centre == pytest.approx((0.03, 0.0), abs=1e-9)
 
 
 def test_a_body_on_a_point_is_borne_by_nothing():
     """A cone that stands on its head falls over."""
     cone = Mesh(((0.0, 0.0, 0.0), (0.05, 0.05, 0.1), (-0.05, 0.05, 0.1), (0.0, -0.05, 0.1)), CONE)
-    pieces = pieces_of(Body("it", (cone,), (), 1.0), Pose((0.0, 0.0, 0.02)))
+    pieces = make_pieces(Body("it", (cone,), (), 1.0), Pose((0.0, 0.0, 0.02)))
     assert not ground(pieces, block((0.2, 0.2, 0.02))).hold([])
 
 
 @given(POINTS)
 def test_a_hull_encloses_its_points_and_turns_left(points):
     """Every corner is one of them."""
-    hull = planar_hull(points)
+    hull = compute_planar_hull(points)
     assert set(hull) <= set(points)
     if len(hull) > 2:
         for begin, end in zip(hull, hull[1:] + hull[:1], strict=True):
@@ -119,10 +126,10 @@ def test_a_hull_encloses_its_points_and_turns_left(points):
 @given(POINTS)
 def test_what_a_polygon_has_in_common_with_a_square_is_within_both(points):
     """Whichever is clipped by the other, it is the same."""
-    hull = planar_hull(points)
-    common = intersection(hull, SQUARE)
+    hull = compute_planar_hull(points)
+    common = intersect(hull, SQUARE)
     assert all(-1e-9 <= value <= 1 + 1e-9 for corner in common for value in corner)
-    again = intersection(SQUARE, hull)
+    again = intersect(SQUARE, hull)
     assert bool(common) == bool(again)
     if common:
         for axis in (0, 1):

@@ -12,11 +12,11 @@ from skillplan_pinocchio import (
     ConvexPiece,
     Obstacle,
     Sweep,
-    box_corners,
-    corners_of,
-    nearness,
-    obstacles_of,
-    pieces_of,
+    collect_obstacles,
+    compute_box_corners,
+    get_corners,
+    make_pieces,
+    measure_distance,
 )
 
 LENGTHS = st.floats(0.005, 0.2)
@@ -28,7 +28,7 @@ PRISM = ((0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5
 
 def piece(size, centre):
     """Return a box."""
-    return ConvexPiece(box_corners(Box(size, centre)))
+    return ConvexPiece(compute_box_corners(Box(size, centre)))
 
 
 def wall(size, centre):
@@ -85,7 +85,7 @@ def test_the_first_touch_is_said():
 def test_cylinders_are_round():
     """A box passes the corner that a square would have; and hits beside it."""
     scene_body = Body("drum", (Cylinder(0.1, 0.1, (0, 0, 0.05)),), (), 1.0)
-    (drum,) = pieces_of(scene_body, Pose((0.0, 0.0, 0.0)))
+    (drum,) = make_pieces(scene_body, Pose((0.0, 0.0, 0.0)))
     obstacle = Obstacle("drum", "placed(drum)", (drum,))
     for away_m, hits in ((0.046, False), (0.044, True)):
         start = piece((0.02, 0.02, 0.02), (away_m, away_m, 0.3))
@@ -95,7 +95,7 @@ def test_cylinders_are_round():
 
 def test_a_cylinder_is_as_wide_as_it_should_be():
     """Its polygon neither stands out nor falls short by more than 0.06 % of the radius."""
-    corners = corners_of(Cylinder(0.2, 0.1, (0.0, 0.0, 0.05)))[:, :2]
+    corners = get_corners(Cylinder(0.2, 0.1, (0.0, 0.0, 0.05)))[:, :2]
     ring = corners[:64]
     middles = (ring + np.roll(ring, 1, axis=0)) / 2
     assert np.abs(np.linalg.norm(ring, axis=1) / 0.1 - 1).max() < 6.1e-4
@@ -110,7 +110,7 @@ def test_a_mesh_is_its_convex_hull():
         ),
         PRISM,
     )
-    (piece_,) = pieces_of(Body("wedge", (wedge,), (), 1.0), Pose((0.0, 0.0, 0.0)))
+    (piece_,) = make_pieces(Body("wedge", (wedge,), (), 1.0), Pose((0.0, 0.0, 0.0)))
     obstacle = Obstacle("wedge", "placed(wedge)", (piece_,))
     for x_m, hits in ((-0.03, True), (0.03, False)):
         start = piece((0.01, 0.01, 0.01), (x_m, 0.0, 0.3))
@@ -121,9 +121,9 @@ def test_a_mesh_is_its_convex_hull():
 def test_a_turned_body_takes_its_turned_room():
     """By an eighth of a turn."""
     body = Body("bar", (Box((0.1, 0.02, 0.02), (0.0, 0.0, 0.01)),), (), 1.0)
-    (turned,) = pieces_of(body, Pose.upright((0.0, 0.0, 0.0), np.pi / 4))
-    assert nearness(turned, piece((0.01, 0.01, 0.01), (0.03, 0.03, 0.01))).distance_m < 0
-    assert nearness(turned, piece((0.01, 0.01, 0.01), (0.04, 0.0, 0.01))).distance_m > 0
+    (turned,) = make_pieces(body, Pose.upright((0.0, 0.0, 0.0), np.pi / 4))
+    assert measure_distance(turned, piece((0.01, 0.01, 0.01), (0.03, 0.03, 0.01))).distance_m < 0
+    assert measure_distance(turned, piece((0.01, 0.01, 0.01), (0.04, 0.0, 0.01))).distance_m > 0
 
 
 def test_obstacles_are_the_table_and_what_can_be_touched_in_the_world():
@@ -138,6 +138,6 @@ def test_obstacles_are_the_table_and_what_can_be_touched_in_the_world():
         ),
         1.0,
     )
-    found = obstacles_of(Scene((body,), ()))
+    found = collect_obstacles(Scene((body,), ()))
     assert [(one.body, one.fact) for one in found] == [(TABLE, None), ("part", "placed(part)")]
     assert found[1].top_m == pytest.approx(0.1)

@@ -18,9 +18,9 @@ from skillplan_pinocchio import (
     Strokes,
     SweptDetector,
     Unreachable,
-    hand_pose,
-    postures,
-    strokes,
+    iterate_postures,
+    iterate_strokes,
+    make_hand_pose,
 )
 
 # A drawer with a knob at its front, which the hand pushes onto a cabinet by.
@@ -118,7 +118,7 @@ def test_the_tip_follows_the_stretches_of_the_motion():
     arm = ArmModel((0.0, 0.0, 0.0))
     state = task.facts.of(*PLACED)
     (motion,) = linear_motions(task, task.skill("place(drawer)"), state, 0.001)
-    found = next(one for one in strokes(arm, motion) if isinstance(one, Strokes))
+    found = next(one for one in iterate_strokes(arm, motion) if isinstance(one, Strokes))
     assert [len(found.down), len(found.up)] == [2, 2]
     for path, (begin, end) in zip(
         (*found.down, *found.up),
@@ -139,7 +139,9 @@ def unit_of(begin: Any, end: Any) -> Any:
 
 
 def test_a_hand_that_cannot_point_there_is_said_with_its_direction():
-    found = next(postures(ArmModel(), hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0))))
+    found = next(
+        iterate_postures(ArmModel(), make_hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
+    )
     assert isinstance(found, Unreachable)
     assert "cannot point along (0.00, 0.00, 1.00) at (1.500, 0.000, 0.200)" in found.reason
 
@@ -156,8 +158,10 @@ def test_every_posture_brings_the_hand_there_within_the_joints_limits(points, as
     if sum(x * x for x in across) < 1e-4:
         return
     arm = ArmModel()
-    target = hand_pose((0.45, 0.2, 0.35), Pose.of_axes((0, 0, 0), unit(across), along).orientation)
-    for joints in postures(arm, target):
+    target = make_hand_pose(
+        (0.45, 0.2, 0.35), Pose.of_axes((0, 0, 0), unit(across), along).orientation
+    )
+    for joints in iterate_postures(arm, target):
         if isinstance(joints, Unreachable):
             continue
         position, rotation = arm.tip(joints)

@@ -19,8 +19,8 @@ from skillplan_pinocchio import (
     JointLimits,
     JointPath,
     Unreachable,
-    descent_paths,
-    fastest_trajectory,
+    find_fastest_trajectory,
+    iterate_descents,
 )
 
 NODES = st.integers(2, 9).flatmap(
@@ -41,7 +41,7 @@ GRID = 0.02
 @pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_limits_are_never_exceeded(nodes, limits):
     """Neither speed nor acceleration of any joint, at 1,000 samples."""
-    trajectory = fastest_trajectory(JointPath(nodes), limits)
+    trajectory = find_fastest_trajectory(JointPath(nodes), limits)
     samples = [trajectory.at(time_s) for time_s in np.linspace(0, trajectory.duration_s, 1000)]
     speeds, gains = (np.abs([sample[which] for sample in samples]) for which in (1, 2))
     assert (speeds <= np.array(limits.speed_rad_per_s) * (1 + 1e-9)).all()
@@ -65,7 +65,7 @@ def test_it_is_no_slower_than_a_trapezoid_of_the_parameter(nodes, limits):
     )
     gain = (bound / steepest).min()
     slow_s = 1 / speed + speed / gain if speed**2 < gain else 2 / math.sqrt(gain)
-    assert fastest_trajectory(path, limits).duration_s <= slow_s * (1 + GRID)
+    assert find_fastest_trajectory(path, limits).duration_s <= slow_s * (1 + GRID)
 
 
 @settings(max_examples=examples(50))
@@ -74,14 +74,14 @@ def test_it_is_no_slower_than_a_trapezoid_of_the_parameter(nodes, limits):
 def test_faster_limits_are_not_slower(nodes, limits, factor):
     """Whichever of them is tightened, but for the grid."""
     path = JointPath(nodes)
-    whole_s = fastest_trajectory(path, limits).duration_s
+    whole_s = find_fastest_trajectory(path, limits).duration_s
     slow = limits.scaled(factor)
     for tighter in (
         slow,
         JointLimits(slow.speed_rad_per_s, limits.acceleration_rad_per_s2),
         JointLimits(limits.speed_rad_per_s, slow.acceleration_rad_per_s2),
     ):
-        assert fastest_trajectory(path, tighter).duration_s >= whole_s * (1 - GRID)
+        assert find_fastest_trajectory(path, tighter).duration_s >= whole_s * (1 - GRID)
 
 
 @given(NODES, LIMITS)
@@ -89,7 +89,7 @@ def test_faster_limits_are_not_slower(nodes, limits, factor):
 def test_there_takes_as_long_as_back(nodes, limits):
     """The same path the other way round, but for the grid and for where a run has to stop."""
     there_s, back_s = (
-        fastest_trajectory(JointPath(way), limits).duration_s for way in (nodes, nodes[::-1])
+        find_fastest_trajectory(JointPath(way), limits).duration_s for way in (nodes, nodes[::-1])
     )
     assert there_s == pytest.approx(back_s, rel=3 * GRID)
 
@@ -100,7 +100,7 @@ def test_there_takes_as_long_as_back(nodes, limits):
 def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
     """It is on the path at all times, in its order, and its speed fits its places."""
     path = JointPath(nodes)
-    trajectory = fastest_trajectory(path, PANDA_LIMITS)
+    trajectory = find_fastest_trajectory(path, PANDA_LIMITS)
     whole_s = trajectory.duration_s
     for node, place in zip(nodes, np.linspace(0, 1, len(nodes)), strict=True):
         assert path.at(float(place)) == pytest.approx(node, abs=1e-9)
@@ -126,8 +126,8 @@ def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
 def test_a_short_path_takes_the_time_of_its_shape(nodes, factor):
     """Where no limit of speed counts, by the root of how much shorter it is."""
     free = JointLimits((1e6,) * 7, PANDA.acceleration_rad_per_s2)
-    whole_s = fastest_trajectory(JointPath(nodes), free).duration_s
-    short_s = fastest_trajectory(JointPath(factor * nodes), free).duration_s
+    whole_s = find_fastest_trajectory(JointPath(nodes), free).duration_s
+    short_s = find_fastest_trajectory(JointPath(factor * nodes), free).duration_s
     if short_s > 0:
         assert short_s == pytest.approx(math.sqrt(factor) * whole_s, rel=1e-6)
 
@@ -135,18 +135,18 @@ def test_a_short_path_takes_the_time_of_its_shape(nodes, factor):
 def test_no_way_takes_no_time():
     """Not a rounding error's either."""
     still = np.zeros((3, 7))
-    trajectory = fastest_trajectory(JointPath(still), PANDA_LIMITS)
+    trajectory = find_fastest_trajectory(JointPath(still), PANDA_LIMITS)
     assert trajectory.duration_s == 0.0
     assert trajectory.at(0.0)[0] == pytest.approx(np.zeros(7))
     still[1] += 1e-12
-    assert fastest_trajectory(JointPath(still), PANDA_LIMITS).duration_s == 0.0
+    assert find_fastest_trajectory(JointPath(still), PANDA_LIMITS).duration_s == 0.0
 
 
 def test_a_path_that_dies_away_is_run_in_parts():
     """Toppra finds nothing on the whole of it: a joint swings to and fro, each time a quarter."""
     nodes = np.zeros((9, 7))
     nodes[0, 0] = -1.0
-    trajectory = fastest_trajectory(JointPath(nodes), JointLimits((1.0,) * 7, (1.0,) * 7))
+    trajectory = find_fastest_trajectory(JointPath(nodes), JointLimits((1.0,) * 7, (1.0,) * 7))
     assert (trajectory.rates_per_s[1:-1] == 0).any()
     assert 2.0 < trajectory.duration_s < 6.0
 
@@ -157,13 +157,15 @@ def test_a_slow_joint_gets_up_to_its_speed_in_a_fraction_of_the_grid():
     nodes[:, 3] = (-2.5, 0.0, 2.5)
     nodes[1, 5] = 0.1
     limits = JointLimits((0.1,) * 7, (0.5,) * 7)
-    assert fastest_trajectory(JointPath(nodes), limits).duration_s == pytest.approx(50.2, rel=2e-3)
+    assert find_fastest_trajectory(JointPath(nodes), limits).duration_s == pytest.approx(
+        50.2, rel=2e-3
+    )
 
 
 def test_a_node_twice_is_gone_through():
     """Nodes one upon another are no stop, and no error."""
     nodes = np.repeat(np.linspace(0, 1, 3), 3)[:, np.newaxis] * np.linspace(-1, 1, 7)
-    assert 0.5 < fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s < 5
+    assert 0.5 < find_fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s < 5
 
 
 def test_a_single_joint_takes_the_time_of_a_trapezoid():
@@ -172,7 +174,7 @@ def test_a_single_joint_takes_the_time_of_a_trapezoid():
     nodes[:, 0] = np.linspace(0, 1, 5)
     speed, gain = PANDA.speed_rad_per_s[0], PANDA.acceleration_rad_per_s2[0]
     best_s = 1 / speed + speed / gain
-    taken_s = fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s
+    taken_s = find_fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s
     assert best_s <= taken_s * (1 + 1e-9) <= best_s * 1.01
 
 
@@ -182,16 +184,16 @@ def test_every_process_finds_the_same_times_to_the_bit(tmp_path):
     words = (
         "import numpy as np\n"
         "from skillplan_pinocchio import JointPath\n"
-        "from skillplan_pinocchio import JointLimits, fastest_trajectory\n"
+        "from skillplan_pinocchio import JointLimits, find_fastest_trajectory\n"
         "nodes = np.sin(np.arange(63.0)).reshape(9, 7)\n"
         "from skillplan.robots import PANDA\n"
         "limits = JointLimits.of(PANDA)\n"
-        "print(fastest_trajectory(JointPath(nodes), limits).times_s.tobytes().hex())\n"
+        "print(find_fastest_trajectory(JointPath(nodes), limits).times_s.tobytes().hex())\n"
         "import sys\n"
         "assert 'matplotlib' not in sys.modules"
     )
     nodes = np.sin(np.arange(63.0)).reshape(9, 7)
-    own = fastest_trajectory(JointPath(nodes), PANDA_LIMITS).times_s.tobytes().hex()
+    own = find_fastest_trajectory(JointPath(nodes), PANDA_LIMITS).times_s.tobytes().hex()
     environment = {**os.environ, "MPLBACKEND": "none", "MPLCONFIGDIR": str(tmp_path)}
     command = [sys.executable, "-W", "default", "-c", words]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
@@ -226,7 +228,7 @@ class TestWaysOfTheArm:
 
     def test_a_stroke_goes_straight_down_with_the_hand_down(self):
         """Between its nodes within 0.05 mm, too."""
-        (path, *_) = descent_paths(self.arm, (0.5, 0.1, 0.01), (0.5, 0.1, 0.16), 0.7)
+        (path, *_) = iterate_descents(self.arm, (0.5, 0.1, 0.01), (0.5, 0.1, 0.16), 0.7)
         assert not isinstance(path, Unreachable)
         for place in np.linspace(0, 1, 41):
             position, rotation = self.arm.tip(path.at(float(place)))

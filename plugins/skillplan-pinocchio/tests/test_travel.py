@@ -25,8 +25,8 @@ from skillplan_pinocchio import (
     Travel,
     TravelPlanner,
     Unfound,
-    arm_solids,
-    box_corners,
+    build_arm_solids,
+    compute_box_corners,
 )
 
 ROOT = Path(__file__).parents[3]
@@ -50,7 +50,7 @@ def blocked(travels):
 
 def wall(name, size_m, centre_m, fact=None):
     """Return a box that stands somewhere."""
-    return Obstacle(name, fact, (ConvexPiece(box_corners(Box(size_m, centre_m))),))
+    return Obstacle(name, fact, (ConvexPiece(compute_box_corners(Box(size_m, centre_m))),))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def bodies(arm):
-    return ArmBodies(arm.model, arm_solids(arm), arm.home_rad)
+    return ArmBodies(arm.model, build_arm_solids(arm), arm.home_rad)
 
 
 class TestTravels:

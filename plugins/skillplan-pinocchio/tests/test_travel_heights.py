@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.robots import UR5E
-from skillplan_pinocchio import ArmModel, SweptDetector, TravelHeights, Unreachable, elbows
+from skillplan_pinocchio import ArmModel, SweptDetector, TravelHeights, Unreachable, iterate_elbows
 from thinned import slow_case
 
 SAFE_M = 0.2
@@ -24,7 +24,7 @@ def test_nothing_is_ever_lower(arm, seed):
     while len(ends) < 2:
         away_m, bearing = rng.uniform(0.3, 0.6), rng.uniform(-1.5, 1.5)
         place = (float(away_m * np.cos(bearing)), float(away_m * np.sin(bearing)), SAFE_M)
-        found = next(iter(elbows(arm, place, float(rng.uniform(-3, 3)))))
+        found = next(iter(iterate_elbows(arm, place, float(rng.uniform(-3, 3)))))
         if not isinstance(found, Unreachable):
             ends.append(found)
     width_m = 0.1

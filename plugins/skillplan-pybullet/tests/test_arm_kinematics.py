@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from example_count import examples
 from skillplan.robots import UR5E
 from skillplan.task import Pose, Robot
-from skillplan_pinocchio import JointLimits, JointPath, fastest_trajectory
+from skillplan_pinocchio import JointLimits, JointPath, find_fastest_trajectory
 from skillplan_pybullet import JAW_LINKS, PinocchioDynamics, SimulatedArm, SimulationSettings, World
-from skillplan_simulation import JointMotion, LinkBounds, kinematics_of, turn_between
+from skillplan_simulation import JointMotion, LinkBounds, compute_turn, get_kinematics
 
 ROBOT = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
 # A second arm, on a base that is turned; and one that hangs.
@@ -28,7 +28,7 @@ TURNED, HANGING = (
     )
 )
 ROBOTS = (ROBOT, TURNED)
-KINEMATICS = kinematics_of(ROBOT)
+KINEMATICS = get_kinematics(ROBOT)
 shares = st.tuples(*[st.floats(0.0, 1.0)] * 7)
 rates = st.tuples(*[st.floats(-2.0, 2.0)] * 7)
 turns = st.tuples(*[st.floats(-1.8, 1.8)] * 3)
@@ -75,13 +75,13 @@ def test_pinocchio_and_the_simulator_agree_on_the_dynamics(arm, shares, speeds):
 @given(turns, turns)
 def test_the_turn_between_two_rotations_leads_from_one_to_the_other(one, other):
     start, end = pin.exp3(np.array(one)), pin.exp3(np.array(other))
-    turn = turn_between(start, end)
+    turn = compute_turn(start, end)
     assert pin.exp3(turn) @ start == pytest.approx(end, abs=1e-6)
     assert np.linalg.norm(turn) <= math.pi + 1e-9
 
 
 def test_half_a_turn_has_an_axis():
-    turn = turn_between(np.eye(3), np.diag([-1.0, 1.0, -1.0]))
+    turn = compute_turn(np.eye(3), np.diag([-1.0, 1.0, -1.0]))
     assert np.abs(turn) == pytest.approx((0.0, math.pi, 0.0))
 
 
@@ -89,7 +89,7 @@ def test_a_move_along_a_path_says_how_fast_the_joints_go():
     """And where the tip is then; in the end all is at rest."""
     start = KINEMATICS.home_rad
     path = JointPath([start, start + np.array([0.4, 0.2, -0.1, 0.3, 0.5, -0.4, 0.6])])
-    run = fastest_trajectory(path, JointLimits.of(ROBOT.model))
+    run = find_fastest_trajectory(path, JointLimits.of(ROBOT.model))
     move = JointMotion(KINEMATICS, path.nodes, run)
     time_s, step_s = 0.4 * move.duration_s, 1e-5
     before, at, after = (move.at(time_s + sign * step_s) for sign in (-1, 0, 1))

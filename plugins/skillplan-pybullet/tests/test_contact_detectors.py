@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from situations import assembly, config_content
 from skillplan.checks import introduce
 from skillplan_pybullet import ContactForceDetector, PybulletEngine
-from skillplan_simulation import ContactPairsDetector, Record, frame_means
+from skillplan_simulation import ContactPairsDetector, Record, average_frames
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]
 
@@ -100,7 +100,7 @@ class TestFrameMeans:
     @given(arrays(float, st.integers(0, 20), elements=st.floats(0, 100)), st.integers(1, 8))
     def test_each_is_the_mean_of_the_frames_up_to_it(self, values, frames):
         """Before the first frame nothing touched."""
-        means = frame_means(values, frames)
+        means = average_frames(values, frames)
         padded = [0.0] * frames + list(values)
         for index, mean in enumerate(means):
             window = padded[index + 1 : index + 1 + frames]
@@ -109,8 +109,8 @@ class TestFrameMeans:
     def test_axes_are_averaged_apart(self):
         """Shape in is shape out."""
         values = np.arange(12.0).reshape(4, 3)
-        assert frame_means(values, 2).shape == (4, 3)
-        assert frame_means(values, 2)[1].tolist() == [1.5, 2.5, 3.5]
+        assert average_frames(values, 2).shape == (4, 3)
+        assert average_frames(values, 2)[1].tolist() == [1.5, 2.5, 3.5]
 
 
 class TestContactPairs:

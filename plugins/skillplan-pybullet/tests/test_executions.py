@@ -11,7 +11,7 @@ from board_situations import imagined
 from situations import assembly, config_content
 from skillplan.physics import linear_motions
 from skillplan.task import Body, Box, Cylinder, Mesh, VerdictStatus
-from skillplan_pinocchio import mass_properties
+from skillplan_pinocchio import compute_mass_properties
 from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
 from skillplan_simulation import ContactPairsDetector, PlannedPaths, SkillRunner
 from thinned import slow_case
@@ -224,7 +224,9 @@ class TestMassProperties:
     def test_a_wedge_is_heavy_where_it_is_thick(self):
         corners = ((0, 0, 0), (6, 0, 0), (0, 2, 0), (6, 2, 0), (0, 0, 3), (0, 2, 3))
         faces = ((0, 2, 1), (1, 2, 3), (0, 1, 4), (2, 5, 3), (0, 4, 2), (2, 4, 5), (1, 3, 4))
-        found = mass_properties(Body("wedge", (Mesh(corners, (*faces, (3, 5, 4))),), (), 1.0))
+        found = compute_mass_properties(
+            Body("wedge", (Mesh(corners, (*faces, (3, 5, 4))),), (), 1.0)
+        )
         assert found.centre == pytest.approx([2.0, 1.0, 1.0])
         # Of a triangle, by its side: a^2 / 18 along each; of the width, w^2 / 12.
         spread = np.array([36 / 18, 4 / 12, 9 / 18])
@@ -241,13 +243,15 @@ class TestMassProperties:
         sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         faces = tuple(face for a, b, c, d in sides for face in ((a, b, c), (a, c, d)))
         one, other = (
-            mass_properties(Body("box", shapes, (), 0.2))
+            compute_mass_properties(Body("box", shapes, (), 0.2))
             for shapes in ((box,), (Mesh(corners, faces),))
         )
         assert one.centre == pytest.approx(other.centre)
         assert one.inertia_kg_m2 == pytest.approx(other.inertia_kg_m2)
 
     def test_a_cylinder_turns_as_the_textbook_says(self):
-        found = mass_properties(Body("pin", (Cylinder(0.04, 0.1, (0.0, 0.0, 0.05)),), (), 2.0))
+        found = compute_mass_properties(
+            Body("pin", (Cylinder(0.04, 0.1, (0.0, 0.0, 0.05)),), (), 2.0)
+        )
         across = 2.0 * (3 * 0.02**2 + 0.1**2) / 12
         assert found.inertia_kg_m2 == pytest.approx([across, across, 2.0 * 0.02**2 / 2])

@@ -6,7 +6,7 @@ import pybullet
 import pytest
 
 from skillplan.task import Body, Box, Pose, Robot, Scene, Tool, ToolKind
-from skillplan_pinocchio import ArmModel, elbows
+from skillplan_pinocchio import ArmModel, iterate_elbows
 from skillplan_pybullet import SimulatedArm, SimulationSettings, World
 from skillplan_simulation import ROBOT, ToolChanger
 
@@ -23,7 +23,7 @@ def arm():
     with World(settings.friction) as world:
         robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
         made = SimulatedArm(world, robot, settings)
-        made.stand(next(elbows(ArmModel(), TIP, 0.0)), 0.04)
+        made.stand(next(iterate_elbows(ArmModel(), TIP, 0.0)), 0.04)
         yield made
 
 

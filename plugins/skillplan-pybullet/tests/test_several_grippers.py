@@ -11,7 +11,7 @@ from situations import assembly
 from skillplan.checks import introduce
 from skillplan.task import Task
 from skillplan_pybullet import PybulletEngine, SimulatedArm, SimulationSettings, World
-from skillplan_simulation import HAND, ContactPairsDetector, hand_of
+from skillplan_simulation import HAND, ContactPairsDetector, get_hand
 
 # Thin jaws, and jaws that would meet the walls beside the pin.
 SLIM_M = [[0.0, 0.004, 0.0, 0.005], [0.05, 0.004, 0.0, 0.005]]
@@ -84,12 +84,12 @@ def board(pin_tool: str = "tweezers") -> Task:
 def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples():
     (robot,) = board().scene.robots
     cup, tweezers, clamp = robot.tools
-    assert hand_of(robot, cup) == hand_of(robot, tweezers) != hand_of(robot, clamp)
+    assert get_hand(robot, cup) == get_hand(robot, tweezers) != get_hand(robot, clamp)
     with World(0.6) as world:
-        arm = SimulatedArm(world, robot, SimulationSettings(), hand_of(robot, tweezers))
+        arm = SimulatedArm(world, robot, SimulationSettings(), get_hand(robot, tweezers))
         arm.stand(arm.kinematics.home_rad, 0.02)
         before, stood = arm.joints_rad(), arm.tip().position
-        arm.fit(hand_of(robot, clamp))
+        arm.fit(get_hand(robot, clamp))
         assert arm.joints_rad() == before
         assert arm.tip().position == pytest.approx(stood, abs=1e-9)
         assert arm.jaw_width_m() == pytest.approx(0.09)

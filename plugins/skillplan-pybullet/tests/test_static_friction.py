@@ -17,10 +17,10 @@ from skillplan_simulation import (
     JointMotion,
     Pads,
     Vector,
-    of_quaternion,
-    pose_of,
-    turn_between,
-    utilisation,
+    compute_turn,
+    compute_utilisation,
+    convert_quaternion,
+    make_pose,
 )
 from thinned import slow_case
 
@@ -33,7 +33,9 @@ PADS = Pads((5.0, 10.0), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.02, 0.01)
 
 
 def share(force_n: list[float], moment_nm: list[float], pads: Pads = PADS) -> float:
-    return utilisation(pads, np.array(force_n), np.array(moment_nm), friction=0.6, spinning_m=0.006)
+    return compute_utilisation(
+        pads, np.array(force_n), np.array(moment_nm), friction=0.6, spinning_m=0.006
+    )
 
 
 class TestLimits:
@@ -106,7 +108,7 @@ def slip_of(
         arm.stand(begin, 0.04)
         tip = arm.tip()
         turned = tip.rotation @ ACROSS
-        world.add(body, pose_of(tip.position - held_m * turned[:, 2], turned))
+        world.add(body, make_pose(tip.position - held_m * turned[:, 2], turned))
         at_work = ControlledRobot(world, arm, scene, SETTINGS, robot.tools[0])
         at_work.carry(body.name)
         helping = arm.grip(body.name)
@@ -118,7 +120,7 @@ def slip_of(
         def in_hand() -> tuple[Vector, Vector]:
             hand, pose = arm.tip(), world.pose(body.name)
             away = hand.rotation.T @ (np.array(pose.position) - hand.position)
-            return away, hand.rotation.T @ of_quaternion(pose.orientation)
+            return away, hand.rotation.T @ convert_quaternion(pose.orientation)
 
         before = in_hand()
         run = Swing(begin, swing_rad, 4.0)
@@ -126,7 +128,7 @@ def slip_of(
         at_work.follow(travel)
         after = in_hand()
         slip_mm = 1000 * float(np.linalg.norm(after[0] - before[0]))
-        return slip_mm, math.degrees(float(np.linalg.norm(turn_between(before[1], after[1]))))
+        return slip_mm, math.degrees(float(np.linalg.norm(compute_turn(before[1], after[1]))))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skillplan.task import Body, Box, Cylinder, Mesh, Pose
-from skillplan_pinocchio import mass_properties
+from skillplan_pinocchio import compute_mass_properties
 from skillplan_pybullet import World
 from skillplan_simulation import STEPS_PER_S
 
@@ -100,7 +100,7 @@ def test_a_body_that_nothing_bears_falls_as_physics_has_it():
 
 
 def test_mass_is_where_the_shapes_are():
-    found = mass_properties(
+    found = compute_mass_properties(
         Body(
             "l", (Box((0.1, 0.1, 0.1), (0, 0, 0.05)), Box((0.1, 0.1, 0.1), (0.1, 0, 0.05))), (), 2.0
         )
@@ -111,7 +111,7 @@ def test_mass_is_where_the_shapes_are():
 
 
 def test_a_cylinder_has_the_inertia_of_a_cylinder():
-    found = mass_properties(BODIES["cylinder"])
+    found = compute_mass_properties(BODIES["cylinder"])
     along = 0.05 * 0.015**2 / 2
     across = 0.05 * (3 * 0.015**2 + 0.05**2) / 12
     assert np.allclose(found.inertia_kg_m2, (across, across, along))

@@ -10,7 +10,7 @@ import pytest
 from board_situations import BOARD
 from skillplan.physics import HEIGHT, WIDTH, Angle, Image, View
 from skillplan.pipeline import load_problem
-from skillplan_simulation import Film, PaintedCamera, Projection, Touch, kinematics_of
+from skillplan_simulation import Film, PaintedCamera, Projection, Touch, get_kinematics
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def cell(scene, *, touches=()):
     robot = scene.robots[0]
     arm = SimpleNamespace(
         hand=robot.hand,
-        kinematics=kinematics_of(robot),
+        kinematics=get_kinematics(robot),
         joints_rad=lambda: robot.home_rad,
         jaw_width_m=lambda: 0.05,
         shows_hand=True,

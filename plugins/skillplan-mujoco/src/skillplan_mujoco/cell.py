@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from skillplan.robots.arm_description import Hand
-from skillplan_mujoco.cell_model import hand_masses, hand_number
+from skillplan_mujoco.cell_model import compute_hand_masses, parse_hand_number
 from skillplan_simulation.simulator import FINGERS, HAND, ROBOT
 
 # Fields of a model that worlds change: contact masks, bonds and masses.
@@ -81,7 +81,7 @@ class Cell:
 
     def fit(self, hand: Hand) -> list[int]:
         """Give the hand the masses of one of its variants; return the geometries of the others."""
-        for name, mass in hand_masses(hand).items():
+        for name, mass in compute_hand_masses(hand).items():
             number = self.ids[name]
             self.model.body_mass[number] = mass.mass_kg
             self.model.body_ipos[number] = mass.centre_m
@@ -91,7 +91,7 @@ class Cell:
             geom
             for name in (HAND, *FINGERS)
             for geom in self._geoms(name)
-            if hand_number(self.model.geom(geom).name) != own
+            if parse_hand_number(self.model.geom(geom).name) != own
         ]
 
     def _geoms(self, name: str) -> range:

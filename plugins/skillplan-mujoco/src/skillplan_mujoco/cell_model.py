@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from skillplan.robots.arm_description import Capsule, Hand, Hull, Joint, Rod
 from skillplan.task.scene import Body, Robot
 from skillplan.task.shape import Box, Cylinder, Shape
-from skillplan_pinocchio.kinematics.serial_arm import placement
-from skillplan_pinocchio.mass_properties import mass_properties
-from skillplan_simulation.robot_shapes import Block, Piece, body_pieces, jaw_pieces
+from skillplan_pinocchio.kinematics.serial_arm import make_placement
+from skillplan_pinocchio.mass_properties import compute_mass_properties
+from skillplan_simulation.robot_shapes import Block, Piece, make_body_pieces, make_jaw_pieces
 from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
@@ -42,7 +42,7 @@ STIFF = (2.0 / STEPS_PER_S, 1.0)
 _SHARE, BOND_SHARE = (0.95, 0.99, 0.0005, 0.5, 2.0), (0.99, 0.999, 0.0005, 0.5, 2.0)
 
 
-def touch(geom: Any, friction: float, torsion_m: float = _TORSION_M) -> None:
+def set_contact(geom: Any, friction: float, torsion_m: float = _TORSION_M) -> None:
     """Set the friction and stiffness of a geometry's contacts."""
     geom.friction = (friction, torsion_m, _ROLLING_M)
     geom.condim = FRICTIONAL
@@ -78,7 +78,7 @@ def add_piece(spec: Any, body: Any, piece: Piece, friction: float) -> Any:
         kind = kinds.mjGEOM_CYLINDER if isinstance(piece, Rod) else kinds.mjGEOM_CAPSULE
         geom = body.add_geom(type=kind, size=(piece.radius_m, 0.0, 0.0))
         geom.fromto = (*piece.start_m, *piece.end_m)
-    touch(geom, friction, ARM_TORSION_M * friction)
+    set_contact(geom, friction, ARM_TORSION_M * friction)
     return geom
 
 
@@ -90,11 +90,13 @@ def add_shape(spec: Any, body: Any, shape: Shape) -> Any:
     cylinders touch at points that jump from end to end, and roll away.
     """
     name = f"hull {len(spec.meshes)}"
-    spec.add_mesh(name=name, uservert=[value for corner in _corners(shape) for value in corner])
+    spec.add_mesh(
+        name=name, uservert=[value for corner in _iterate_corners(shape) for value in corner]
+    )
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
 
 
-def _corners(shape: Shape) -> Iterator[Sequence[float]]:
+def _iterate_corners(shape: Shape) -> Iterator[Sequence[float]]:
     """Yield corners of a shape's hull [m]."""
     if not isinstance(shape, Box | Cylinder):
         yield from shape.corners
@@ -139,18 +141,20 @@ class SolidMass:
     inertia_kg_m2: tuple[float, float, float]
 
 
-def hand_masses(hand: Hand) -> dict[str, SolidMass]:
+def compute_hand_masses(hand: Hand) -> dict[str, SolidMass]:
     """Return the masses of a hand and its jaws by name."""
     size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    masses = {HAND: _box(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
+    masses = {HAND: _make_box_mass(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)}
     height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
     size = (2 * hand.jaw_half_width_m, thick_m, height_m)
     for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
-        masses[name] = _box(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
+        masses[name] = _make_box_mass(_JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
     return masses
 
 
-def _box(mass_kg: float, centre: tuple[float, float, float], size: Sequence[float]) -> SolidMass:
+def _make_box_mass(
+    mass_kg: float, centre: tuple[float, float, float], size: Sequence[float]
+) -> SolidMass:
     x, y, z = (extent**2 * mass_kg / 12 for extent in size)
     return SolidMass(mass_kg, centre, (y + z, x + z, x + y))
 
@@ -169,12 +173,12 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
     friction
         Friction coefficient of bodies [-].
     """
-    masses = hand_masses(hands[0])
+    masses = compute_hand_masses(hands[0])
     _weigh(held, masses[HAND])
     held.gravcomp = 1.0
     for number, hand in enumerate(hands):
-        for part in body_pieces(hand):
-            _name(spec, add_piece(spec, held, part, friction), number)
+        for part in make_body_pieces(hand):
+            _name_geometry(spec, add_piece(spec, held, part, friction), number)
     for side, name in zip(_JAW_SIDES, FINGERS, strict=True):
         jaw = held.add_body(name=name)
         jaw.gravcomp = 1.0
@@ -183,8 +187,8 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
         slide.axis = (0.0, float(side), 0.0)
         slide.armature = _DRIVE_KG
         for number, hand in enumerate(hands):
-            for piece in jaw_pieces(hand, side):
-                _name(spec, add_piece(spec, jaw, piece, friction), number)
+            for piece in make_jaw_pieces(hand, side):
+                _name_geometry(spec, add_piece(spec, jaw, piece, friction), number)
     gear = spec.add_equality(name="gear", type=mujoco.mjtEq.mjEQ_JOINT)
     gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
     gear.name1, gear.name2 = FINGERS
@@ -192,12 +196,12 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
     gear.solref, gear.solimp = STIFF, BOND_SHARE
 
 
-def hand_number(geom: str) -> int:
+def parse_hand_number(geom: str) -> int:
     """Return the number of the hand that a geometry belongs to, from its name."""
     return int(geom.split()[1])
 
 
-def _name(spec: Any, geom: Any, number: int) -> None:
+def _name_geometry(spec: Any, geom: Any, number: int) -> None:
     geom.name = f"hand {number} {len(spec.geoms)}"
 
 
@@ -218,7 +222,9 @@ _FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
 _MORE_BONDS = 8
 
 
-def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float) -> Any:
+def build_cell_spec(
+    robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float
+) -> Any:
     """Return the specification from which the model of a cell is compiled.
 
     Parameters
@@ -242,7 +248,7 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     spec.compiler.degree = False
     world = spec.worldbody
     table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
-    touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
+    set_contact(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
     _add_arm(spec, robot, hands, friction)
     for number, body in enumerate(bodies):
         _add_part(spec, body, number, friction)
@@ -255,7 +261,7 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     return spec
 
 
-def joint_name(number: int) -> str:
+def format_joint_name(number: int) -> str:
     """Return the name of a joint of the arm, counted from 0 at the base."""
     return f"joint {number + 1}"
 
@@ -263,7 +269,7 @@ def joint_name(number: int) -> str:
 def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) -> None:
     model = robot.model
     here = spec.worldbody.add_body(
-        name=ROBOT, pos=robot.base, quat=_wxyz(np.array(robot.mount.rotation))
+        name=ROBOT, pos=robot.base, quat=_convert_rotation(np.array(robot.mount.rotation))
     )
     # In a world without the arm, it hangs weightless.
     here.gravcomp = 1.0
@@ -274,21 +280,21 @@ def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) ->
         here = _add_link(here, number, joint)
         for piece in shapes[number + 1]:
             add_piece(spec, here, piece, friction)
-    where = placement(model.tip) * placement(robot.tip)
-    held = here.add_body(name=HAND, pos=where.translation, quat=_wxyz(where.rotation))
+    where = make_placement(model.tip) * make_placement(robot.tip)
+    held = here.add_body(name=HAND, pos=where.translation, quat=_convert_rotation(where.rotation))
     held.add_site(name=TIP)
     add_hands(spec, held, hands, friction)
 
 
 def _add_link(before: Any, number: int, joint: Joint) -> Any:
     """Add a link and its joint; return the link."""
-    where = placement(joint.placement)
+    where = make_placement(joint.placement)
     link = before.add_body(
-        name=f"link {number + 1}", pos=where.translation, quat=_wxyz(where.rotation)
+        name=f"link {number + 1}", pos=where.translation, quat=_convert_rotation(where.rotation)
     )
     link.gravcomp = 1.0
     if joint.link is not None:
-        frame = placement(joint.link.frame)
+        frame = make_placement(joint.link.frame)
         xx, yy, zz, xy, xz, yz = joint.link.tensor_kg_m2
         tensor = frame.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         tensor = tensor @ frame.rotation.T
@@ -296,30 +302,30 @@ def _add_link(before: Any, number: int, joint: Joint) -> Any:
         link.mass = joint.link.mass_kg
         link.ipos = frame.act(np.array(joint.link.centre_m))
         link.fullinertia = (*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2])
-    hinge = link.add_joint(name=joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
+    hinge = link.add_joint(name=format_joint_name(number), type=mujoco.mjtJoint.mjJNT_HINGE)
     hinge.axis = joint.axis
     hinge.range = (joint.low_rad, joint.high_rad)
     return link
 
 
 def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
-    part = spec.worldbody.add_body(name=body.name, pos=parked(number))
+    part = spec.worldbody.add_body(name=body.name, pos=get_parking_position(number))
     part.add_freejoint()
-    properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+    properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
     part.explicitinertial = True
     part.mass, part.ipos = body.mass_kg, properties.centre
     part.inertia = properties.inertia_kg_m2
     part.gravcomp = 1.0
     for shape in body.shapes:
-        touch(add_shape(spec, part, shape), friction)
+        set_contact(add_shape(spec, part, shape), friction)
 
 
-def parked(number: int) -> tuple[float, float, float]:
+def get_parking_position(number: int) -> tuple[float, float, float]:
     """Return the position of a body that is not in the world [m]."""
     return 5.0 + number, 8.0, 1.0
 
 
-def _wxyz(rotation: Vector) -> Vector:
+def _convert_rotation(rotation: Vector) -> Vector:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return quaternion

@@ -8,13 +8,13 @@ from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Body
 from skillplan.task.task import Task
 from skillplan_mujoco.cell import Cell
-from skillplan_mujoco.cell_model import cell_spec
+from skillplan_mujoco.cell_model import build_cell_spec
 from skillplan_mujoco.simulated_arm import SimulatedArm
 from skillplan_mujoco.world import World
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.robot_shapes import hands_of, tool_body
-from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, versions
+from skillplan_simulation.robot_shapes import list_hands, make_tool_body
+from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, get_versions
 
 
 class MujocoSimulator:
@@ -36,8 +36,10 @@ class MujocoSimulator:
     def world(self) -> World:
         """Return a world with only a table; earlier worlds become invalid."""
         if self._cell is None:
-            hands = hands_of(self.robot)
-            spec = cell_spec(self.robot, hands, self._bodies(hands[0]), self.settings.friction)
+            hands = list_hands(self.robot)
+            spec = build_cell_spec(
+                self.robot, hands, self._bodies(hands[0]), self.settings.friction
+            )
             self._cell = Cell(spec.compile(), hands, self.settings.friction)
         return World(self._cell)
 
@@ -49,7 +51,7 @@ class MujocoSimulator:
 
     def _bodies(self, hand: Hand) -> list[Body]:
         """Return all bodies that a world can ever hold in addition to arm and table."""
-        tools = (tool_body(tool, hand) for tool in self.robot.tools)
+        tools = (make_tool_body(tool, hand) for tool in self.robot.tools)
         return [*self.task.scene.bodies, *(body for body in tools if body is not None)]
 
 
@@ -91,4 +93,4 @@ class MujocoEngine(PerformingEngine):
             "skillplan-pinocchio",
             "skillplan-simulation",
         ]
-        return versions(*others)
+        return get_versions(*others)

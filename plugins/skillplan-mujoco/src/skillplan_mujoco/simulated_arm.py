@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import Hand
 from skillplan.task.scene import Robot
-from skillplan_mujoco.cell_model import ARM_TORSION_M, TIP, joint_name
-from skillplan_mujoco.world import World, product, times, times_transposed
-from skillplan_pinocchio.kinematics.fixed_order import solved
+from skillplan_mujoco.cell_model import ARM_TORSION_M, TIP, format_joint_name
+from skillplan_mujoco.world import World, multiply, multiply_matrices, multiply_transposed
+from skillplan_pinocchio.kinematics.fixed_order import solve_linear
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import (
     TipPose,
-    kinematics_of,
+    compute_rotation_left,
+    get_kinematics,
+    make_unreachable_error,
     points_down,
-    rotation_left,
-    unreachable,
 )
 from skillplan_simulation.motions import Setpoint
 from skillplan_simulation.simulator import (
@@ -72,7 +72,9 @@ class ArmState:
     bias: Vector
 
 
-def torques(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float, load: Vector) -> Vector:
+def compute_torques(
+    state: ArmState, setpoint: Setpoint, stiffness_per_s2: float, load: Vector
+) -> Vector:
     """Return joint torques [N m], shape (joints,).
 
     Parameters
@@ -90,18 +92,18 @@ def torques(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float, load: 
             + stiffness_per_s2 * (setpoint.posture - state.angles)
             + 2 * math.sqrt(stiffness_per_s2) * (setpoint.joints.speeds_rad_per_s - state.rates)
         )
-        return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
+        return multiply(state.mass, gain) + state.bias + multiply_transposed(state.jacobian, load)
     jacobian = state.jacobian
     # Column: joint accelerations caused by a unit force or moment at the tip.
-    yielding = solved(state.mass, jacobian.T)
-    pull = _pull(state, setpoint)
+    yielding = solve_linear(state.mass, jacobian.T)
+    pull = _compute_pull(state, setpoint)
     # Remove the component of the pull that would move the tip.
-    lacking = _acceleration(state, setpoint, stiffness_per_s2) - times(jacobian, pull)
-    wrench = solved(product(jacobian, yielding), lacking) + load
-    return times_transposed(jacobian, wrench) + state.bias + times(state.mass, pull)
+    lacking = _compute_acceleration(state, setpoint, stiffness_per_s2) - multiply(jacobian, pull)
+    wrench = solve_linear(multiply_matrices(jacobian, yielding), lacking) + load
+    return multiply_transposed(jacobian, wrench) + state.bias + multiply(state.mass, pull)
 
 
-def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
+def compute_posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
     """Return the torques of joint servos that follow a posture [N m], shape (joints,).
 
     Each joint aims at the speed that removes a fixed share of its lag in one step.
@@ -115,16 +117,16 @@ def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
     """
     speeds = _SERVO_SHARE * STEPS_PER_S * (posture - state.angles)
     gain = STEPS_PER_S * (speeds - state.rates)
-    return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
+    return multiply(state.mass, gain) + state.bias + multiply_transposed(state.jacobian, load)
 
 
-def _acceleration(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float) -> Vector:
+def _compute_acceleration(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float) -> Vector:
     """Return the target acceleration of the tip, linear before angular, shape (6,)."""
     # Floats are faster here than arrays of three.
     away = (setpoint.position - state.tip.position).tolist()
-    away += rotation_left(state.tip.rotation, setpoint.rotation)
+    away += compute_rotation_left(state.tip.rotation, setpoint.rotation)
     rates = [*setpoint.velocity.tolist(), *setpoint.spin_rad_per_s.tolist()]
-    moves = times(state.jacobian, state.rates).tolist()
+    moves = multiply(state.jacobian, state.rates).tolist()
     damping_per_s = 2 * math.sqrt(stiffness_per_s2)
     gains = [
         stiffness_per_s2 * lack + damping_per_s * (rate - move)
@@ -135,7 +137,7 @@ def _acceleration(state: ArmState, setpoint: Setpoint, stiffness_per_s2: float) 
     return np.array(gains)
 
 
-def _pull(state: ArmState, setpoint: Setpoint) -> Vector:
+def _compute_pull(state: ArmState, setpoint: Setpoint) -> Vector:
     """Return the accelerations that draw the joints to their posture, shape (joints,)."""
     firmness = _NULLSPACE_STIFFNESS_PER_S2
     away, lag = setpoint.posture - state.angles, -state.rates
@@ -199,7 +201,7 @@ class SimulatedArm:
 
     def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
         self.world, self.robot, self.settings = world, robot, settings
-        self.kinematics = kinematics_of(robot)
+        self.kinematics = get_kinematics(robot)
         self.link_names = {world.ids[name]: name for name in (HAND, *FINGERS)}
         self.payload_kg = 0.0
         self.bears: tuple[str, ...] = ()
@@ -210,7 +212,7 @@ class SimulatedArm:
         model = world.model
         # The joints of the arm come first, then the joints of the jaws.
         self._count = len(robot.model.joints)
-        assert int(model.joint(joint_name(self._count - 1)).dofadr[0]) == self._count - 1
+        assert int(model.joint(format_joint_name(self._count - 1)).dofadr[0]) == self._count - 1
         self._jaws = [int(model.joint(name).dofadr[0]) for name in FINGERS]
         self._site = int(model.site(TIP).id)
         data, count = world.data, self._count
@@ -230,7 +232,7 @@ class SimulatedArm:
             np.zeros((6, count)),
             self._bias,
         )
-        self._entries = mass_entries(model, count)
+        self._entries = find_mass_entries(model, count)
         self._posture: Vector = self.kinematics.home_rad
         self._take(hand)
 
@@ -303,9 +305,11 @@ class SimulatedArm:
         state.jacobian[:] = jacobian[:, : self._count]
         if self.settings.control == "position":
             self._posture = self._posture_for(self.setpoint)
-            torques_nm = posture_torques(state, self._posture, self._load())
+            torques_nm = compute_posture_torques(state, self._posture, self._load())
         else:
-            torques_nm = torques(state, self.setpoint, self.settings.stiffness_per_s2, self._load())
+            torques_nm = compute_torques(
+                state, self.setpoint, self.settings.stiffness_per_s2, self._load()
+            )
         self._applied[:] = np.minimum(np.maximum(torques_nm, -self.limit_nm), self.limit_nm)
 
     def _posture_for(self, setpoint: Setpoint) -> Vector:
@@ -315,7 +319,7 @@ class SimulatedArm:
         x, y, z = setpoint.position.tolist()
         posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._posture)
         if posture is None:
-            raise unreachable((x, y, z), setpoint.rotation)
+            raise make_unreachable_error((x, y, z), setpoint.rotation)
         return posture
 
     def show_hand(self, visible: bool) -> None:
@@ -368,7 +372,7 @@ class SimulatedArm:
             self._all_applied[jaw] = applied_n
 
 
-def mass_entries(model: Any, count: int) -> NDArray[np.intp]:
+def find_mass_entries(model: Any, count: int) -> NDArray[np.intp]:
     """Return indices of the mass matrix of the first joints in MuJoCo's sparse one.
 
     MuJoCo stores the nonzero entries of the lower triangle row by row. All joints of an arm are

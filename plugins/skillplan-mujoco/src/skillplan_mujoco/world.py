@@ -52,12 +52,12 @@ class PairMasks:
 
     def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        self._parted |= {_pair(name, other) for other in others}
+        self._parted |= {_sort_pair(name, other) for other in others}
         self.set()
 
     def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        self._parted -= {_pair(name, other) for other in others}
+        self._parted -= {_sort_pair(name, other) for other in others}
         self.set()
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
@@ -72,7 +72,7 @@ class PairMasks:
 
     def set(self) -> None:
         """Write the masks to the model."""
-        special = _cover(self._parted)
+        special = _cover_pairs(self._parted)
         if len(special) > _BITS - 1:
             raise UpsetError(f"more than {_BITS - 1} bodies pass through others at once")
         bits = {name: 2 << place for place, name in enumerate(special)}
@@ -99,7 +99,7 @@ class PairMasks:
         )
 
 
-def _cover(parted: Iterable[tuple[str, str]]) -> list[str]:
+def _cover_pairs(parted: Iterable[tuple[str, str]]) -> list[str]:
     """Return a vertex cover of the pairs, with the arm, whose links are not obstacles."""
     pairs = sorted(parted)
     count = Counter(name for pair in pairs for name in pair)
@@ -110,28 +110,28 @@ def _cover(parted: Iterable[tuple[str, str]]) -> list[str]:
     return sorted(covered)
 
 
-def _pair(name: str, other: str) -> tuple[str, str]:
+def _sort_pair(name: str, other: str) -> tuple[str, str]:
     return min(name, other), max(name, other)
 
 
 Vector = NDArray[np.float64]
 
 
-def times(matrix: Vector, vector: Vector) -> Vector:
+def multiply(matrix: Vector, vector: Vector) -> Vector:
     """Return the product of a matrix and a vector, summed in a fixed order."""
     result = np.empty(matrix.shape[0])
     mujoco.mju_mulMatVec(result, matrix, vector)
     return result
 
 
-def times_transposed(matrix: Vector, vector: Vector) -> Vector:
+def multiply_transposed(matrix: Vector, vector: Vector) -> Vector:
     """Return the product of a transposed matrix and a vector, summed in a fixed order."""
     result = np.empty(matrix.shape[1])
     mujoco.mju_mulMatTVec(result, matrix, vector)
     return result
 
 
-def product(left: Vector, right: Vector) -> Vector:
+def multiply_matrices(left: Vector, right: Vector) -> Vector:
     """Return the product of two matrices, summed in a fixed order."""
     result = np.empty((left.shape[0], right.shape[1]))
     mujoco.mju_mulMatMat(result, left, right)
@@ -259,15 +259,15 @@ class World:
         _, speed = self.cell.coordinates(name)
         rotation, values = self._rotation(name), np.array(self.data.qvel[speed])
         # Rates are about the body's own axes, and its origin is at its bottom.
-        turning = times(rotation, values[3:])
-        away = times(rotation, self.model.body_ipos[self.numbers[name]])
+        turning = multiply(rotation, values[3:])
+        away = multiply(rotation, self.model.body_ipos[self.numbers[name]])
         return values[:3] + np.cross(turning, away), turning
 
     def inertia_kg_m2(self, name: str) -> Vector:
         """Return the inertia tensor about the centre of mass in world axes, shape (3, 3)."""
         rotation = self._rotation(name)
         along = rotation * self.model.body_inertia[self.numbers[name]]
-        return product(along, np.ascontiguousarray(rotation.T))
+        return multiply_matrices(along, np.ascontiguousarray(rotation.T))
 
     def _rotation(self, name: str) -> Vector:
         place, _ = self.cell.coordinates(name)

@@ -64,7 +64,7 @@ class LinkPiece:
             return pin.SE3.Identity()
         start, end = np.array(self.shape.start_m), np.array(self.shape.end_m)
         along = end - start
-        turned = _turned(along) if np.any(along) else np.eye(3)
+        turned = _align_z(along) if np.any(along) else np.eye(3)
         return pin.SE3(turned, (start + end) / 2)
 
     @cached_property
@@ -103,14 +103,14 @@ class LinkPiece:
 
 # Several detectors may share an arm.
 @lru_cache(maxsize=8)
-def link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
+def collect_link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
     """Return the shapes of all links that move; the base does not."""
     return tuple(
         LinkPiece(link, shape) for link, shapes in enumerate(arm.shapes) if link for shape in shapes
     )
 
 
-def _turned(along: Array) -> Array:
+def _align_z(along: Array) -> Array:
     """Return a rotation that turns z along a vector, shape (3, 3)."""
     z = along / length(along)
     # Take the axis that is farther from it.
@@ -165,7 +165,7 @@ class ArmModel:
         self.high_rad = self.serial.high_rad
         self.home_rad = self.serial.home_rad
         self.model = self.serial.model
-        self.pieces = link_pieces(description)
+        self.pieces = collect_link_pieces(description)
         self._data = self.model.createData()
 
     @classmethod
@@ -237,7 +237,7 @@ class ArmModel:
         return array[..., :3, :3], array[..., :3, 3]
 
 
-def pose_down(position: Point, closing_yaw_rad: float) -> Any:
+def make_pose_down(position: Point, closing_yaw_rad: float) -> Any:
     """Return the pose of a tip that points straight down.
 
     Parameters
@@ -252,7 +252,7 @@ def pose_down(position: Point, closing_yaw_rad: float) -> Any:
     return pin.SE3(rotation, np.array(position, dtype=float))
 
 
-def hand_pose(position: Point, orientation: Quaternion) -> Any:
+def make_hand_pose(position: Point, orientation: Quaternion) -> Any:
     """Return the pose of a tip, as `pinocchio.SE3`.
 
     Parameters
@@ -265,6 +265,6 @@ def hand_pose(position: Point, orientation: Quaternion) -> Any:
     return pin.SE3(np.array(Pose(position, orientation).rotation), np.array(position, dtype=float))
 
 
-def closing_yaw_rad(rotation: Vector) -> float:
+def get_closing_yaw_rad(rotation: Vector) -> float:
     """Return the closing direction of the jaws, from x about the vertical [rad]."""
     return math.atan2(rotation[1, 1], rotation[0, 1])

@@ -23,10 +23,10 @@ from skillplan_pinocchio.gravity import GravityCheck
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.inverse_kinematics import Strokes, Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, holds_of
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, group_by_hold
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelHeights, TravelPlanner
-from skillplan_pinocchio.shapes import obstacles_of
+from skillplan_pinocchio.shapes import collect_obstacles
 from skillplan_pinocchio.skill_travels import SafeTravels, SkillTravels
 from skillplan_pinocchio.stands import Stands
 
@@ -128,12 +128,12 @@ class ArmPaths:
         """Planner of the paths to targets and back."""
         return MotionPlanner(
             ArmModel.of(self.robot),
-            obstacles_of(self.task.scene),
+            collect_obstacles(self.task.scene),
             tolerance_m=self.settings.tolerance_m,
             samples=self.settings.samples,
             check_arm=self.settings.check_arm,
             held=self.sweeps.ends,
-            holds=holds_of(self.task, self.settings.drop_height_m),
+            holds=group_by_hold(self.task, self.settings.drop_height_m),
             gravity=self.gravity,
         )
 
@@ -221,7 +221,9 @@ class ArmPaths:
             if motion.unreachable is not None:
                 return motion.unreachable
         facts = _Facts(state)
-        elbows = {number: _free_elbow(motion, facts.hold) for number, motion in enumerate(planned)}
+        elbows = {
+            number: _find_free_elbow(motion, facts.hold) for number, motion in enumerate(planned)
+        }
         place, stand_rad = self.stand(state)
         if begin_rad is None:
             begin_rad = stand_rad
@@ -276,7 +278,7 @@ class _Facts:
         return False
 
 
-def _free_elbow(motion: ArmMotion, holds: Callable[[str], bool]) -> int:
+def _find_free_elbow(motion: ArmMotion, holds: Callable[[str], bool]) -> int:
     """Return the first elbow whose links meet no present obstacle, or else the first elbow."""
     for number, elbow in enumerate(motion.elbows):
         if elbow.itself is None and not any(

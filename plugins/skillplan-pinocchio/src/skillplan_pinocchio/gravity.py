@@ -19,7 +19,7 @@ from skillplan.task.scene import Body, Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.inverse_kinematics import Strokes
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.mass_properties import mass_properties
+from skillplan_pinocchio.mass_properties import compute_mass_properties
 
 _GRAVITY_M_PER_S2 = 9.80665
 # Minimum number of postures checked along a path; torques change slowly along it.
@@ -193,7 +193,7 @@ class GravityCheck:
         """Return the centre of mass of a body in the hand, in the frame of the tip [m]."""
         if body.name != motion.visit.subject:
             return np.zeros(3)
-        centre = mass_properties(body).centre
+        centre = compute_mass_properties(body).centre
         in_world = np.array(motion.visit.pose.rotation) @ centre + motion.visit.pose.position
         tip = Pose(motion.tip, motion.orientation)
         return np.asarray(np.array(tip.rotation).T @ (in_world - np.array(motion.tip)))

@@ -22,17 +22,17 @@ from skillplan.task.motion import AXES, Event
 from skillplan.task.pose import Point, Pose, cross, plus
 from skillplan.task.scene import WORLD, Robot, Scene, Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
-from skillplan_pinocchio.motion_plan import spared
+from skillplan_pinocchio.motion_plan import get_spared_bodies
 from skillplan_pinocchio.shapes import (
     Array,
     ConvexPiece,
     Obstacle,
-    box_corners,
-    cylinder_corners,
-    pieces_of,
-    placed,
-    placed_at,
-    standing_pieces_of,
+    compute_box_corners,
+    compute_cylinder_corners,
+    make_pieces,
+    make_standing_pieces,
+    place_at,
+    place_upright,
 )
 from skillplan_pinocchio.sweep import Sweep, Touch
 
@@ -62,7 +62,9 @@ class HandPart:
         closing_yaw_rad
             Closing direction of the jaws, from x about the vertical [rad].
         """
-        return tuple(ConvexPiece(placed(corner, tip, closing_yaw_rad)) for corner in self.corners)
+        return tuple(
+            ConvexPiece(place_upright(corner, tip, closing_yaw_rad)) for corner in self.corners
+        )
 
     def along(self, motion: LinearMotion, tip: Point) -> tuple[ConvexPiece, ...]:
         """Return its pieces in the world with the tip of a motion at a point [m]."""
@@ -71,10 +73,10 @@ class HandPart:
         points, closing = motion.points, motion.hand.rotate(AXES["y"])
         out = (-points[0], -points[1], -points[2])
         pose = Pose.of_axes(tip, cross(out, closing), out)
-        return tuple(ConvexPiece(placed_at(corner, pose)) for corner in self.corners)
+        return tuple(ConvexPiece(place_at(corner, pose)) for corner in self.corners)
 
 
-def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
+def build_hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
     """Return the parts at the end of the arm.
 
     A gripper is the arm's own hand. A suction cup or screwdriver has a common size, or the envelope
@@ -91,27 +93,31 @@ def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandP
         return ()
     hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
-        fingers = (_finger(hand, opening_m / 2, 1), _finger(hand, opening_m / 2, -1))
-        return (HandPart("a finger", fingers), HandPart("the hand", _body(hand)))
+        fingers = (_make_finger(hand, opening_m / 2, 1), _make_finger(hand, opening_m / 2, -1))
+        return (HandPart("a finger", fingers), HandPart("the hand", _make_body(hand)))
     shapes = tool_shapes(tool, robot.hand)
-    return (HandPart(tool.name, tuple(_corners(shape) for shape in shapes)),)
+    return (HandPart(tool.name, tuple(_get_corners(shape) for shape in shapes)),)
 
 
-def _body(hand: Hand) -> tuple[Array, ...]:
+def _make_body(hand: Hand) -> tuple[Array, ...]:
     pieces = (np.array(corners).T for corners in hand.body)
     return tuple(
         np.column_stack([along, across, hand.tip_m - depth_m]) for along, across, depth_m in pieces
     )
 
 
-def _finger(hand: Hand, face_m: float, side: int) -> Array:
+def _make_finger(hand: Hand, face_m: float, side: int) -> Array:
     """Return a jaw; the other side is the same, turned by half a turn."""
     behind, across, height_m = np.array(hand.jaw).T
     return np.column_stack([side * (face_m + behind), side * across, height_m])
 
 
-def _corners(shape: Shape) -> Array:
-    return cylinder_corners(shape) if isinstance(shape, Cylinder) else box_corners(shape.box)
+def _get_corners(shape: Shape) -> Array:
+    return (
+        compute_cylinder_corners(shape)
+        if isinstance(shape, Cylinder)
+        else compute_box_corners(shape.box)
+    )
 
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
@@ -140,12 +146,14 @@ class HandSweeps:
         widest_m = [
             float(np.linalg.norm(corners[:, :2], axis=1).max())
             for tool in tools
-            for part in hand_parts(self.robot, tool, self.robot.hand_of(tool).opening_m)
+            for part in build_hand_parts(self.robot, tool, self.robot.hand_of(tool).opening_m)
             for corners in part.corners
         ]
         for body in self.scene.bodies:
             if any(placement.frame != WORLD for placement in body.placements):
-                corners = np.concatenate([piece.corners for piece in pieces_of(body, Pose(_STILL))])
+                corners = np.concatenate(
+                    [piece.corners for piece in make_pieces(body, Pose(_STILL))]
+                )
                 for grasp in body.grasps or (grasp_of(body),):
                     away = np.linalg.norm(corners - np.array(grasp.tip), axis=1)
                     widest_m.append(float(away.max()))
@@ -183,19 +191,19 @@ class HandSweeps:
             label = "the insertion" if is_last and number > 2 else "the approach"
             # Down to its goal, even if it is released above it.
             target = motion.grasp_tip if is_last else end
-            loads = [*self._load(label, motion, motion.carries, begin, _difference(begin, target))]
+            loads = [*self._load(label, motion, motion.carries, begin, _subtract(begin, target))]
             if label == "the insertion" and motion.drop_m:
-                loads += self._load(label, motion, motion.carries, begin, _difference(begin, end))
+                loads += self._load(label, motion, motion.carries, begin, _subtract(begin, end))
             yield (
                 *loads,
-                *self._hands(label, motion, begin, _difference(begin, end), after=False),
+                *self._hands(label, motion, begin, _subtract(begin, end), after=False),
             )
 
     def retreat(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch back to safe height, in order."""
         label = "the retreat"
         for begin, end in pairwise(motion.retreat):
-            yield tuple(self._swept(label, motion, begin, _difference(begin, end), after=True))
+            yield tuple(self._swept(label, motion, begin, _subtract(begin, end), after=True))
 
     def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
         """Return the hand part that collides with the handled body, and the contact, or None.
@@ -209,7 +217,7 @@ class HandSweeps:
         if visit.event not in _HANDLING:
             return None
         body = self.scene.body(visit.subject)
-        target = Obstacle(body.name, None, standing_pieces_of(body, visit.pose))
+        target = Obstacle(body.name, None, make_standing_pieces(body, visit.pose))
         for part in self._hand(motion, before=visit.event is Event.GRASP):
             pieces = part.along(motion, motion.grasp_tip)
             sweep = Sweep("", part.name, pieces, _STILL, frozenset())
@@ -233,15 +241,15 @@ class HandSweeps:
         """Yield the sweep of the carried body that the motion puts down or takes."""
         if carried is None or carried != motion.visit.subject:
             return
-        offset = _difference(motion.grasp_tip, begin)
-        pieces = pieces_of(self.scene.body(carried), motion.visit.pose.moved(offset))
-        yield Sweep(label, carried, pieces, by, spared(motion))
+        offset = _subtract(motion.grasp_tip, begin)
+        pieces = make_pieces(self.scene.body(carried), motion.visit.pose.moved(offset))
+        yield Sweep(label, carried, pieces, by, get_spared_bodies(motion))
 
     def _hands(
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool
     ) -> Iterator[Sweep]:
         for part in self._hand(motion, before=not after):
-            yield Sweep(label, part.name, part.along(motion, begin), by, spared(motion))
+            yield Sweep(label, part.name, part.along(motion, begin), by, get_spared_bodies(motion))
 
     def _hand(self, motion: LinearMotion, *, before: bool) -> tuple[HandPart, ...]:
         """Return the parts at the end of the arm before or after the action."""
@@ -254,9 +262,9 @@ class HandSweeps:
             opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
         key = (None if tool is None else tool.name, opening_m)
         if key not in self._parts:
-            self._parts[key] = hand_parts(self.robot, tool, opening_m)
+            self._parts[key] = build_hand_parts(self.robot, tool, opening_m)
         return self._parts[key]
 
 
-def _difference(begin: Point, end: Point) -> Point:
+def _subtract(begin: Point, end: Point) -> Point:
     return plus(end, begin, -1.0)

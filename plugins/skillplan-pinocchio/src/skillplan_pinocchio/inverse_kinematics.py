@@ -24,11 +24,11 @@ from skillplan.task.pose import DOWN, Point, is_same_direction
 from skillplan_pinocchio.arm_model import (
     ArmModel,
     Vector,
-    closing_yaw_rad,
-    hand_pose,
-    pose_down,
+    get_closing_yaw_rad,
+    make_hand_pose,
+    make_pose_down,
 )
-from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
+from skillplan_pinocchio.kinematics.fixed_order import dot, length, solve_linear, times
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.kinematics.numeric_inverse import Unreached
 
@@ -84,7 +84,9 @@ class Unreachable:
         return f"the hand cannot point along ({along}) at ({where}): {self.why}"
 
 
-def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vector | Unreachable]:
+def iterate_elbows(
+    arm: ArmModel, position: Point, closing_yaw: float
+) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a hand that points down, nearest to the home posture first.
 
     Jaws also close alike with the hand turned by half a turn, so both turns are tried.
@@ -105,19 +107,19 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
     _, rotation = arm.tip(arm.home_rad)
     swing = arm.description.swing
     if swing is None or not arm.mount.is_upright or rotation[2, 2] > -_STRAIGHT:
-        yield from postures(arm, pose_down(position, closing_yaw))
+        yield from iterate_postures(arm, make_pose_down(position, closing_yaw))
         return
     base, elbow, hand = swing
     turned, home = arm.mount.yaw_rad, arm.home_rad
-    home_yaw = closing_yaw_rad(rotation) - turned
+    home_yaw = get_closing_yaw_rad(rotation) - turned
     away = arm.mount.position
     bearing = math.atan2(position[1] - away[1], position[0] - away[0]) - turned
     for elbow_rad in ELBOWS_RAD:
         starts = []
         for turn in (0.0, math.pi):
             # Seen from above, the hand turns against the first joint.
-            wrist = home[hand] - _wrapped(closing_yaw - turned + turn - home_yaw - bearing)
-            wrist = _within(wrist, arm.low_rad[hand], arm.high_rad[hand])
+            wrist = home[hand] - _wrap(closing_yaw - turned + turn - home_yaw - bearing)
+            wrist = _find_turn(wrist, arm.low_rad[hand], arm.high_rad[hand])
             # Less turn of the hand leaves more room for later motions.
             starts.append((abs(wrist), wrist, turn))
         for _, wrist, turn in sorted(starts):
@@ -125,10 +127,10 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
             start[base] = bearing - elbow_rad
             start[elbow] = elbow_rad
             start[hand] = wrist
-            yield solve(arm, pose_down(position, closing_yaw + turn), start, pull=_PULL)
+            yield solve(arm, make_pose_down(position, closing_yaw + turn), start, pull=_PULL)
 
 
-def postures(
+def iterate_postures(
     arm: ArmModel, target: Any, near: Vector | None = None
 ) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a hand that points anywhere, nearest to a posture first.
@@ -153,9 +155,9 @@ def postures(
         if near is not None:
             closest = solve(arm, turned, near)
             candidates += [] if isinstance(closest, Unreachable) else [closest]
-        candidates += _solutions(arm, turned)
+        candidates += _find_solutions(arm, turned)
     if not candidates:
-        yield _last_try(arm, target)
+        yield _solve_from_other_starts(arm, target)
         return
     reference = arm.home_rad if near is None else near
     # The sort is stable for equal distances.
@@ -164,7 +166,7 @@ def postures(
     )
 
 
-def _solutions(arm: ArmModel, target: Any) -> list[Vector]:
+def _find_solutions(arm: ArmModel, target: Any) -> list[Vector]:
     if arm.closed_form is None:
         return arm.inverse.several(target, _POSTURES, _TRIES)
     turn = 2 * math.pi
@@ -178,17 +180,17 @@ def _solutions(arm: ArmModel, target: Any) -> list[Vector]:
     return solutions
 
 
-def _last_try(arm: ArmModel, target: Any) -> Vector | Unreachable:
+def _solve_from_other_starts(arm: ArmModel, target: Any) -> Vector | Unreachable:
     """Return joint angles from other starts, or the reason why there are none."""
     if arm.closed_form is not None:
         return solve(arm, target, arm.home_rad)
     solution = arm.inverse.solve(target)
     if not isinstance(solution, Unreached):
         return solution
-    return _unreachable(target, solution.reason, solution.distance_m)
+    return _make_unreachable(target, solution.reason, solution.distance_m)
 
 
-def _unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
+def _make_unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
     x, y, z = (float(value) for value in target.translation)
     px, py, pz = (float(value) for value in target.rotation[:, 2])
     return Unreachable((x, y, z), why, round(distance_m, 6), (px, py, pz))
@@ -233,7 +235,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             moved = np.clip(joints + step, low, high)
         joints = moved
     nearest_m = min(length(error) for error in missed)
-    return _unreachable(target, _why(arm, joints, target), nearest_m)
+    return _make_unreachable(target, _explain_failure(arm, joints, target), nearest_m)
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
@@ -244,14 +246,14 @@ def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
     if pull:
         back = pull * back
         left = twist - times(jacobian, back)
-        step = back + times(jacobian.T, solved(inner, left))
+        step = back + times(jacobian.T, solve_linear(inner, left))
     else:
-        step = times(jacobian.T, solved(inner, twist))
+        step = times(jacobian.T, solve_linear(inner, twist))
     size = float(np.abs(step).max())
     return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 
 
-def _why(arm: ArmModel, joints: Vector, target: Any) -> str:
+def _explain_failure(arm: ArmModel, joints: Vector, target: Any) -> str:
     near = 1e-6
     at_limit = [
         str(number + 1)
@@ -266,12 +268,12 @@ def _why(arm: ArmModel, joints: Vector, target: Any) -> str:
     return f"it is {away:.3f} m from the shoulder, beyond what the arm spans"
 
 
-def _wrapped(angle_rad: float) -> float:
+def _wrap(angle_rad: float) -> float:
     """Return an angle in [-pi, pi)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
-def _within(angle_rad: float, low: float, high: float) -> float:
+def _find_turn(angle_rad: float, low: float, high: float) -> float:
     """Return the full turn of an angle that lies within limits, or the nearest limit."""
     for turned in (angle_rad, angle_rad - 2 * math.pi, angle_rad + 2 * math.pi):
         if low <= turned <= high:
@@ -324,7 +326,7 @@ class Strokes:
         return self.down if self.mirrored else (*self.down, *self.up)
 
 
-def strokes(
+def iterate_strokes(
     arm: ArmModel, motion: LinearMotion, near: Vector | None = None
 ) -> Iterator[Strokes | Unreachable]:
     """Yield paths to a target and back, one per posture at the target, preferred first.
@@ -341,41 +343,41 @@ def strokes(
         Paths along the motion, or the reason why a posture allows none.
     """
     if motion.is_vertical:
-        for path in descent_paths(arm, motion.tip, motion.above, motion.closing_yaw_rad):
-            yield path if isinstance(path, Unreachable) else there_and_back(path)
+        for path in iterate_descents(arm, motion.tip, motion.above, motion.closing_yaw_rad):
+            yield path if isinstance(path, Unreachable) else mirror_path(path)
         return
-    target = hand_pose(motion.tip, motion.orientation)
+    target = make_hand_pose(motion.tip, motion.orientation)
     if motion.points_down:
-        postures_at_target = elbows(arm, motion.tip, motion.closing_yaw_rad)
+        postures_at_target = iterate_elbows(arm, motion.tip, motion.closing_yaw_rad)
     else:
-        postures_at_target = postures(arm, target, near)
+        postures_at_target = iterate_postures(arm, target, near)
     for joints in postures_at_target:
         if isinstance(joints, Unreachable):
             yield joints
             continue
-        yield _along(arm, motion, joints)
+        yield _plan_along(arm, motion, joints)
 
 
-def there_and_back(path: JointPath) -> Strokes:
+def mirror_path(path: JointPath) -> Strokes:
     """Return a path and its reverse."""
     return Strokes((path,), (JointPath(path.nodes[::-1]),))
 
 
-def _along(arm: ArmModel, motion: LinearMotion, joints: Vector) -> Strokes | Unreachable:
+def _plan_along(arm: ArmModel, motion: LinearMotion, joints: Vector) -> Strokes | Unreachable:
     """Return the paths to a posture at the target and back."""
     # Keep the turn of the hand that was found.
     _, rotation = arm.tip(joints)
-    there = _followed(arm, motion.approach[::-1], joints, rotation)
+    there = _follow_points(arm, motion.approach[::-1], joints, rotation)
     if isinstance(there, Unreachable):
         return there
-    back = _followed(arm, motion.retreat, joints, rotation)
+    back = _follow_points(arm, motion.retreat, joints, rotation)
     if isinstance(back, Unreachable):
         return back
     down = tuple(JointPath(path.nodes[::-1]) for path in reversed(there))
     return Strokes(down, back)
 
 
-def _followed(
+def _follow_points(
     arm: ArmModel, points: Sequence[Point], joints: Vector, rotation: Any
 ) -> tuple[JointPath, ...] | Unreachable:
     """Return the paths along straight stretches of the tip, from a posture at the first point."""
@@ -383,7 +385,7 @@ def _followed(
     for begin, end in pairwise(points):
         nodes = [joints]
         for number in range(1, _FINE_INTERVALS + 1):
-            position = np.array(_between(begin, end, number / _FINE_INTERVALS))
+            position = np.array(_interpolate(begin, end, number / _FINE_INTERVALS))
             reached = solve(arm, pin.SE3(rotation, position), nodes[-1])
             if isinstance(reached, Unreachable):
                 return reached
@@ -393,10 +395,10 @@ def _followed(
     return tuple(paths)
 
 
-def descent_paths(
+def iterate_descents(
     arm: ArmModel, tip: Point, above: Point, closing_yaw: float
 ) -> Iterator[JointPath | Unreachable]:
-    """Yield paths straight down to a target, by elbow position; see :func:`elbows`.
+    """Yield paths straight down to a target, by elbow position; see :func:`iterate_elbows`.
 
     Parameters
     ----------
@@ -412,26 +414,26 @@ def descent_paths(
     JointPath or Unreachable
         Path from `above` to `tip`, or the reason why this elbow position allows none.
     """
-    for elbow in elbows(arm, tip, closing_yaw):
+    for elbow in iterate_elbows(arm, tip, closing_yaw):
         if isinstance(elbow, Unreachable):
             yield elbow
             continue
         _, rotation = arm.tip(elbow)
         # Keep the turn of the hand that was found.
-        yaw = closing_yaw_rad(rotation)
+        yaw = get_closing_yaw_rad(rotation)
         nodes = [elbow]
         reached: Vector | Unreachable = elbow
         for number in range(1, _INTERVALS + 1):
             share = number / _INTERVALS
-            position = _between(tip, above, share)
-            reached = solve(arm, pose_down(position, yaw), nodes[-1])
+            position = _interpolate(tip, above, share)
+            reached = solve(arm, make_pose_down(position, yaw), nodes[-1])
             if isinstance(reached, Unreachable):
                 break
             nodes.append(reached)
         yield reached if isinstance(reached, Unreachable) else JointPath(nodes[::-1])
 
 
-def _between(begin: Vector | Point, end: Vector | Point, share: float) -> Point:
+def _interpolate(begin: Vector | Point, end: Vector | Point, share: float) -> Point:
     x, y, z = (
         float(a + share * (b - a)) for a, b in zip(np.asarray(begin), np.asarray(end), strict=True)
     )

@@ -33,9 +33,9 @@ class MassProperties:
         return MassProperties(self.centre, np.maximum(self.inertia_kg_m2, inertia_kg_m2))
 
 
-def mass_properties(body: Body) -> MassProperties:
+def compute_mass_properties(body: Body) -> MassProperties:
     """Return the mass properties of a body."""
-    solids = [_solid(shape) for shape in body.shapes]
+    solids = [_make_solid(shape) for shape in body.shapes]
     volumes = np.array([solid.volume_m3 for solid in solids])
     masses = body.mass_kg * volumes / volumes.sum()
     centre = (
@@ -58,9 +58,9 @@ class _Solid:
     spread_m2: NDArray[np.float64]
 
 
-def _solid(shape: Shape) -> _Solid:
+def _make_solid(shape: Shape) -> _Solid:
     if isinstance(shape, Mesh):
-        return _polyhedron(shape)
+        return _sum_tetrahedra(shape)
     size = np.array(shape.box.size)
     centre = np.array(shape.box.centre)
     if isinstance(shape, Cylinder):
@@ -70,7 +70,7 @@ def _solid(shape: Shape) -> _Solid:
     return _Solid(float(size.prod()), centre, size**2 / 12)
 
 
-def _polyhedron(mesh: Mesh) -> _Solid:
+def _sum_tetrahedra(mesh: Mesh) -> _Solid:
     """Sum the signed tetrahedra between the faces and a point."""
     corners = np.array(mesh.corners)
     origin = corners.mean(axis=0)

@@ -19,13 +19,13 @@ from skillplan_pinocchio.gravity import GravityCheck, Overload
 from skillplan_pinocchio.inverse_kinematics import (
     Strokes,
     Unreachable,
-    descent_paths,
-    strokes,
-    there_and_back,
+    iterate_descents,
+    iterate_strokes,
+    mirror_path,
 )
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.continuous_check import Held, Hit, SelfCheck
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, geometry_nearness
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, measure_geometry_distance
 from skillplan_pinocchio.sweep import Touch
 
 # Maximum excursion of a link between the nodes of a path [m].
@@ -87,7 +87,7 @@ class LinkSweep:
         near = [
             (number, piece)
             for piece in obstacle.pieces
-            for number in np.flatnonzero(_overlap(lows, highs, piece, 0.0)).tolist()
+            for number in np.flatnonzero(_find_overlaps(lows, highs, piece, 0.0)).tolist()
         ]
         if not near:
             return None
@@ -97,7 +97,7 @@ class LinkSweep:
         depth_m = 0.0
         for number, piece in near:
             low, high = places.low[:, number], places.high[:, number]
-            for sample in np.flatnonzero(_overlap(low, high, piece, tolerance_m)).tolist():
+            for sample in np.flatnonzero(_find_overlaps(low, high, piece, tolerance_m)).tolist():
                 distance_m, position = self._nearness(places, sample, number, piece)
                 if distance_m >= -tolerance_m:
                     continue
@@ -124,7 +124,7 @@ class LinkSweep:
         placement = coal.Transform3s(
             rotation @ frame.rotation, rotation @ frame.translation + origin
         )
-        nearness = geometry_nearness(of_link.geometry, placement, piece.hull, _STILL)
+        nearness = measure_geometry_distance(of_link.geometry, placement, piece.hull, _STILL)
         return nearness.distance_m, nearness.position
 
     def _at(self, samples: int) -> _Places:
@@ -148,7 +148,7 @@ class LinkSweep:
         return _Places(rotations, origins, middle - reach, middle + reach)
 
 
-def _overlap(low: Vector, high: Vector, piece: ConvexPiece, tolerance_m: float) -> Vector:
+def _find_overlaps(low: Vector, high: Vector, piece: ConvexPiece, tolerance_m: float) -> Vector:
     """Return a mask of the boxes that overlap a piece's box by more than the tolerance."""
     inside = (low + tolerance_m < np.array(piece.high)) & (high - tolerance_m > np.array(piece.low))
     return np.asarray(inside.all(axis=1))
@@ -164,7 +164,7 @@ def hold_of(motion: LinearMotion) -> Hold | None:
     return (visit.subject, visit.grasp) if visit.event in (Event.GRASP, Event.RELEASE) else None
 
 
-def holds_of(task: Task, drop_height_m: float) -> Mapping[Hold, tuple[LinearMotion, ...]]:
+def group_by_hold(task: Task, drop_height_m: float) -> Mapping[Hold, tuple[LinearMotion, ...]]:
     """Return the motions of a task by held part and grasp, in the order of its skills.
 
     Parameters
@@ -315,7 +315,7 @@ class MotionPlanner:
 
     def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
         """Return the paths of a motion with the jaws closing along a direction, or along either."""
-        spares = spared(motion)
+        spares = get_spared_bodies(motion)
         ends = (motion.carries, motion.tool and motion.tool.name, motion.leaves_with)
         event = motion.visit.event
         if motion.is_vertical:
@@ -329,7 +329,7 @@ class MotionPlanner:
             if preferred and closing and self._is_turned(preferred, closing):
                 self._known[key] = preferred
             else:
-                candidates = self._turned(strokes(self.arm, motion, near), closing)
+                candidates = self._turned(iterate_strokes(self.arm, motion, near), closing)
                 self._known[key] = self._best(candidates, spares, motion)
         return self._known[key]
 
@@ -344,7 +344,7 @@ class MotionPlanner:
             return None
         for other in self.holds.get(hold, ()):
             if other.visit.event is Event.GRASP:
-                alike = other.visit.pose.rotate(_in_part(motion, closing))
+                alike = other.visit.pose.rotate(_transform_to_part(motion, closing))
                 elbows = self._paths(other, alike).elbows
                 return elbows[0].strokes.end if elbows else None
         return None
@@ -377,7 +377,7 @@ class MotionPlanner:
         """
         preferred = [(motion, self._paths(motion, None)) for motion in motions]
         axes = [
-            _in_part(motion, self._tip_closing(paths.elbows[0].strokes))
+            _transform_to_part(motion, self._tip_closing(paths.elbows[0].strokes))
             for motion, paths in preferred
             if paths.elbows
         ]
@@ -417,12 +417,14 @@ class MotionPlanner:
                 yield candidate
             else:
                 tip, rotation = self.arm.tip(candidate.down[-1].nodes[-1])
-                yield Unreachable(_point(tip), _OTHERWISE_TURNED, 0.0, _point(rotation[:, 2]))
+                yield Unreachable(
+                    _make_point(tip), _OTHERWISE_TURNED, 0.0, _make_point(rotation[:, 2])
+                )
 
     def _tip_closing(self, paths: Strokes) -> Point:
         """Return the unit vector of the closing direction in the world."""
         _, rotation = self.arm.tip(paths.down[-1].nodes[-1])
-        return _point(rotation[:, 1])
+        return _make_point(rotation[:, 1])
 
     def descents(
         self,
@@ -445,8 +447,8 @@ class MotionPlanner:
         key = (tip, above, closing_yaw, spares)
         if key not in self._known:
             candidates = (
-                path if isinstance(path, Unreachable) else there_and_back(path)
-                for path in descent_paths(self.arm, tip, above, closing_yaw)
+                path if isinstance(path, Unreachable) else mirror_path(path)
+                for path in iterate_descents(self.arm, tip, above, closing_yaw)
             )
             self._known[key] = self._best(candidates, spares, None)
         return self._known[key]
@@ -541,17 +543,17 @@ class MotionPlanner:
         return None
 
 
-def _in_part(motion: LinearMotion, direction: Point) -> Point:
+def _transform_to_part(motion: LinearMotion, direction: Point) -> Point:
     """Transform a direction from the world to the frame of the handled part."""
     return motion.visit.pose.inverse().rotate(direction)
 
 
-def _point(vector: Vector) -> Point:
+def _make_point(vector: Vector) -> Point:
     x, y, z = vector.tolist()
     return (x, y, z)
 
 
-def spared(motion: LinearMotion) -> frozenset[str]:
+def get_spared_bodies(motion: LinearMotion) -> frozenset[str]:
     """Return the bodies that a motion may touch: its target and its load."""
     carried = {motion.carries} if motion.carries is not None else set()
     return frozenset({motion.visit.subject} | carried)

@@ -75,7 +75,7 @@ class ConvexPiece:
 
     def seen_from(self, frame: Pose) -> ConvexPiece:
         """Transform the piece into the parent frame of a pose."""
-        return ConvexPiece(placed_at(self.corners, frame))
+        return ConvexPiece(place_at(self.corners, frame))
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class SurfacePiece(ConvexPiece):
 
     def seen_from(self, frame: Pose) -> SurfacePiece:
         """Transform the piece into the parent frame of a pose."""
-        return SurfacePiece(placed_at(self.corners, frame), self.faces)
+        return SurfacePiece(place_at(self.corners, frame), self.faces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,13 +129,15 @@ class Nearness:
     position: Point
 
 
-def nearness(piece: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None) -> Nearness:
+def measure_distance(
+    piece: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None
+) -> Nearness:
     """Return the distance between two pieces, the first displaced by a vector [m] if given."""
     at = _STILL if by is None else coal.Transform3s(np.eye(3), np.array(by))
-    return geometry_nearness(piece.hull, at, other.hull, _STILL)
+    return measure_geometry_distance(piece.hull, at, other.hull, _STILL)
 
 
-def geometry_nearness(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness:
+def measure_geometry_distance(geometry: Any, at: Any, other: Any, other_at: Any) -> Nearness:
     """Return the distance between two geometries of coal at their placements."""
     result = coal.DistanceResult()
     distance_m = coal.distance(geometry, at, other, other_at, coal.DistanceRequest(), result)
@@ -153,51 +155,51 @@ def may_touch(piece: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> boo
     )
 
 
-def pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
+def make_pieces(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
     """Return the convex pieces of a moving body at a pose."""
-    return tuple(ConvexPiece(placed_at(corners_of(shape), pose)) for shape in body.shapes)
+    return tuple(ConvexPiece(place_at(get_corners(shape), pose)) for shape in body.shapes)
 
 
-def standing_pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
+def make_standing_pieces(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
     """Return the exact shapes of a fixed body at a pose."""
     return tuple(
-        SurfacePiece(placed_at(corners_of(shape), pose), np.array(shape.faces, dtype=np.int64))
+        SurfacePiece(place_at(get_corners(shape), pose), np.array(shape.faces, dtype=np.int64))
         if isinstance(shape, Mesh) and not shape.convex
-        else ConvexPiece(placed_at(corners_of(shape), pose))
+        else ConvexPiece(place_at(get_corners(shape), pose))
         for shape in body.exact_shapes
     )
 
 
-def placed_at(corners: Array, pose: Pose) -> Array:
+def place_at(corners: Array, pose: Pose) -> Array:
     """Transform corners into the parent frame of a pose, shape (corners, 3)."""
     if pose.is_upright:
-        return placed(corners, pose.position, pose.yaw_rad)
+        return place_upright(corners, pose.position, pose.yaw_rad)
     return np.asarray(times(corners, np.array(pose.rotation).T) + np.array(pose.position))
 
 
-def placed(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:
+def place_upright(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:
     """Rotate corners about the vertical and displace them, shape (corners, 3)."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(times(corners, turn) + np.array(origin))
 
 
-def corners_of(shape: Shape) -> Array:
+def get_corners(shape: Shape) -> Array:
     """Return the corners of a shape in the frame of its body [m], shape (corners, 3)."""
     if isinstance(shape, Box):
-        return box_corners(shape)
+        return compute_box_corners(shape)
     if isinstance(shape, Cylinder):
-        return cylinder_corners(shape)
+        return compute_cylinder_corners(shape)
     return np.array(shape.corners, dtype=float)
 
 
-def box_corners(box: Box) -> Array:
+def compute_box_corners(box: Box) -> Array:
     """Return the eight corners of a box [m], shape (8, 3)."""
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     return np.asarray(np.array(box.centre) + signs * np.array(box.size) / 2)
 
 
-def cylinder_corners(cylinder: Cylinder) -> Array:
+def compute_cylinder_corners(cylinder: Cylinder) -> Array:
     """Return the corners of a prism that approximates an upright cylinder [m]."""
     half = math.pi / _CIRCLE
     radius_m = cylinder.diameter_m / (1 + math.cos(half))
@@ -210,10 +212,10 @@ def cylinder_corners(cylinder: Cylinder) -> Array:
     return np.asarray(np.array(rings) + np.array(cylinder.centre))
 
 
-def table() -> ConvexPiece:
+def make_table() -> ConvexPiece:
     """Return the table as a piece."""
     size = (2 * _TABLE_HALF_WIDTH_M, 2 * _TABLE_HALF_WIDTH_M, _TABLE_THICKNESS_M)
-    return ConvexPiece(box_corners(Box(size, (0.0, 0.0, -_TABLE_THICKNESS_M / 2))))
+    return ConvexPiece(compute_box_corners(Box(size, (0.0, 0.0, -_TABLE_THICKNESS_M / 2))))
 
 
 TABLE: Final = "the table"
@@ -243,12 +245,12 @@ class Obstacle:
         return max(piece.high[2] for piece in self.pieces)
 
 
-def obstacles_of(scene: Scene) -> tuple[Obstacle, ...]:
+def collect_obstacles(scene: Scene) -> tuple[Obstacle, ...]:
     """Return the table and all bodies at all their solid places."""
     return (
-        Obstacle(TABLE, None, (table(),)),
+        Obstacle(TABLE, None, (make_table(),)),
         *(
-            Obstacle(body.name, placement.fact, standing_pieces_of(body, placement.pose))
+            Obstacle(body.name, placement.fact, make_standing_pieces(body, placement.pose))
             for body in scene.bodies
             for placement in body.placements
             if placement.solid and placement.frame == WORLD

@@ -74,11 +74,13 @@ class Supports:
                 for polygon in contact.polygons
                 for corner in polygon
             ]
-            self._known[key] = bool(corners) and _within(self.centre, planar_hull(corners))
+            self._known[key] = bool(corners) and _is_within(
+                self.centre, compute_planar_hull(corners)
+            )
         return self._known[key]
 
 
-def supports_of(
+def find_supports(
     body: str,
     pieces: tuple[ConvexPiece, ...],
     obstacles: Iterable[Obstacle],
@@ -97,7 +99,7 @@ def supports_of(
     tolerance_m
         Gap or overlap that counts as contact [m], >= 0.
     """
-    feet = [level for piece in pieces for level in _levels(piece, -1, tolerance_m)]
+    feet = [level for piece in pieces for level in _iterate_levels(piece, -1, tolerance_m)]
     heights_m = [height_m for height_m, _ in feet]
     contacts = []
     for obstacle in obstacles if feet else ():
@@ -106,17 +108,17 @@ def supports_of(
         polygons = tuple(
             common
             for piece in obstacle.pieces
-            for top_m, top in _levels(piece, 1, tolerance_m, heights_m)
+            for top_m, top in _iterate_levels(piece, 1, tolerance_m, heights_m)
             for foot_m, foot in feet
             if abs(top_m - foot_m) <= tolerance_m
-            if (common := intersection(foot, top))
+            if (common := intersect(foot, top))
         )
         if polygons:
             contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
-    return Supports(body, _centre(pieces), tuple(contacts))
+    return Supports(body, _compute_centre(pieces), tuple(contacts))
 
 
-def planar_hull(points: Iterable[Planar]) -> Polygon:
+def compute_planar_hull(points: Iterable[Planar]) -> Polygon:
     """Return the convex hull of points, counter-clockwise (Andrew's monotone chain)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
@@ -132,7 +134,7 @@ def planar_hull(points: Iterable[Planar]) -> Polygon:
     return tuple(halves[0] + halves[1])
 
 
-def intersection(polygon: Polygon, other: Polygon) -> Polygon:
+def intersect(polygon: Polygon, other: Polygon) -> Polygon:
     """Return the intersection of two convex polygons (Sutherland and Hodgman); may be empty."""
     if len(polygon) < 3 or len(other) < 3:
         return ()
@@ -152,10 +154,10 @@ def intersection(polygon: Polygon, other: Polygon) -> Polygon:
                     )
                 )
         left = clipped
-    return tuple(left) if len(left) > 2 and _area_m2(left) > _LEAST_AREA_M2 else ()
+    return tuple(left) if len(left) > 2 and _compute_area_m2(left) > _LEAST_AREA_M2 else ()
 
 
-def _levels(
+def _iterate_levels(
     piece: ConvexPiece, side: int, tolerance_m: float, near: Sequence[float] = ()
 ) -> Iterator[tuple[float, Polygon]]:
     """Yield the level faces of a piece with their heights, upward (1) or downward (-1).
@@ -167,7 +169,7 @@ def _levels(
         height_m = piece.high[2] if side > 0 else piece.low[2]
         if near and all(abs(height_m - level_m) > tolerance_m for level_m in near):
             return
-        face = _face(piece, height_m, tolerance_m)
+        face = _find_face(piece, height_m, tolerance_m)
         if len(face) > 2:
             yield height_m, face
         return
@@ -177,18 +179,18 @@ def _levels(
     for number in np.flatnonzero(~steep & (normals[:, 2] * side > 0)):
         triangle = corners[number].tolist()
         height_m = sum(corner[2] for corner in triangle) / 3
-        yield height_m, planar_hull((x, y) for x, y, _ in triangle)
+        yield height_m, compute_planar_hull((x, y) for x, y, _ in triangle)
 
 
-def _face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
-    return planar_hull(
+def _find_face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
+    return compute_planar_hull(
         (float(x), float(y))
         for x, y, z in piece.corners.tolist()
         if abs(z - height_m) <= tolerance_m
     )
 
 
-def _centre(pieces: Iterable[ConvexPiece]) -> Planar:
+def _compute_centre(pieces: Iterable[ConvexPiece]) -> Planar:
     total = x = y = 0.0
     for piece in pieces:
         volume, middle = float(piece.hull.computeVolume()), piece.hull.computeCOM()
@@ -198,7 +200,7 @@ def _centre(pieces: Iterable[ConvexPiece]) -> Planar:
     return (x / total, y / total)
 
 
-def _within(point: Planar, polygon: Polygon) -> bool:
+def _is_within(point: Planar, polygon: Polygon) -> bool:
     if len(polygon) < 3:
         return False
     for begin, end in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
@@ -208,7 +210,7 @@ def _within(point: Planar, polygon: Polygon) -> bool:
     return True
 
 
-def _area_m2(polygon: Sequence[Planar]) -> float:
+def _compute_area_m2(polygon: Sequence[Planar]) -> float:
     return sum(
         (a[0] * b[1] - b[0] * a[1]) / 2
         for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)

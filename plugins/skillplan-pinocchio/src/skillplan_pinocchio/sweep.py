@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, may_touch, nearness
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, may_touch, measure_distance
 
 
 @dataclass(frozen=True)
@@ -90,14 +90,14 @@ class Sweep:
         tolerance_m: float,
         samples: int,
     ) -> Touch | None:
-        whole = nearness(swept, other)
+        whole = measure_distance(swept, other)
         if whole.distance_m >= -tolerance_m:
             return None
         depth_m = round(-whole.distance_m, 6)
         nearest, nearest_m = Touch(0.0, whole.position, depth_m), math.inf
         for number in range(samples + 1):
             fraction = number / samples
-            here = nearness(piece, other, [fraction * step for step in self.by])
+            here = measure_distance(piece, other, [fraction * step for step in self.by])
             if here.distance_m < nearest_m:
                 nearest, nearest_m = Touch(fraction, here.position, depth_m), here.distance_m
             if here.distance_m < -tolerance_m:

@@ -44,7 +44,7 @@ from skillplan_pinocchio.swept_motion import (
     SweptMotionBuilder,
     VerdictInState,
 )
-from skillplan_pinocchio.tight_fits import tight_fits
+from skillplan_pinocchio.tight_fits import find_tight_fits
 from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.skill_times import LeastTimes, SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
@@ -53,7 +53,7 @@ from skillplan_pinocchio.timing.trajectory import JointLimits
 _PICTURES = 13
 
 
-def hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) -> HullScene:
+def build_hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) -> HullScene:
     """Return the hulls of hand and load in a skill, and the bodies present.
 
     Parameters
@@ -73,9 +73,9 @@ def hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) ->
     met = set(verdict.evidence.get("bodies", ()))
     motions = paths.motions(skill, state)
     hulls = [
-        *_moving(motions, paths.sweeps),
-        *_travelling(paths, skill, state),
-        *_links(motions, paths.planner.arm, verdict),
+        *_draw_motions(motions, paths.sweeps),
+        *_draw_travels(paths, skill, state),
+        *_draw_links(motions, paths.planner.arm, verdict),
     ]
     if not hulls:
         raise ValueError("nothing is swept")
@@ -84,12 +84,14 @@ def hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) ->
         there = obstacle.fact is None or obstacle.fact in state
         if there and obstacle.body != TABLE and obstacle.body not in moved:
             role = HullRole.MET if obstacle.body in met else HullRole.STANDING
-            hulls += [_hull(obstacle.body, role, piece) for piece in obstacle.pieces]
+            hulls += [_make_hull(obstacle.body, role, piece) for piece in obstacle.pieces]
     reason = "" if verdict.is_feasible else verdict.reason
-    return HullScene(hulls, list(_touches(verdict)), reason, frozenset(_subjects(verdict)))
+    return HullScene(
+        hulls, list(_iterate_touches(verdict)), reason, frozenset(_iterate_subjects(verdict))
+    )
 
 
-def _subjects(verdict: Verdict) -> Iterator[str]:
+def _iterate_subjects(verdict: Verdict) -> Iterator[str]:
     """Yield the names of the bodies in the reason of a verdict."""
     evidence = verdict.evidence
     yield from (str(evidence[key]) for key in ("moving", "body") if key in evidence)
@@ -97,7 +99,7 @@ def _subjects(verdict: Verdict) -> Iterator[str]:
         yield from evidence.get(key, ())
 
 
-def _travelling(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:
+def _draw_travels(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:
     """Yield hulls of hand and load on travels that need a check.
 
     A travel that was not found is drawn as the blocked straight one.
@@ -111,11 +113,11 @@ def _travelling(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:
         if motion.is_checked:
             straight = JointPath([here, goal])
             path = straight if isinstance(motion.travel, Unfound) else motion.travel.path
-            yield from _along(paths, motion.motion, path)
+            yield from _draw_along(paths, motion.motion, path)
         here = motion.strokes.end
 
 
-def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[Hull]:
+def _draw_along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[Hull]:
     serial = paths.planner.arm.serial
     back = serial.tip(path.at(1.0)).inverse()
     places = np.linspace(0.0, 1.0, _PICTURES).tolist()
@@ -124,19 +126,19 @@ def _along(paths: ArmPaths, motion: LinearMotion, path: JointPath) -> Iterator[H
         for piece in pieces:
             placed = [piece.corners @ pose.rotation.T + pose.translation for pose in moved]
             for begin, end in pairwise(placed):
-                yield _hull(name, HullRole.MOVING, ConvexPiece(np.concatenate([begin, end])))
+                yield _make_hull(name, HullRole.MOVING, ConvexPiece(np.concatenate([begin, end])))
 
 
-def _moving(motions: Sequence[ArmMotion], sweeps: HandSweeps) -> Iterator[Hull]:
+def _draw_motions(motions: Sequence[ArmMotion], sweeps: HandSweeps) -> Iterator[Hull]:
     for motion in motions:
         stretches = [*sweeps.approach(motion.motion), *sweeps.retreat(motion.motion)]
         sweeps_of_motion = [sweep for stretch in stretches for sweep in stretch]
         for sweep in sweeps_of_motion:
             for piece in sweep.pieces:
-                yield _hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))
+                yield _make_hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))
 
 
-def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Iterator[Hull]:
+def _draw_links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Iterator[Hull]:
     """Yield the links in the posture where one of them first collides, if any."""
     evidence = verdict.evidence
     if not str(evidence.get("moving", "")).startswith("link"):
@@ -151,18 +153,18 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
                     rotation = rotations[0, piece.link - 1]
                     corners = piece.corners @ rotation.T + origins[0, piece.link - 1]
                     name = f"link {piece.link} of the arm"
-                    yield _hull(name, HullRole.MOVING, ConvexPiece(corners))
+                    yield _make_hull(name, HullRole.MOVING, ConvexPiece(corners))
                 return
 
 
-def _touches(verdict: Verdict) -> Iterator[Point]:
+def _iterate_touches(verdict: Verdict) -> Iterator[Point]:
     position = verdict.evidence.get("position_m")
     if position is not None and "bodies" in verdict.evidence:
         x, y, z = position
         yield (x, y, z)
 
 
-def _hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
+def _make_hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
     """Return a piece as a hull with triangles from coal."""
     corners, faces = piece.surface
     return Hull(
@@ -266,7 +268,7 @@ class SweptDetector(Detector):
 
     def warnings(self) -> Mapping[str, str]:
         """Return fits that convex pieces make tight; see :meth:`BackEnd.warnings`."""
-        return {} if self.refuses() is not None else tight_fits(self.task, as_pieces=True)
+        return {} if self.refuses() is not None else find_tight_fits(self.task, as_pieces=True)
 
     def not_checked(self) -> tuple[str, ...]:
         """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
@@ -311,7 +313,7 @@ class SweptDetector(Detector):
         if words is not None:
             raise ValueError(words)
         verdict = self.check(skill, state)
-        return hull_scene(self.paths, skill, state, verdict)
+        return build_hull_scene(self.paths, skill, state, verdict)
 
     def planned_motion(self, skills: Sequence[Skill], frames_per_s: int) -> PlannedMotion:
         """Return the motion of the arm in a plan; see :meth:`MotionPlans.planned_motion`."""

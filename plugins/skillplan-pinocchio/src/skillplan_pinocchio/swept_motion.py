@@ -18,9 +18,9 @@ from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, Elbow, MotionPlanner
 from skillplan_pinocchio.planning.continuous_check import Hit
 from skillplan_pinocchio.planning.travel import Unfound
-from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, standing_pieces_of
+from skillplan_pinocchio.shapes import ConvexPiece, Obstacle, make_standing_pieces
 from skillplan_pinocchio.skill_travels import SkillTravels
-from skillplan_pinocchio.support import Supports, supports_of
+from skillplan_pinocchio.support import Supports, find_supports
 from skillplan_pinocchio.sweep import Sweep, Touch
 
 
@@ -142,7 +142,7 @@ class SweptMotionBuilder:
                 touch = sweep.touch(obstacle, self.planner.tolerance_m, self.planner.samples)
                 if touch is not None:
                     collisions.append(
-                        (touch.fraction, _collision(obstacle, sweep.mover, sweep.label, touch))
+                        (touch.fraction, _make_collision(obstacle, sweep.mover, sweep.label, touch))
                     )
         return [collision for _, collision in sorted(collisions, key=lambda pair: pair[0])]
 
@@ -151,49 +151,49 @@ class SweptMotionBuilder:
         if clash is not None:
             mover, touch = clash
             target = Obstacle(motion.visit.subject, None, ())
-            yield _collision(target, mover, "the approach", touch)
+            yield _make_collision(target, mover, "the approach", touch)
 
     def _links(self, planned: ArmMotion, number: int) -> Iterator[ElbowChoice]:
-        paths = tuple(_elbow_collisions(elbow, "the approach") for elbow in planned.elbows)
+        paths = tuple(_collect_elbow_collisions(elbow, "the approach") for elbow in planned.elbows)
         if all(paths):
             yield ElbowChoice(paths, number)
 
     def _supports(self, motion: LinearMotion) -> Supports:
         visit = motion.visit
         body = self.scene.body(visit.subject)
-        pieces = standing_pieces_of(body, visit.pose)
+        pieces = make_standing_pieces(body, visit.pose)
         obstacles = self.planner.obstacles
         if visit.event is Event.DRIVE and not is_same_direction(visit.along, DOWN):
             # A screw is supported along its axis.
             level = visit.pose.inverse()
-            pieces = _seen_from(level, pieces)
+            pieces = _transform_pieces(level, pieces)
             obstacles = tuple(
-                replace(obstacle, pieces=_seen_from(level, obstacle.pieces))
+                replace(obstacle, pieces=_transform_pieces(level, obstacle.pieces))
                 for obstacle in obstacles
             )
-        return supports_of(body.name, pieces, obstacles, self.planner.tolerance_m)
+        return find_supports(body.name, pieces, obstacles, self.planner.tolerance_m)
 
 
-def _seen_from(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece, ...]:
+def _transform_pieces(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece, ...]:
     return tuple(piece.seen_from(frame) for piece in pieces)
 
 
-def _elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
+def _collect_elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
     """Return the collisions of the arm with one elbow position, permanent ones first."""
     links = tuple(
-        _collision(obstacle, f"link {link_touch.link} of the arm", label, link_touch.touch)
+        _make_collision(obstacle, f"link {link_touch.link} of the arm", label, link_touch.touch)
         for obstacle, link_touch in elbow.meets
     )
     own: tuple[Collision, ...] = ()
     if elbow.itself is not None:
-        own = (_own_collision(elbow.itself),)
+        own = (_make_self_collision(elbow.itself),)
     if elbow.overload is not None:
         during = "the approach or retreat"
         own += (Collision(None, elbow.overload.reason, elbow.overload.evidence(during)),)
     return (*own, *links)
 
 
-def _own_collision(hit: Hit) -> Collision:
+def _make_self_collision(hit: Hit) -> Collision:
     label = "the approach or retreat"
     return Collision(
         None,
@@ -209,7 +209,7 @@ def _own_collision(hit: Hit) -> Collision:
     )
 
 
-def _collision(obstacle: Obstacle, mover: str, label: str, touch: Touch) -> Collision:
+def _make_collision(obstacle: Obstacle, mover: str, label: str, touch: Touch) -> Collision:
     return Collision(
         obstacle.fact,
         f"{mover} runs into {obstacle.body} on {label}",

@@ -19,10 +19,10 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.shapes import (
     ConvexPiece,
+    make_pieces,
+    make_standing_pieces,
     may_touch,
-    nearness,
-    pieces_of,
-    standing_pieces_of,
+    measure_distance,
 )
 
 # Number of places along an insertion at which the clearance of the meshes is measured.
@@ -78,39 +78,39 @@ class TightFit:
         return f"{begin}, but when it moves, their convex pieces {pieces}"
 
 
-def blocked_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
+def find_blocked_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
     """Return messages on fits that pieces block in every order, by the fact of a placed part.
 
     Parameters
     ----------
     task, as_pieces
-        See `fits_of`.
+        See `measure_fits`.
     """
     blocked = []
-    for fits in fits_of(task, as_pieces=as_pieces):
+    for fits in measure_fits(task, as_pieces=as_pieces):
         widest = max(fits, key=lambda fit: fit.left_m)
         if widest.is_blocked:
             blocked.append(widest)
-    return _messages(blocked, "")
+    return _write_messages(blocked, "")
 
 
-def tight_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
+def find_tight_fits(task: Task, *, as_pieces: bool) -> dict[str, str]:
     """Return messages on fits that pieces narrow in some order, by the fact of a placed part.
 
     Parameters
     ----------
     task, as_pieces
-        See `fits_of`.
+        See `measure_fits`.
     """
     narrowest = (
-        min(fits, key=lambda fit: fit.left_m) for fits in fits_of(task, as_pieces=as_pieces)
+        min(fits, key=lambda fit: fit.left_m) for fits in measure_fits(task, as_pieces=as_pieces)
     )
-    return _messages(
+    return _write_messages(
         [fit for fit in narrowest if fit.is_tight], ", so that swept or an engine may refuse it"
     )
 
 
-def _messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
+def _write_messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
     messages: dict[str, str] = {}
     for fit in fits:
         fact = f"placed({fit.bodies[0]})"
@@ -119,7 +119,7 @@ def _messages(fits: Sequence[TightFit], effect: str) -> dict[str, str]:
     return messages
 
 
-def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
+def measure_fits(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
     """Return the fits of every pair of near parts, for each order and direction of insertion.
 
     Pairs of convex parts are left out, and orders in which the meshes themselves do not pass.
@@ -132,12 +132,12 @@ def fits_of(task: Task, *, as_pieces: bool) -> list[list[TightFit]]:
     if not any(body.surfaces for body in task.scene.bodies):
         return []
     fits_of_pairs: list[list[TightFit]] = []
-    for placed in (_at_start(task), _at_goal(task)):
+    for placed in (_place_at_start(task), _place_at_goal(task)):
         pairs: dict[frozenset[str], list[TightFit]] = {}
         for mover, other in permutations(placed, 2):
             if (mover.body.surfaces or other.body.surfaces) and mover.is_near(other):
                 pair = frozenset((mover.body.name, other.body.name))
-                fits = _fits(mover, other, as_pieces=as_pieces)
+                fits = _measure_pair(mover, other, as_pieces=as_pieces)
                 pairs.setdefault(pair, []).extend(fits)
         fits_of_pairs += [fits for fits in pairs.values() if fits]
     return fits_of_pairs
@@ -157,11 +157,11 @@ class _Placed:
 
     @cached_property
     def meshes(self) -> tuple[ConvexPiece, ...]:
-        return standing_pieces_of(self.body, self.placement.pose)
+        return make_standing_pieces(self.body, self.placement.pose)
 
     @cached_property
     def pieces(self) -> tuple[ConvexPiece, ...]:
-        return pieces_of(self.body, self.placement.pose)
+        return make_pieces(self.body, self.placement.pose)
 
     @cached_property
     def low(self) -> tuple[float, ...]:
@@ -181,30 +181,30 @@ class _Placed:
         )
 
 
-def _fits(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightFit]:
+def _measure_pair(mover: _Placed, other: _Placed, *, as_pieces: bool) -> Iterator[TightFit]:
     """Yield the fit for every direction in which the meshes pass each other."""
     stands = other.pieces if as_pieces else other.meshes
     for along in mover.along:
-        length_m = _length_m(mover, other, along)
+        length_m = _measure_length_m(mover, other, along)
         if length_m <= _ROUNDING_M:
             # It stands on the other.
             continue
-        clearance_m = _clearance_m(mover.meshes, other.meshes, along, length_m)
+        clearance_m = _measure_clearance_m(mover.meshes, other.meshes, along, length_m)
         if clearance_m <= 0:
             continue
-        back = _times(along, -length_m)
-        left_m = _distance_m([piece.swept(back) for piece in mover.pieces], stands)
+        back = _scale(along, -length_m)
+        left_m = _measure_distance_m([piece.swept(back) for piece in mover.pieces], stands)
         if left_m < -_LEAST_TAKEN_M:
             left_m += mover.solid.depth_m(other.solid)
         else:
             # At its seat the body touches.
-            seat = _times(along, -min(_OFF_SEAT_M, length_m / 2))
+            seat = _scale(along, -min(_OFF_SEAT_M, length_m / 2))
             raised = [ConvexPiece(piece.corners + seat) for piece in mover.pieces]
-            left_m = _distance_m([piece.swept(back) for piece in raised], stands)
+            left_m = _measure_distance_m([piece.swept(back) for piece in raised], stands)
         yield TightFit((mover.body.name, other.body.name), clearance_m, left_m)
 
 
-def _length_m(mover: _Placed, other: _Placed, along: Point) -> float:
+def _measure_length_m(mover: _Placed, other: _Placed, along: Point) -> float:
     """Return the distance back at which a body's box leaves another's [m]."""
     exits_m = []
     for axis in range(3):
@@ -218,7 +218,7 @@ def _length_m(mover: _Placed, other: _Placed, along: Point) -> float:
     return min(exits_m)
 
 
-def _clearance_m(
+def _measure_clearance_m(
     moving: Sequence[ConvexPiece],
     standing: Sequence[ConvexPiece],
     along: Point,
@@ -227,9 +227,9 @@ def _clearance_m(
     """Return the minimum distance of meshes along an insertion, off their seat [m]."""
     begin_m = min(_OFF_SEAT_M, length_m / 2)
     step_m = (length_m - begin_m) / _SAMPLES
-    offsets = [_times(along, -(begin_m + number * step_m)) for number in range(_SAMPLES)]
+    offsets = [_scale(along, -(begin_m + number * step_m)) for number in range(_SAMPLES)]
     distances = (
-        nearness(mover, other, offset).distance_m
+        measure_distance(mover, other, offset).distance_m
         for offset in offsets
         for mover in moving
         for other in standing
@@ -237,10 +237,10 @@ def _clearance_m(
     return min(_OFF_SEAT_M, *distances)
 
 
-def _distance_m(moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece]) -> float:
+def _measure_distance_m(moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece]) -> float:
     """Return the minimum distance of pieces [m], at most 1 mm; negative for an overlap."""
     distances = (
-        nearness(mover, other).distance_m
+        measure_distance(mover, other).distance_m
         for mover in moving
         for other in standing
         if may_touch(mover, other, -_OFF_SEAT_M)
@@ -248,15 +248,15 @@ def _distance_m(moving: Sequence[ConvexPiece], standing: Sequence[ConvexPiece]) 
     return min(_OFF_SEAT_M, min(distances, default=_OFF_SEAT_M))
 
 
-def _at_start(task: Task) -> list[_Placed]:
+def _place_at_start(task: Task) -> list[_Placed]:
     return [
         _Placed(body, placement, (DOWN,))
         for body in task.scene.bodies
-        if (placement := _solid_in(body, task.initial)) is not None
+        if (placement := _find_solid(body, task.initial)) is not None
     ]
 
 
-def _at_goal(task: Task) -> list[_Placed]:
+def _place_at_goal(task: Task) -> list[_Placed]:
     """Return bodies at their goals; bodies without a goal stay in place."""
     goal = task.goal.requires
     along: dict[str, dict[Point, None]] = {}
@@ -268,7 +268,7 @@ def _at_goal(task: Task) -> list[_Placed]:
                         along.setdefault(visit.subject, {})[visit.along] = None
     bodies = []
     for body in task.scene.bodies:
-        placed, lies = _solid_in(body, goal), _solid_in(body, task.initial)
+        placed, lies = _find_solid(body, goal), _find_solid(body, task.initial)
         if placed is not None:
             bodies.append(_Placed(body, placed, tuple(along.get(body.name, ()))))
         elif lies is not None:
@@ -276,7 +276,7 @@ def _at_goal(task: Task) -> list[_Placed]:
     return bodies
 
 
-def _solid_in(body: Body, state: State) -> Placement | None:
+def _find_solid(body: Body, state: State) -> Placement | None:
     """Return the placement of a body in the world in a state, or None."""
     placements = (
         placement
@@ -286,6 +286,6 @@ def _solid_in(body: Body, state: State) -> Placement | None:
     return next(placements, None)
 
 
-def _times(direction: Point, length_m: float) -> Point:
+def _scale(direction: Point, length_m: float) -> Point:
     x, y, z = direction
     return (x * length_m, y * length_m, z * length_m)

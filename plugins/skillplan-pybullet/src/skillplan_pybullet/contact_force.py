@@ -10,7 +10,7 @@ from skillplan.task.verdict import Verdict
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_simulation.contact_detectors import ContactDetector, WindowOptions
 from skillplan_simulation.record import FRAMES_PER_S, Record
-from skillplan_simulation.verdicts import frame_means, rounded
+from skillplan_simulation.verdicts import average_frames, round_reading
 
 _AXES = "xyz"
 
@@ -52,13 +52,13 @@ class ContactForceDetector(ContactDetector):
         """Return the verdict; it names the part whose mean exceeds the threshold first."""
         threshold_n = self.options.threshold_n
         means = {
-            name: frame_means(np.abs(self._unexplained(record, name)), self.options.frames)
+            name: average_frames(np.abs(self._unexplained(record, name)), self.options.frames)
             for name in sorted(self.parts & set(record.forces_n))
         }
         means = {name: mean for name, mean in means.items() if len(mean)}
         most_n = max((float(mean.max()) for mean in means.values()), default=0.0)
         readings = {
-            "readings": {"force_n": rounded(most_n)},
+            "readings": {"force_n": round_reading(most_n)},
             "limits": {"force_n": threshold_n},
         }
         above = {name: mean for name, mean in means.items() if mean.max() > threshold_n}
@@ -79,9 +79,9 @@ class ContactForceDetector(ContactDetector):
         evidence = {
             "bodies": [name],
             "axis": _AXES[axis],
-            "force_n": rounded(greatest_n),
+            "force_n": round_reading(greatest_n),
             "during": phase,
-            "at_s": rounded(at_s),
+            "at_s": round_reading(at_s),
             **readings,
         }
         when = f"on {phase} at {at_s:.2f} s" if phase else f"at {at_s:.2f} s"

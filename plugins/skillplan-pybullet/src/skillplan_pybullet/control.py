@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose
 from skillplan_pybullet.robot_file import TIP_LINK, RobotFile
-from skillplan_simulation.kinematics import TipPose, rotation_error
+from skillplan_simulation.kinematics import TipPose, compute_rotation_error
 from skillplan_simulation.motions import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
@@ -85,7 +85,7 @@ class PybulletDynamics:
             self._robot, joints, speeds, still, physicsClientId=self._client
         )
         # pybullet ignores the orientation of the base.
-        jacobian = _in_world(self._turned, np.concatenate([linear, angular])[:, :arm])
+        jacobian = _transform_to_world(self._turned, np.concatenate([linear, angular])[:, :arm])
         return Terms(np.array(mass)[:arm, :arm], jacobian, np.array(bias)[:arm])
 
 
@@ -121,15 +121,17 @@ class PinocchioDynamics:
         pinocchio.computeJointJacobians(model, data, angles)
         pinocchio.updateFramePlacements(model, data)
         jacobian = np.array(pinocchio.getFrameJacobian(model, data, self._hand, aligned))
-        return Terms(mass[:arm, :arm], _in_world(self._turned, jacobian[:, :arm]), bias[:arm])
+        return Terms(
+            mass[:arm, :arm], _transform_to_world(self._turned, jacobian[:, :arm]), bias[:arm]
+        )
 
 
-def _in_world(turned: Vector, jacobian: Vector) -> Vector:
+def _transform_to_world(turned: Vector, jacobian: Vector) -> Vector:
     """Transform a Jacobian from the frame of the base to the world."""
     return np.concatenate([turned @ jacobian[:3], turned @ jacobian[3:]])
 
 
-def tracking_torques(
+def compute_tracking_torques(
     terms: Terms,
     angles: Vector,
     rates: Vector,
@@ -170,7 +172,7 @@ def tracking_torques(
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
 
 
-def torques(
+def compute_torques(
     terms: Terms,
     angles: Vector,
     rates: Vector,
@@ -208,7 +210,10 @@ def torques(
     velocity = jacobian @ rates
     target_velocity = np.concatenate([setpoint.velocity, setpoint.spin_rad_per_s])
     error = np.concatenate(
-        [setpoint.position - pose.position, rotation_error(pose.rotation, setpoint.rotation)]
+        [
+            setpoint.position - pose.position,
+            compute_rotation_error(pose.rotation, setpoint.rotation),
+        ]
     )
     acceleration = stiffness_per_s2 * error + damping * (target_velocity - velocity)
     acceleration[:3] += setpoint.acceleration

@@ -11,7 +11,7 @@ from skillplan.task.scene import Robot
 from skillplan_pybullet.simulated_arm import SimulatedArm, SimulationSettings
 from skillplan_pybullet.world import World
 from skillplan_simulation.execution.workcell import Workcell
-from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, versions
+from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingEngine, get_versions
 
 
 class PybulletSimulator:
@@ -99,7 +99,7 @@ class PybulletEngine(PerformingEngine):
             "skillplan-pinocchio",
             "skillplan-simulation",
         ]
-        return versions(*others)
+        return get_versions(*others)
 
     @classmethod
     def looks(cls, arm: ArmDescription) -> Sequence[Path | None]:

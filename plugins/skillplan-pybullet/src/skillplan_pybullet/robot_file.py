@@ -25,9 +25,9 @@ from skillplan.robots.arm_description import (
     Rod,
     Transform,
 )
-from skillplan_pinocchio.kinematics.serial_arm import placement
-from skillplan_simulation.kinematics import Vector, rpy_of
-from skillplan_simulation.robot_shapes import Piece, body_pieces, jaw_pieces
+from skillplan_pinocchio.kinematics.serial_arm import make_placement
+from skillplan_simulation.kinematics import Vector, compute_rpy
+from skillplan_simulation.robot_shapes import Piece, make_body_pieces, make_jaw_pieces
 
 TIP_LINK = "hand"
 """Link of the hand; its frame is the tip."""
@@ -86,7 +86,7 @@ _FOLDER = _Folder()
 
 
 @lru_cache(maxsize=32)
-def robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> RobotFile:
+def write_robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> RobotFile:
     """Return the file of an arm with a hand; it exists until the program ends.
 
     Parameters
@@ -97,68 +97,68 @@ def robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> Robot
         Hand on the flange.
     """
     path = _FOLDER.new("urdf")
-    path.write_text(_text(description, tip, hand, shaped=True), "utf-8")
+    path.write_text(_write_text(description, tip, hand, shaped=True), "utf-8")
     count = len(description.joints)
     return RobotFile(
         path,
-        _text(description, tip, hand, shaped=False),
+        _write_text(description, tip, hand, shaped=False),
         tuple(range(count)),
         count,
         (count + 1, count + 2),
     )
 
 
-def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bool) -> str:
+def _write_text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bool) -> str:
     root = ElementTree.Element("robot", name="arm")
     names = ["base", *(f"link_{number + 1}" for number in range(len(description.joints)))]
     shapes: Sequence[Sequence[Piece]] = description.shapes or [()] * len(names)
     inertias = [None, *(joint.link for joint in description.joints)]
     for name, pieces, inertia in zip(names, shapes, inertias, strict=True):
-        _link(root, name, inertia, pieces if shaped else ())
+        _add_link(root, name, inertia, pieces if shaped else ())
     for number, joint in enumerate(description.joints):
         torque_nm = _NO_LIMIT_NM if joint.torque_nm is None else joint.torque_nm
         limits = (joint.low_rad, joint.high_rad, torque_nm, joint.speed_rad_per_s)
-        _joint(
+        _add_joint(
             root,
             "revolute",
             names[number : number + 2],
-            placement(joint.placement),
+            make_placement(joint.placement),
             joint.axis,
             limits,
         )
-    _link(root, TIP_LINK, _hand_inertia(hand), body_pieces(hand) if shaped else ())
-    where = placement(description.tip) * placement(tip)
-    _joint(root, "fixed", [names[-1], TIP_LINK], where)
+    _add_link(root, TIP_LINK, _compute_hand_inertia(hand), make_body_pieces(hand) if shaped else ())
+    where = make_placement(description.tip) * make_placement(tip)
+    _add_joint(root, "fixed", [names[-1], TIP_LINK], where)
     for side, name in zip((1, -1), JAW_LINKS, strict=True):
-        pieces = jaw_pieces(hand, side) if shaped else ()
-        _link(root, name, _jaw_inertia(hand, side), pieces)
+        pieces = make_jaw_pieces(hand, side) if shaped else ()
+        _add_link(root, name, _compute_jaw_inertia(hand, side), pieces)
         limits = (0.0, hand.opening_m / 2, hand.force_n, _JAW_SPEED_M_PER_S)
         axis = (0.0, float(side), 0.0)
-        _joint(root, "prismatic", [TIP_LINK, name], placement(Transform()), axis, limits)
+        _add_joint(root, "prismatic", [TIP_LINK, name], make_placement(Transform()), axis, limits)
     # pybullet reads lines of at most a thousand characters.
     ElementTree.indent(root)
     return ElementTree.tostring(root, "unicode") + "\n"
 
 
-def _hand_inertia(hand: Hand) -> LinkInertia:
+def _compute_hand_inertia(hand: Hand) -> LinkInertia:
     size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    return _box_inertia(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)
+    return _compute_box_inertia(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)
 
 
-def _jaw_inertia(hand: Hand, side: int) -> LinkInertia:
+def _compute_jaw_inertia(hand: Hand, side: int) -> LinkInertia:
     height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
     centre = (0.0, side * thick_m / 2, -height_m / 2)
-    return _box_inertia(_JAW_KG, centre, (2 * hand.jaw_half_width_m, thick_m, height_m))
+    return _compute_box_inertia(_JAW_KG, centre, (2 * hand.jaw_half_width_m, thick_m, height_m))
 
 
-def _box_inertia(
+def _compute_box_inertia(
     mass_kg: float, centre_m: tuple[float, float, float], size_m: tuple[float, float, float]
 ) -> LinkInertia:
     x, y, z = (extent**2 * mass_kg / 12 for extent in size_m)
     return LinkInertia(mass_kg, centre_m, (y + z, x + z, x + y, 0.0, 0.0, 0.0))
 
 
-def _link(
+def _add_link(
     root: ElementTree.Element,
     name: str,
     inertia: LinkInertia | None,
@@ -167,16 +167,16 @@ def _link(
     link = ElementTree.SubElement(root, "link", name=name)
     if inertia is not None:
         inertial = ElementTree.SubElement(link, "inertial")
-        frame = placement(inertia.frame)
-        _origin(inertial, frame.act(np.array(inertia.centre_m)), frame.rotation)
+        frame = make_placement(inertia.frame)
+        _add_origin(inertial, frame.act(np.array(inertia.centre_m)), frame.rotation)
         ElementTree.SubElement(inertial, "mass", value=repr(inertia.mass_kg))
         xx, yy, zz, xy, xz, yz = (repr(value) for value in inertia.tensor_kg_m2)
         ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
     for piece in pieces:
-        _shape(ElementTree.SubElement(link, "collision"), piece)
+        _add_shape(ElementTree.SubElement(link, "collision"), piece)
 
 
-def _joint(
+def _add_joint(
     root: ElementTree.Element,
     kind: str,
     links: Sequence[str],
@@ -188,9 +188,9 @@ def _joint(
     joint = ElementTree.SubElement(root, "joint", name=f"to_{child}", type=kind)
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
-    _origin(joint, where.translation, where.rotation)
+    _add_origin(joint, where.translation, where.rotation)
     if axis is not None:
-        ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
+        ElementTree.SubElement(joint, "axis", xyz=_format_numbers(axis))
     if limits is not None:
         low, high, effort, velocity = (repr(float(value)) for value in limits)
         ElementTree.SubElement(
@@ -198,17 +198,17 @@ def _joint(
         )
 
 
-def _shape(parent: ElementTree.Element, piece: Piece) -> None:
+def _add_shape(parent: ElementTree.Element, piece: Piece) -> None:
     """Add the pose and geometry of a piece."""
     if isinstance(piece, Hull):
-        _origin(parent, np.zeros(3), _WORLD)
+        _add_origin(parent, np.zeros(3), _WORLD)
         geometry = ElementTree.SubElement(parent, "geometry")
-        ElementTree.SubElement(geometry, "mesh", filename=str(_mesh(piece)))
+        ElementTree.SubElement(geometry, "mesh", filename=str(_write_mesh(piece)))
         return
     if isinstance(piece, Capsule | Rod):
         start, end = np.array(piece.start_m), np.array(piece.end_m)
         length = float(np.linalg.norm(end - start))
-        _origin(parent, (start + end) / 2, _upright(end - start))
+        _add_origin(parent, (start + end) / 2, _align_z(end - start))
         geometry = ElementTree.SubElement(parent, "geometry")
         radius = repr(piece.radius_m)
         if isinstance(piece, Rod):
@@ -219,20 +219,20 @@ def _shape(parent: ElementTree.Element, piece: Piece) -> None:
             ElementTree.SubElement(geometry, "capsule", radius=radius, length=repr(length))
         return
     low, high = np.array(piece.low_m), np.array(piece.high_m)
-    _origin(parent, (low + high) / 2, _WORLD)
+    _add_origin(parent, (low + high) / 2, _WORLD)
     geometry = ElementTree.SubElement(parent, "geometry")
-    ElementTree.SubElement(geometry, "box", size=_numbers((high - low).tolist()))
+    ElementTree.SubElement(geometry, "box", size=_format_numbers((high - low).tolist()))
 
 
 @lru_cache(maxsize=512)
-def _mesh(hull: Hull) -> Path:
+def _write_mesh(hull: Hull) -> Path:
     """Write a hull as a triangle mesh."""
     points = coal.StdVec_Vec3s()
     points.extend([np.array(corner) for corner in hull.corners_m])
     surface = coal.Convex.convexHull(points, True, "Qt")
     corners = np.asarray(surface.points())
     middle = corners.mean(axis=0)
-    lines = [f"v {_numbers(corner.tolist())}" for corner in corners]
+    lines = [f"v {_format_numbers(corner.tolist())}" for corner in corners]
     for number in range(surface.num_polygons):
         a, b, c = (int(surface.polygons(number)[index]) for index in range(3))
         normal = np.cross(corners[b] - corners[a], corners[c] - corners[a])
@@ -244,7 +244,7 @@ def _mesh(hull: Hull) -> Path:
     return path
 
 
-def _upright(along: Vector) -> Vector:
+def _align_z(along: Vector) -> Vector:
     """Return a rotation that turns z along a direction."""
     length = float(np.linalg.norm(along))
     if length == 0.0:
@@ -255,11 +255,14 @@ def _upright(along: Vector) -> Vector:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def _origin(parent: ElementTree.Element, position: Vector, rotation: Vector) -> None:
+def _add_origin(parent: ElementTree.Element, position: Vector, rotation: Vector) -> None:
     ElementTree.SubElement(
-        parent, "origin", xyz=_numbers(position.tolist()), rpy=_numbers(rpy_of(rotation))
+        parent,
+        "origin",
+        xyz=_format_numbers(position.tolist()),
+        rpy=_format_numbers(compute_rpy(rotation)),
     )
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _format_numbers(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)

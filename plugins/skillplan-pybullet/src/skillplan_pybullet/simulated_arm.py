@@ -15,16 +15,21 @@ from skillplan_pybullet.control import (
     Dynamics,
     PinocchioDynamics,
     PybulletDynamics,
-    torques,
-    tracking_torques,
+    compute_torques,
+    compute_tracking_torques,
 )
 from skillplan_pybullet.quiet_output import quiet_output
-from skillplan_pybullet.robot_file import RobotFile, robot_file
+from skillplan_pybullet.robot_file import RobotFile, write_robot_file
 from skillplan_pybullet.world import World
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import TipPose, kinematics_of, points_down, unreachable
+from skillplan_simulation.kinematics import (
+    TipPose,
+    get_kinematics,
+    make_unreachable_error,
+    points_down,
+)
 from skillplan_simulation.motions import Setpoint
-from skillplan_simulation.robot_shapes import hand_of
+from skillplan_simulation.robot_shapes import get_hand
 from skillplan_simulation.simulator import (
     FINGERS,
     GRAVITY_M_PER_S2,
@@ -82,8 +87,8 @@ class SimulatedArm:
         hand: Hand | None = None,
     ) -> None:
         self.world, self.robot, self.settings = world, robot, settings
-        self.kinematics = kinematics_of(robot)
-        self._load(hand_of(robot) if hand is None else hand)
+        self.kinematics = get_kinematics(robot)
+        self._load(get_hand(robot) if hand is None else hand)
         # Payload of the hand [kg].
         self.payload_kg = 0.0
         # Bodies that make up the payload.
@@ -116,7 +121,7 @@ class SimulatedArm:
         """Load the arm with a hand."""
         world, robot, settings = self.world, self.robot, self.settings
         self.hand = hand
-        self.file: RobotFile = robot_file(robot.model, robot.tip, self.hand)
+        self.file: RobotFile = write_robot_file(robot.model, robot.tip, self.hand)
         # Names of the links that handle parts.
         self.link_names = dict(
             zip((self.file.hand, *self.file.jaws), (HAND, *FINGERS), strict=True)
@@ -247,7 +252,7 @@ class SimulatedArm:
         lift_n, moment_nm = self._lift()
         terms = self.dynamics.terms(angles, rates)
         if self.setpoint.tracks_joints and self.setpoint.joints is not None:
-            torques_nm = tracking_torques(
+            torques_nm = compute_tracking_torques(
                 terms,
                 angles[:arm],
                 rates[:arm],
@@ -258,7 +263,7 @@ class SimulatedArm:
                 limit_nm=self.limit_nm,
             )
         else:
-            torques_nm = torques(
+            torques_nm = compute_torques(
                 terms,
                 angles[:arm],
                 rates[:arm],
@@ -368,5 +373,5 @@ class SimulatedArm:
         x, y, z = setpoint.position.tolist()
         posture = self.kinematics.follow((x, y, z), setpoint.rotation, self._joints)
         if posture is None:
-            raise unreachable((x, y, z), setpoint.rotation)
+            raise make_unreachable_error((x, y, z), setpoint.rotation)
         return posture

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
-from skillplan_pinocchio.mass_properties import MassProperties, mass_properties
+from skillplan_pinocchio.mass_properties import MassProperties, compute_mass_properties
 from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
@@ -55,7 +55,7 @@ def make_body(
     """
     # pybullet reads meshes from files only.
     has_mesh = any(isinstance(shape, Mesh) for shape in solid)
-    bundles = _bundles(solid)
+    bundles = _bundle_shapes(solid)
     with (
         TemporaryDirectory()
         if has_mesh or len(solid) > _MOST_SHAPES
@@ -68,15 +68,15 @@ def make_body(
             halfExtents=[[extent / 2 for extent in shape.box.size] for shape in firsts],
             radii=[getattr(shape, "diameter_m", 1.0) / 2 for shape in firsts],
             lengths=[shape.box.size[2] for shape in firsts],
-            fileNames=[_written(bundle, Path(folder)) for bundle in bundles],
-            collisionFramePositions=[(_origin(shape) - centre).tolist() for shape in firsts],
-            flags=[_flags(shape) for shape in firsts],
+            fileNames=[_write_meshes(bundle, Path(folder)) for bundle in bundles],
+            collisionFramePositions=[(_get_origin(shape) - centre).tolist() for shape in firsts],
+            flags=[_get_flags(shape) for shape in firsts],
             physicsClientId=client,
         )
         return int(pybullet.createMultiBody(mass_kg, collision, physicsClientId=client))
 
 
-def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
+def _bundle_shapes(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
     """Return shapes one by one; if they are too many, meshes share a file.
 
     Each object of a file becomes a hull, or all of them one surface if they are not convex. If
@@ -86,14 +86,14 @@ def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
         return [(shape,) for shape in shapes]
     simple = [shape for shape in shapes if not isinstance(shape, Mesh)]
     if len(simple) > _MOST_SHAPES - 2:
-        shapes = [_as_mesh(shape) for shape in shapes]
+        shapes = [_convert_to_mesh(shape) for shape in shapes]
         simple = []
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     kinds = [[mesh for mesh in meshes if mesh.convex is convex] for convex in (True, False)]
     return [*((shape,) for shape in simple), *(kind for kind in kinds if kind)]
 
 
-def _as_mesh(shape: Shape) -> Mesh:
+def _convert_to_mesh(shape: Shape) -> Mesh:
     """Return a shape as a mesh: a box exactly, a cylinder as a prism."""
     if isinstance(shape, Mesh):
         return shape
@@ -113,18 +113,18 @@ def _as_mesh(shape: Shape) -> Mesh:
     return Mesh(tuple((float(x), float(y), float(z)) for x, y, z in corners), tuple(faces))
 
 
-def _flags(shape: Shape) -> int:
+def _get_flags(shape: Shape) -> int:
     """Return pybullet's flags for a shape."""
     is_hollow = isinstance(shape, Mesh) and not shape.convex
     return int(pybullet.GEOM_FORCE_CONCAVE_TRIMESH) if is_hollow else 0
 
 
-def _origin(shape: Shape) -> NDArray[np.float64]:
+def _get_origin(shape: Shape) -> NDArray[np.float64]:
     """Return the origin of a shape's geometry; a mesh is in the frame of its body."""
     return np.zeros(3) if isinstance(shape, Mesh) else np.array(shape.centre)
 
 
-def _written(bundle: Sequence[Shape], folder: Path) -> str:
+def _write_meshes(bundle: Sequence[Shape], folder: Path) -> str:
     """Write meshes to a file if it does not exist; return its name, or "" for other shapes."""
     meshes = [shape for shape in bundle if isinstance(shape, Mesh)]
     if not meshes:
@@ -161,13 +161,13 @@ class PairFilter:
     def part(self, name: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
         for other in others:
-            self._parted.add(_pair(name, other))
+            self._parted.add(_sort_pair(name, other))
             self._set_filters(name, self._links(name), other)
 
     def join(self, name: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
         for other in others:
-            self._parted.discard(_pair(name, other))
+            self._parted.discard(_sort_pair(name, other))
             self._set_filters(name, self._links(name), other)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
@@ -197,7 +197,7 @@ class PairFilter:
 
     def _set_filters(self, name: str, links: Iterable[int], other: str) -> None:
         """Set which links of a body may touch another."""
-        parted = _pair(name, other) in self._parted
+        parted = _sort_pair(name, other) in self._parted
         hidden = self._withdrawn.get(name, frozenset())
         others_hidden = self._withdrawn.get(other, frozenset())
         for link in links:
@@ -213,7 +213,7 @@ class PairFilter:
                 )
 
 
-def _pair(name: str, other: str) -> tuple[str, str]:
+def _sort_pair(name: str, other: str) -> tuple[str, str]:
     return min(name, other), max(name, other)
 
 
@@ -309,7 +309,7 @@ class World:
             True if the body is fixed. A fixed body that is not convex has its exact shape; moving
             bodies consist of convex pieces.
         """
-        properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+        properties = compute_mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
         is_fixed = stands and bool(body.surfaces)
         number = make_body(
             self.client,
@@ -331,7 +331,7 @@ class World:
             **inertia,
             lateralFriction=self.friction,
             spinningFriction=0.001,
-            rollingFriction=_rolling_m(body),
+            rollingFriction=_get_rolling_m(body),
             restitution=0.0,
             frictionAnchor=1,
             collisionMargin=0.0,
@@ -516,7 +516,7 @@ class World:
             np.array(point[place]),
             np.array(point[_NORMAL]),
             point[_FORCE],
-            _force_on_first(point),
+            _compute_force(point),
         )
 
     def pulled_n(self, name: str, constraint: int) -> NDArray[np.float64]:
@@ -576,12 +576,12 @@ class World:
         return centre.tolist(), pose.orientation
 
 
-def _rolling_m(body: Body) -> float:
+def _get_rolling_m(body: Body) -> float:
     """Return the rolling friction of a body; 0 for boxes, which is faster."""
     return 0.0 if all(isinstance(shape, Box) for shape in body.shapes) else _ROLLING_M
 
 
-def _force_on_first(point: Sequence[Any]) -> NDArray[np.float64]:
+def _compute_force(point: Sequence[Any]) -> NDArray[np.float64]:
     """Return the force of the second body of a contact on the first [N]."""
     # The normal points from the second body to the first.
     force: NDArray[np.float64] = point[_FORCE] * np.array(point[_NORMAL])

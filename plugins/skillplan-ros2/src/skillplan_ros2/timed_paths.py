@@ -15,7 +15,7 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 from skillplan_ros2.skill_trajectory import Array, SkillTrajectory, TrajectoryPoints
 
 
@@ -122,7 +122,7 @@ class _Timing:
 
         The acceleration is constant in between, so cubics through these points reproduce the run.
         """
-        run = fastest_trajectory(path, self.limits)
+        run = find_fastest_trajectory(path, self.limits)
         positions = path.along(run.places)
         # Exact positions at both ends, at rest.
         positions[0] = path.nodes[0]

@@ -13,26 +13,26 @@ from .execution.workcell import SupportTrials as SupportTrials
 from .execution.workcell import Workcell as Workcell
 from .execution_settings import ExecutionSettings as ExecutionSettings
 from .kinematics import Vector as Vector
-from .kinematics import kinematics_of as kinematics_of
-from .kinematics import of_quaternion as of_quaternion
-from .kinematics import pose_of as pose_of
-from .kinematics import turn_between as turn_between
+from .kinematics import compute_turn as compute_turn
+from .kinematics import convert_quaternion as convert_quaternion
+from .kinematics import get_kinematics as get_kinematics
+from .kinematics import make_pose as make_pose
 from .motions import ArmMotion as ArmMotion
 from .motions import JointMotion as JointMotion
 from .pictures.annotations import Projection as Projection
 from .pictures.painted_camera import PaintedCamera as PaintedCamera
 from .record import Record as Record
-from .robot_shapes import hand_of as hand_of
+from .robot_shapes import get_hand as get_hand
 from .simulator import FINGERS as FINGERS
 from .simulator import HAND as HAND
 from .simulator import ROBOT as ROBOT
 from .simulator import STEPS_PER_S as STEPS_PER_S
 from .simulator import Touch as Touch
 from .static_friction import Pads as Pads
-from .static_friction import utilisation as utilisation
+from .static_friction import compute_utilisation as compute_utilisation
 from .verdicts import PairLimits as PairLimits
-from .verdicts import frame_means as frame_means
-from .verdicts import pair_verdict as pair_verdict
+from .verdicts import average_frames as average_frames
+from .verdicts import check_pairs as check_pairs
 
 __all__ = [
     "FINGERS",
@@ -62,12 +62,12 @@ __all__ = [
     "Touch",
     "Vector",
     "Workcell",
-    "frame_means",
-    "hand_of",
-    "kinematics_of",
-    "of_quaternion",
-    "pair_verdict",
-    "pose_of",
-    "turn_between",
-    "utilisation",
+    "average_frames",
+    "check_pairs",
+    "compute_turn",
+    "compute_utilisation",
+    "convert_quaternion",
+    "get_hand",
+    "get_kinematics",
+    "make_pose",
 ]

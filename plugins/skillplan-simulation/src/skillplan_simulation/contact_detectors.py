@@ -18,7 +18,7 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_simulation.record import Record
 from skillplan_simulation.simulating_engine import SimulatingEngine
-from skillplan_simulation.verdicts import DISPLACEMENT_M, FORCE_N, FRAMES, PairLimits, pair_verdict
+from skillplan_simulation.verdicts import DISPLACEMENT_M, FORCE_N, FRAMES, PairLimits, check_pairs
 
 
 class WindowOptions(back_end.Options):
@@ -88,7 +88,7 @@ class ContactDetector(Detector):
 
     def _alone(self) -> type[SimulatingEngine] | None:
         """Return the class of engine without another engine."""
-        return self.engine_alone or _installed_engine()
+        return self.engine_alone or _find_installed_engine()
 
     @property
     def basis(self) -> Mapping[str, Any]:
@@ -130,7 +130,7 @@ class ContactDetector(Detector):
         return frozenset(body.name for body in self.task.scene.bodies)
 
 
-def _installed_engine() -> type[SimulatingEngine] | None:
+def _find_installed_engine() -> type[SimulatingEngine] | None:
     """Return the engine of ``auto``, or else any engine that executes skills."""
     known = {entry.name: entry for entry in registered("physics")}
     first = [name for name in PREFERRED if name in known]
@@ -177,4 +177,4 @@ class ContactPairsDetector(ContactDetector):
         """Return the verdict; its reason is the first pair or displacement."""
         options = self.options
         limits = PairLimits(options.threshold_n, options.displacement_m, options.frames)
-        return pair_verdict(record, limits, self.parts)
+        return check_pairs(record, limits, self.parts)

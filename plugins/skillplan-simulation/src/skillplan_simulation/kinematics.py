@@ -34,19 +34,19 @@ def points_down(rotation: Vector) -> bool:
     return bool(rotation[2, 2] <= _DOWN - 1.0)
 
 
-def of_quaternion(orientation: Quaternion) -> Vector:
+def convert_quaternion(orientation: Quaternion) -> Vector:
     """Return a unit quaternion (x, y, z, w) as a matrix."""
     return np.array(Pose((0.0, 0.0, 0.0), orientation).rotation)
 
 
-def pose_of(position: Vector, rotation: Vector) -> Pose:
+def make_pose(position: Vector, rotation: Vector) -> Pose:
     """Return a position [m] and a rotation, up to rounding, as a pose."""
     x, y, z = position.tolist()
     across, out = ((rotation[:, axis] / length(rotation[:, axis])).tolist() for axis in (1, 2))
     return Pose.of_axes((x, y, z), tuple(across), tuple(out))
 
 
-def rpy_of(rotation: Vector) -> tuple[float, float, float]:
+def compute_rpy(rotation: Vector) -> tuple[float, float, float]:
     """Return a rotation as roll, pitch and yaw [rad]."""
     sine = -float(rotation[2, 0])
     pitch = math.atan2(sine, math.hypot(float(rotation[0, 0]), float(rotation[1, 0])))
@@ -57,7 +57,7 @@ def rpy_of(rotation: Vector) -> tuple[float, float, float]:
     return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
 
 
-def turn_between(start: Vector, end: Vector) -> Vector:
+def compute_turn(start: Vector, end: Vector) -> Vector:
     """Return the shortest rotation vector from one rotation to another [rad]."""
     change = times(end, start.T)
     axis = 0.5 * np.array(
@@ -75,13 +75,13 @@ def turn_between(start: Vector, end: Vector) -> Vector:
     return np.asarray(math.pi * column / length(column))
 
 
-def rotation_error(rotation: Vector, target: Vector) -> Vector:
+def compute_rotation_error(rotation: Vector, target: Vector) -> Vector:
     """Return the remaining rotation as an axis times the sine of the angle."""
-    return np.array(rotation_left(rotation, target))
+    return np.array(compute_rotation_left(rotation, target))
 
 
-def rotation_left(rotation: Vector, target: Vector) -> tuple[float, float, float]:
-    """Return `rotation_error` as three floats."""
+def compute_rotation_left(rotation: Vector, target: Vector) -> tuple[float, float, float]:
+    """Return `compute_rotation_error` as three floats."""
     # Half the sum of the cross products of the hand's axes; floats are faster here than arrays.
     (a, d, g), (b, e, h), (c, f, i) = rotation.tolist()
     (p, s, v), (q, t, w), (r, u, x) = target.tolist()
@@ -143,21 +143,23 @@ class ArmKinematics:
 
     def follow(self, position: Point, rotation: Vector, joints_rad: Vector) -> Vector | None:
         """Return joint angles near given ones for a nearby pose of the tip, or None."""
-        return self._numeric.solve_from(joints_rad, _se3(position, rotation))
+        return self._numeric.solve_from(joints_rad, _make_se3(position, rotation))
 
 
 @lru_cache(maxsize=16)
-def _kinematics(description: ArmDescription, base: Transform, tool: Transform) -> ArmKinematics:
+def _make_kinematics(
+    description: ArmDescription, base: Transform, tool: Transform
+) -> ArmKinematics:
     return ArmKinematics(description, base, tool)
 
 
-def kinematics_of(robot: Robot) -> ArmKinematics:
+def get_kinematics(robot: Robot) -> ArmKinematics:
     """Return the kinematics of a robot of a task, cached."""
-    base = Transform(robot.base, rpy_of(np.array(robot.mount.rotation)))
-    return _kinematics(robot.model, base, robot.tip)
+    base = Transform(robot.base, compute_rpy(np.array(robot.mount.rotation)))
+    return _make_kinematics(robot.model, base, robot.tip)
 
 
-def unreachable(position: Point, rotation: Vector) -> UnreachableError:
+def make_unreachable_error(position: Point, rotation: Vector) -> UnreachableError:
     """Return the error that a pose is out of reach."""
     x, y, z = position
     along = ", ".join(f"{value + 0.0:.2f}" for value in rotation[:, 2].round(2))
@@ -168,5 +170,5 @@ def unreachable(position: Point, rotation: Vector) -> UnreachableError:
     )
 
 
-def _se3(position: Point, rotation: Vector) -> Any:
+def _make_se3(position: Point, rotation: Vector) -> Any:
     return pinocchio.SE3(rotation, np.array(position, dtype=float))

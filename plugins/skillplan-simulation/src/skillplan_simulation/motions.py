@@ -333,12 +333,12 @@ class ArmMotion:
     @property
     def approach(self) -> tuple[Vector, ...]:
         """Postures at the points of the approach [rad], shape (joints,) each."""
-        return _ends(self.down)
+        return _list_ends(self.down)
 
     @property
     def retreat(self) -> tuple[Vector, ...]:
         """Postures at the points of the retreat [rad], shape (joints,) each."""
-        return _ends(self.up)
+        return _list_ends(self.up)
 
     @property
     def points_down(self) -> bool:
@@ -346,5 +346,5 @@ class ArmMotion:
         return points_down(self.rotation)
 
 
-def _ends(paths: tuple[PosturePath, ...]) -> tuple[Vector, ...]:
+def _list_ends(paths: tuple[PosturePath, ...]) -> tuple[Vector, ...]:
     return (paths[0].at(0.0), *(path.at(1.0) for path in paths))

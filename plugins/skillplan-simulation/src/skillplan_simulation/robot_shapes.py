@@ -21,7 +21,7 @@ _WRIST_HEIGHT_M = 0.60
 _HAND_ABOVE_M = 0.03
 
 
-def hand_of(robot: Robot, tool: Tool | None = None) -> Hand:
+def get_hand(robot: Robot, tool: Tool | None = None) -> Hand:
     """Return the hand of a robot with a tool.
 
     Parameters
@@ -36,29 +36,29 @@ def hand_of(robot: Robot, tool: Tool | None = None) -> Hand:
     return robot.hand_of(next(grippers, None))
 
 
-def hands_of(robot: Robot) -> tuple[Hand, ...]:
+def list_hands(robot: Robot) -> tuple[Hand, ...]:
     """Return all hands that a robot can have, first the one without a gripper."""
     grippers = [tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER]
-    return tuple(dict.fromkeys([hand_of(robot), *map(robot.hand_of, grippers)]))
+    return tuple(dict.fromkeys([get_hand(robot), *map(robot.hand_of, grippers)]))
 
 
-def tool_body(tool: Tool, hand: Hand) -> Body | None:
+def make_tool_body(tool: Tool, hand: Hand) -> Body | None:
     """Return a tool as a body with its origin at the tip; None for the hand itself."""
     shapes = tool_shapes(tool, hand)
     return Body(tool.name, shapes, (), _TOOL_KG) if shapes else None
 
 
-def tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
+def make_tool_boxes(tool: Tool | None, hand: Hand) -> Sequence[Box]:
     """Return boxes about a tool, from its tip; for a gripper, about the open hand."""
     if tool is None:
         return ()
     shapes = tool_shapes(tool, hand)
     if shapes:
         return [shape.box for shape in shapes]
-    return list(hand_boxes(hand, hand.opening_m))
+    return list(make_hand_boxes(hand, hand.opening_m))
 
 
-def hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
+def make_hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
     """Return boxes about jaws and hand, from the tip, x along the closing axis."""
     boxes = []
     for below, above in pairwise(hand.jaw_m):
@@ -78,7 +78,7 @@ def hand_boxes(hand: Hand, opening_m: float) -> Iterable[Box]:
     return boxes
 
 
-def wrist_box(hand: Hand) -> Box:
+def make_wrist_box(hand: Hand) -> Box:
     """Return a box about the last links of the arm above the hand, in any posture."""
     low_m, high_m = hand.tip_m, hand.tip_m + _WRIST_HEIGHT_M
     size = (2 * _WRIST_REACH_M, 2 * _WRIST_REACH_M, high_m - low_m)
@@ -112,15 +112,15 @@ class Block:
 Piece = LinkShape | Block
 
 
-def body_pieces(hand: Hand) -> tuple[Piece, ...]:
+def make_body_pieces(hand: Hand) -> tuple[Piece, ...]:
     """Return the body of a hand in the frame of the tip, z out of the hand."""
     return tuple(
-        _shrunk(np.array([(across, along, depth - hand.tip_m) for along, across, depth in piece]))
+        _shrink(np.array([(across, along, depth - hand.tip_m) for along, across, depth in piece]))
         for piece in hand.body
     )
 
 
-def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
+def make_jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
     """Return a jaw with its end and face at the origin, z out of the hand.
 
     Parameters
@@ -134,7 +134,7 @@ def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
     far_m = min(row[3] for row in hand.jaw_m)
     pieces: list[Piece] = []
     if far_m - near_m > _THINNEST_M:
-        pieces.append(_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
+        pieces.append(_make_block((-half_m, near_m, -high_m), (half_m, far_m, -low_m), side))
     for below, above in pairwise(hand.jaw_m):
         if above[0] - below[0] <= 2 * MARGIN_M:
             continue
@@ -144,16 +144,16 @@ def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
             for x_m in (-width_m, width_m)
             for y_m in (from_m, to_m)
         ]
-        pieces.append(_shrunk(np.array(corners)))
+        pieces.append(_shrink(np.array(corners)))
     return tuple(pieces)
 
 
-def _block(low: Sequence[float], high: Sequence[float], side: int) -> Block:
+def _make_block(low: Sequence[float], high: Sequence[float], side: int) -> Block:
     ys = sorted((side * low[1], side * high[1]))
     return Block((low[0], ys[0], low[2]), (high[0], ys[1], high[2]))
 
 
-def _shrunk(corners: Vector) -> Hull:
+def _shrink(corners: Vector) -> Hull:
     """Return the hull of some corners, smaller by the margin along every axis."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     away = corners - middle

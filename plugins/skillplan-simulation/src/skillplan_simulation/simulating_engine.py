@@ -21,21 +21,21 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.tight_fits import blocked_fits, tight_fits
+from skillplan_pinocchio.tight_fits import find_blocked_fits, find_tight_fits
 from skillplan_simulation.execution.plan_execution import (
     Observers,
     Rules,
     execute_plan,
-    footage,
-    picture,
+    film_skill,
+    take_picture,
 )
 from skillplan_simulation.execution.workcell import Workcell
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.record import Record
 from skillplan_simulation.verdicts import (
     Tolerances,
-    judges_among,
-    postcondition_verdict,
+    check_postcondition,
+    select_judges,
 )
 
 # Engine and detectors are queried in turn about the same skill and state.
@@ -96,7 +96,7 @@ class SimulatingEngine(Engine):
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
         self._workcell: Workcell | None = None
-        self._judges = judges_among((), self._parts())
+        self._judges = select_judges((), self._parts())
         self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
 
     def beside(self, others: Sequence[BackEnd]) -> None:
@@ -104,7 +104,7 @@ class SimulatingEngine(Engine):
 
         Without a detector, the default limits of ``contact-pairs`` apply.
         """
-        self._judges = judges_among(others, self._parts())
+        self._judges = select_judges(others, self._parts())
 
     def _parts(self) -> list[str]:
         return [body.name for body in self.task.scene.bodies]
@@ -145,13 +145,16 @@ class SimulatingEngine(Engine):
         """Return parts that the hand cannot hold, and fits that convex pieces block."""
         if self.refuses() is not None:
             return {}
-        return {**blocked_fits(self.task, as_pieces=not self.stands_exact), **jaw_faults(self.task)}
+        return {
+            **find_blocked_fits(self.task, as_pieces=not self.stands_exact),
+            **jaw_faults(self.task),
+        }
 
     def warnings(self) -> Mapping[str, str]:
         """Return fits that convex pieces narrow; see :meth:`BackEnd.warnings`."""
         if self.refuses() is not None:
             return {}
-        return tight_fits(self.task, as_pieces=not self.stands_exact)
+        return find_tight_fits(self.task, as_pieces=not self.stands_exact)
 
     def not_checked(self) -> tuple[str, ...]:
         """Return limits missing in the arm's description; see :meth:`BackEnd.not_checked`."""
@@ -171,11 +174,11 @@ class SimulatingEngine(Engine):
         """Return the verdict on the sensed postcondition; see :meth:`BackEnd.check`."""
         if skill.motion is None:
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
-        return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
+        return check_postcondition(skill, self.record(skill, state), self.tolerances)
 
 
 @cache
-def versions(*distributions: str) -> Mapping[str, str]:
+def get_versions(*distributions: str) -> Mapping[str, str]:
     """Return the installed versions of distributions, read once per process.
 
     Parameters
@@ -192,11 +195,11 @@ class PerformingEngine(SimulatingEngine, Performer):
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""
         failed = not self.check(skill, state).is_feasible
-        return picture(self.workcell, skill, state, self._judges, blamed=failed)
+        return take_picture(self.workcell, skill, state, self._judges, blamed=failed)
 
     def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
         """Yield pictures of the whole skill; see :class:`Performer`."""
-        return footage(self.workcell, skill, state, frames_per_s)
+        return film_skill(self.workcell, skill, state, frames_per_s)
 
     def perform(
         self,

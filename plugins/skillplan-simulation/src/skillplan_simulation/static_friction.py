@@ -53,7 +53,7 @@ class Pads:
     reach_m: float
 
 
-def utilisation(
+def compute_utilisation(
     pads: Pads, force_n: Vector, moment_nm: Vector, *, friction: float, spinning_m: float
 ) -> float:
     """Return the load as a share of the friction limit; above 1 the part slips.
@@ -172,7 +172,9 @@ class StaticFriction:
         force_n, moment_nm = self._load(linear, angular, points)
         moment_nm = moment_nm + cross(self.world.centre(self.name) - pads.centre, force_n)
         friction, spinning_m = self.arm.grip_friction(self.world.friction)
-        share = utilisation(pads, force_n, moment_nm, friction=friction, spinning_m=spinning_m)
+        share = compute_utilisation(
+            pads, force_n, moment_nm, friction=friction, spinning_m=spinning_m
+        )
         if share > 1.0:
             self.let_go()
 

@@ -48,22 +48,22 @@ class Press:
     most_n: float
 
 
-def mean_forces(record: Record, frames: int = FRAMES) -> dict[Pair, NDArray[np.float64]]:
+def compute_mean_forces(record: Record, frames: int = FRAMES) -> dict[Pair, NDArray[np.float64]]:
     """Return the mean forces of all pairs that touched unexpectedly [N], shape (frames,)."""
-    means = {pair: frame_means(forces, frames) for pair, forces in record.pairs_n.items()}
+    means = {pair: average_frames(forces, frames) for pair, forces in record.pairs_n.items()}
     return {pair: mean for pair, mean in means.items() if len(mean)}
 
 
-def presses(record: Record, force_n: float = FORCE_N, frames: int = FRAMES) -> list[Press]:
+def find_presses(record: Record, force_n: float = FORCE_N, frames: int = FRAMES) -> list[Press]:
     """Return the pairs whose mean force exceeds a threshold, in the order of the record."""
     return [
         Press(int(np.argmax(mean > force_n)), pair, float(mean.max()))
-        for pair, mean in mean_forces(record, frames).items()
+        for pair, mean in compute_mean_forces(record, frames).items()
         if mean.max() > force_n
     ]
 
 
-def pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, int]:
+def find_pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, int]:
     """Return the bodies that moved too far, with the first frame in which they had."""
     return {
         name: int(np.argmax(moved > displacement_m))
@@ -72,7 +72,7 @@ def pushes(record: Record, displacement_m: float = DISPLACEMENT_M) -> dict[str, 
     }
 
 
-def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+def average_frames(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
     """Return the mean over each frame and the preceding ones.
 
     Parameters
@@ -95,7 +95,7 @@ def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]
     return total / frames
 
 
-def rounded(value: float) -> float:
+def round_reading(value: float) -> float:
     """Return a reading for evidence: rounded to a millionth, never minus zero."""
     return round(float(value), 6) + 0.0
 
@@ -128,7 +128,7 @@ class Tolerances:
     insertion_n: float
 
 
-def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
+def check_postcondition(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
     """Return the verdict on the postcondition of an execution."""
     present, absent = record.present, record.absent
     if record.upset is not None:
@@ -139,34 +139,34 @@ def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) 
         return Verdict.infeasible(record.unsettled, present, absent, {"settled": False})
     assert skill.motion is not None
     visit = skill.motion.routes[0].visits[-1]
-    evidence = _evidence(record, visit)
-    fault = _fault(skill, record, visit, tolerances)
+    evidence = _collect_evidence(record, visit)
+    fault = _find_fault(skill, record, visit, tolerances)
     if fault is None:
         return Verdict.feasible(present, absent, evidence)
     return Verdict.infeasible(fault, present, absent, evidence)
 
 
-def offset_m(final: Pose, expected: Pose) -> float:
+def measure_offset_m(final: Pose, expected: Pose) -> float:
     """Return the distance between two poses [m]."""
     return math.dist(final.position, expected.position)
 
 
-def tilt_rad(final: Pose, expected: Pose) -> float:
+def measure_tilt_rad(final: Pose, expected: Pose) -> float:
     """Return the angle of the rotation between two poses [rad], in [0, pi]."""
     aligned = abs(sum(a * b for a, b in zip(final.orientation, expected.orientation, strict=True)))
     # The arc cosine is inaccurate near one.
-    axis = length(_relative_axis(final, expected))
+    axis = length(_compute_relative_axis(final, expected))
     return 2 * math.atan2(axis, aligned)
 
 
-def _relative_axis(final: Pose, expected: Pose) -> Any:
+def _compute_relative_axis(final: Pose, expected: Pose) -> Any:
     x, y, z, w = final.orientation
     a, b, c, d = expected.orientation
     axis, other = np.array([x, y, z]), np.array([a, b, c])
     return d * axis - w * other - np.cross(other, axis)
 
 
-def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
+def _find_fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -> str | None:
     sensed = record.sensed
     if "stuck_on" in sensed:
         return f"the arm was stopped on {sensed['stuck_on']}"
@@ -188,23 +188,23 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
     for name, expected in record.expected.items():
         final = record.final[name]
         if name != visit.subject:
-            if offset_m(final, expected) > _CREEP_M:
-                return f"{name} {_elsewhere(final, expected, 'where it was')}"
+            if measure_offset_m(final, expected) > _CREEP_M:
+                return f"{name} {_describe_offset(final, expected, 'where it was')}"
         elif visit.event is Event.GRASP:
-            if offset_m(final, expected) > tolerances.held_m:
-                return f"{name} is not in the hand: it {_elsewhere(final, expected, 'there')}"
-            if tilt_rad(final, expected) > tolerances.tilt_rad:
-                degrees = math.degrees(tilt_rad(final, expected))
+            if measure_offset_m(final, expected) > tolerances.held_m:
+                return f"{name} is not in the hand: it {_describe_offset(final, expected, 'there')}"
+            if measure_tilt_rad(final, expected) > tolerances.tilt_rad:
+                degrees = math.degrees(measure_tilt_rad(final, expected))
                 return f"{name} is turned by {degrees:.1f} degrees in the hand"
-        elif offset_m(final, expected) > tolerances.position_m:
-            return f"{name} {_elsewhere(final, expected, 'its goal')}"
-        elif tilt_rad(final, expected) > tolerances.tilt_rad:
-            degrees = math.degrees(tilt_rad(final, expected))
+        elif measure_offset_m(final, expected) > tolerances.position_m:
+            return f"{name} {_describe_offset(final, expected, 'its goal')}"
+        elif measure_tilt_rad(final, expected) > tolerances.tilt_rad:
+            degrees = math.degrees(measure_tilt_rad(final, expected))
             return f"{name} came to rest turned by {degrees:.1f} degrees from its goal"
     return None
 
 
-def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
+def _describe_offset(final: Pose, expected: Pose, place: str) -> str:
     """Return the offset of a part from its target, in words."""
     x_m, y_m, z_m = (a - b for a, b in zip(final.position, expected.position, strict=True))
     aside_m = math.hypot(x_m, y_m)
@@ -214,11 +214,11 @@ def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
     if aside_m >= _LEAST_SHOWN_M:
         parts.append(f"{1000 * aside_m:.1f} mm beside")
     if not parts:
-        return f"came to rest {1e6 * offset_m(final, expected):.1f} um off {place}"
+        return f"came to rest {1e6 * measure_offset_m(final, expected):.1f} um off {place}"
     return f"came to rest {' and '.join(parts)} {place}"
 
 
-def _evidence(record: Record, visit: Visit) -> dict[str, Any]:
+def _collect_evidence(record: Record, visit: Visit) -> dict[str, Any]:
     """Return rounded measurements."""
     evidence: dict[str, Any] = {"body": visit.subject}
     if visit.subject in record.final and visit.subject in record.expected:
@@ -227,16 +227,16 @@ def _evidence(record: Record, visit: Visit) -> dict[str, Any]:
             round(1000 * (a - b), 4) + 0.0
             for a, b in zip(final.position, expected.position, strict=True)
         ]
-        evidence["tilt_deg"] = round(math.degrees(tilt_rad(final, expected)), 4)
+        evidence["tilt_deg"] = round(math.degrees(measure_tilt_rad(final, expected)), 4)
         evidence["pose_m"] = [round(value, 7) + 0.0 for value in final.position]
-    evidence["sensed"] = _rounded(record.sensed)
+    evidence["sensed"] = _round_values(record.sensed)
     evidence["steps"] = record.steps
     if record.travels:
         evidence["travels"] = list(record.travels)
     return evidence
 
 
-def _rounded(sensed: Mapping[str, Any]) -> dict[str, Any]:
+def _round_values(sensed: Mapping[str, Any]) -> dict[str, Any]:
     return {
         key: round(value, 6) + 0.0 if isinstance(value, float) else value
         for key, value in sorted(sensed.items())
@@ -262,7 +262,7 @@ class PairLimits:
     frames: int = FRAMES
 
 
-def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> Verdict:
+def check_pairs(record: Record, limits: PairLimits, parts: Collection[str]) -> Verdict:
     """Return the verdict on contacts; its reason is the first pair or displacement.
 
     Parameters
@@ -272,9 +272,9 @@ def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> 
     parts
         Names of the task's bodies; other names get an article.
     """
-    pressing = presses(record, limits.force_n, limits.frames)
-    pushed = pushes(record, limits.displacement_m)
-    evidence = _readings(record, limits)
+    pressing = find_presses(record, limits.force_n, limits.frames)
+    pushed = find_pushes(record, limits.displacement_m)
+    evidence = _collect_readings(record, limits)
     if not pressing and not pushed:
         return Verdict.feasible(record.present, record.absent, evidence)
     press = min(
@@ -284,13 +284,13 @@ def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> 
     )
     moved = min(pushed, key=lambda name: (pushed[name], name), default=None)
     if press is not None and (moved is None or press.frame <= pushed[moved]):
-        frame, bodies = press.frame, _mover_first(press.pair, record, parts)
+        frame, bodies = press.frame, _sort_by_motion(press.pair, record, parts)
         mover, other = (name if name in parts else f"the {name}" for name in bodies)
-        event = f"{mover} pressed on {other} with {_shown(press.most_n)} N"
+        event = f"{mover} pressed on {other} with {_format_force(press.most_n)} N"
         limit = f"{limits.force_n:g} N"
         if press.pair in record.beside:
             limit += f"; leave {CLEARANCE_MM:g} mm between them"
-        details: dict[str, Any] = {"bodies": list(bodies), "force_n": rounded(press.most_n)}
+        details: dict[str, Any] = {"bodies": list(bodies), "force_n": round_reading(press.most_n)}
     else:
         assert moved is not None
         frame, furthest_m = pushed[moved], float(record.moved_m[moved].max())
@@ -298,32 +298,32 @@ def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> 
         limit = f"{1000 * limits.displacement_m:g} mm"
         details = {"bodies": [moved]}
     phase, at_s = record.phase(frame), record.time_s(frame)
-    details |= {"during": phase, "at_s": rounded(at_s)}
+    details |= {"during": phase, "at_s": round_reading(at_s)}
     details["moved_mm"] = {
-        name: rounded(1000 * record.moved_m[name].max()) for name in sorted(pushed)
+        name: round_reading(1000 * record.moved_m[name].max()) for name in sorted(pushed)
     }
     when = f"on {phase} at {at_s:.2f} s" if phase else f"at {at_s:.2f} s"
     reason = f"{event} {when}; the limit is {limit}"
     return Verdict.infeasible(reason, record.present, record.absent, {**details, **evidence})
 
 
-def _readings(record: Record, limits: PairLimits) -> dict[str, Any]:
+def _collect_readings(record: Record, limits: PairLimits) -> dict[str, Any]:
     """Return the largest readings with their limits."""
-    means = mean_forces(record, limits.frames)
+    means = compute_mean_forces(record, limits.frames)
     most_n = max((mean.max() for mean in means.values()), default=0.0)
     peak_n = max((forces.max() for forces in record.pairs_n.values() if len(forces)), default=0.0)
     most_m = max((moved.max() for moved in record.moved_m.values() if len(moved)), default=0.0)
     return {
-        "peak_n": rounded(peak_n),
-        "readings": {"force_n": rounded(most_n), "moved_mm": rounded(1000 * most_m)},
+        "peak_n": round_reading(peak_n),
+        "readings": {"force_n": round_reading(most_n), "moved_mm": round_reading(1000 * most_m)},
         "limits": {
             "force_n": limits.force_n,
-            "moved_mm": rounded(1000 * limits.displacement_m),
+            "moved_mm": round_reading(1000 * limits.displacement_m),
         },
     }
 
 
-def _mover_first(pair: Pair, record: Record, parts: Collection[str]) -> Pair:
+def _sort_by_motion(pair: Pair, record: Record, parts: Collection[str]) -> Pair:
     """Return a pair with the moving body first: the robot, else the part it handles."""
 
     def rank(name: str) -> int:
@@ -337,7 +337,7 @@ def _mover_first(pair: Pair, record: Record, parts: Collection[str]) -> Pair:
     return first, second
 
 
-def _shown(force_n: float) -> str:
+def _format_force(force_n: float) -> str:
     """Return a force with three figures, without an exponent."""
     return f"{force_n:.0f}" if force_n >= 100 else f"{force_n:.3g}"
 
@@ -353,7 +353,7 @@ class ContactJudge(Protocol):
         """Return the verdict on the contacts of an execution that ran to its end."""
 
 
-def judges_among(back_ends: Sequence[object], parts: Collection[str]) -> tuple[Judge, ...]:
+def select_judges(back_ends: Sequence[object], parts: Collection[str]) -> tuple[Judge, ...]:
     """Return the judges among some back ends, or else one with the default `PairLimits`.
 
     Parameters
@@ -366,10 +366,10 @@ def judges_among(back_ends: Sequence[object], parts: Collection[str]) -> tuple[J
     judges = [
         back_end.contact_verdict for back_end in back_ends if isinstance(back_end, ContactJudge)
     ]
-    return tuple(judges) or (partial(pair_verdict, limits=PairLimits(), parts=frozenset(parts)),)
+    return tuple(judges) or (partial(check_pairs, limits=PairLimits(), parts=frozenset(parts)),)
 
 
-def collision_in(record: Record, judges: Sequence[Judge]) -> Verdict | None:
+def find_collision(record: Record, judges: Sequence[Judge]) -> Verdict | None:
     """Return the first judge's verdict of a collision in an execution, or None."""
     verdicts = (judge(record) for judge in judges)
     return next((verdict for verdict in verdicts if verdict.is_infeasible), None)

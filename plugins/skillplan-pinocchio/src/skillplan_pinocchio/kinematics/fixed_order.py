@@ -47,7 +47,7 @@ def length(vector: Array) -> float:
     return math.hypot(*vector.tolist())
 
 
-def solved(matrix: Array, right: Array) -> Array:
+def solve_linear(matrix: Array, right: Array) -> Array:
     """Return the solution x of ``matrix x = right``.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
+from skillplan_pinocchio.kinematics.fixed_order import dot, length, solve_linear, times
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
 # Accuracy of a solution in position [m] and rotation [rad].
@@ -198,7 +198,7 @@ class NumericInverse:
         """Return the joint step [rad], with less damping near the solution (Sugihara 2011)."""
         inner = times(jacobian, jacobian.T)
         inner.flat[::7] += _DAMPING * square + 1e-12
-        step = times(jacobian.T, solved(inner, twist))
+        step = times(jacobian.T, solve_linear(inner, twist))
         size = float(np.abs(step).max())
         return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 

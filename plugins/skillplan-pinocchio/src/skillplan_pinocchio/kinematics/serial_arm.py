@@ -53,8 +53,8 @@ class SerialArm:
         tool: Transform = _NOWHERE,
     ) -> None:
         self.description = description
-        self.base = placement(base)
-        self.flange_to_tip = placement(tool)
+        self.base = make_placement(base)
+        self.flange_to_tip = make_placement(tool)
         self.low_rad: Vector = np.array(description.low_rad)
         self.high_rad: Vector = np.array(description.high_rad)
         self.home_rad: Vector = np.array(description.home_rad)
@@ -96,7 +96,7 @@ class SerialArm:
         return pin.log6(here.actInv(target)).vector, jacobian
 
 
-def placement(transform: Any) -> Any:
+def make_placement(transform: Any) -> Any:
     """Return a `Transform` as `pinocchio.SE3`."""
     if isinstance(transform, pin.SE3):
         return transform
@@ -128,18 +128,18 @@ def build_model(
     """
     model = pin.Model()
     model.name = description.name
-    parent, before = 0, placement(base)
+    parent, before = 0, make_placement(base)
     for joint in description.joints:
         kind = pin.JointModelRZ() if joint.axis == (0.0, 0.0, 1.0) else _turning(joint.axis)
-        parent = model.addJoint(parent, kind, before * placement(joint.placement), joint.name)
-        model.appendBodyToJoint(parent, _inertia(joint.link), placement(joint.link.frame))
+        parent = model.addJoint(parent, kind, before * make_placement(joint.placement), joint.name)
+        model.appendBodyToJoint(parent, _inertia(joint.link), make_placement(joint.link.frame))
         before = pin.SE3.Identity()
     model.lowerPositionLimit[:] = description.low_rad
     model.upperPositionLimit[:] = description.high_rad
     model.velocityLimit[:] = description.speed_rad_per_s
     model.effortLimit[:] = description.torque_nm
-    flange = placement(description.tip)
-    for name, where in (("flange", flange), ("tip", flange * placement(tool))):
+    flange = make_placement(description.tip)
+    for name, where in (("flange", flange), ("tip", flange * make_placement(tool))):
         model.addFrame(pin.Frame(name, parent, where, pin.FrameType.OP_FRAME))
     return model
 

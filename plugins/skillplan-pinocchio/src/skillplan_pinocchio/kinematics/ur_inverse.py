@@ -146,7 +146,7 @@ class UrInverse:
         postures = []
         for angles in self._branches(flange.translation.tolist(), flange.rotation.tolist()):
             turned = [
-                _turned(angle, low, high)
+                _find_turn(angle, low, high)
                 for angle, (low, high) in zip(angles, self._limits, strict=True)
             ]
             if None not in turned:
@@ -159,7 +159,7 @@ class UrInverse:
         """Yield the joint angles for all sides of shoulder, wrist and elbow [rad]."""
         lengths = self._lengths
         wx, wy, wz = (position[row] - lengths.d6_m * rotation[row][2] for row in range(3))
-        for shoulder in _shoulders(wx, wy, lengths.d4_m):
+        for shoulder in _find_shoulders(wx, wy, lengths.d4_m):
             # Frame after the first joint: along the plane of the arm, up, and across.
             cos, sin = math.cos(shoulder), math.sin(shoulder)
             turned = _Turned(
@@ -228,7 +228,7 @@ class _Turned:
             yield total, math.pi if flipped else 0.0, rest
 
 
-def _shoulders(wx: float, wy: float, d4_m: float) -> tuple[float, ...]:
+def _find_shoulders(wx: float, wy: float, d4_m: float) -> tuple[float, ...]:
     """Return the first joint's angles [rad] that put the wrist at its offset from the plane."""
     away = math.hypot(wx, wy)
     if away < abs(d4_m) * (1 - _ROUNDING) or away == 0.0:
@@ -247,7 +247,7 @@ def _both_signs(cosine: float) -> tuple[float, ...]:
     return (angle, -angle)
 
 
-def _turned(angle_rad: float, low_rad: float, high_rad: float) -> float | None:
+def _find_turn(angle_rad: float, low_rad: float, high_rad: float) -> float | None:
     """Return the full turn of an angle nearest to 0 within limits, or None."""
     turn = 2 * math.pi
     nearest = math.remainder(angle_rad, turn)

@@ -58,7 +58,7 @@ class MovingSolid:
     of_arm: bool = False
 
 
-def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
+def build_arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     """Return the fixed base of an arm, and its links."""
     turned = pin.SE3(np.array(arm.mount.rotation), np.array(arm.mount.position))
     base = arm.description.shapes[0] if arm.description.shapes else ()
@@ -66,7 +66,7 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
         centre, half = piece.box
         placed = turned if piece.link == 0 else pin.SE3.Identity()
-        centres, radius_m = balls_of_box(centre, half)
+        centres, radius_m = cover_box(centre, half)
         name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
         solids.append(
             MovingSolid(
@@ -83,7 +83,7 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     return tuple(solids)
 
 
-def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
+def build_held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
     """Return a piece in the hand as a solid.
 
     Parameters
@@ -101,11 +101,11 @@ def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSo
     low, high = corners.min(axis=0), corners.max(axis=0)
     centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
-    balls = balls_of_box(centre, (high - low) / 2)
+    balls = cover_box(centre, (high - low) / 2)
     return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls)
 
 
-def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
+def cover_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
     """Return spheres that cover a box, one per near-cube of it.
 
     Parameters
@@ -122,11 +122,11 @@ def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
     edge_half = max(min(x, y, z), _LEAST_HALF_M)
     counts = tuple(min(max(round(extent / edge_half), 1), _MOST_BALLS) for extent in (x, y, z))
     radius_m = math.hypot(x / counts[0], y / counts[1], z / counts[2])
-    return centre + _middles(counts) * half, radius_m
+    return centre + _compute_middles(counts) * half, radius_m
 
 
 @cache
-def _middles(counts: tuple[int, ...]) -> Vector:
+def _compute_middles(counts: tuple[int, ...]) -> Vector:
     """Return the centres of the parts of a box from -1 to 1."""
     steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts]
     return np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -249,7 +249,7 @@ class ArmBodies:
         self.frames: ArmFrames = ArmFrames(model) if alone is None else alone.frames
         self.still = sum(solid.joint == 0 for solid in solids)
         known = 0 if alone is None else len(alone.solids)
-        reach_m = [_reach_m(self.frames, solid) for solid in self.solids[known:]]
+        reach_m = [_compute_reach_m(self.frames, solid) for solid in self.solids[known:]]
         self.reach_m = np.array(reach_m).reshape(-1, model.nv)
         candidates = [
             (a, b)
@@ -257,7 +257,7 @@ class ArmBodies:
             for a, inner in enumerate(self.solids)
             if outer.joint - inner.joint >= 2
         ]
-        self.pairs = _apart(self, candidates, home_rad)
+        self.pairs = _select_apart(self, candidates, home_rad)
         if alone is not None:
             self.reach_m = np.asarray(np.concatenate([alone.reach_m, self.reach_m]))
             self.pairs = (*alone.pairs, *self.pairs)
@@ -348,7 +348,7 @@ class SolidSpheres:
         return np.concatenate(ones), np.concatenate(others), firsts
 
 
-def _apart(
+def _select_apart(
     bodies: ArmBodies, pairs: Sequence[tuple[int, int]], home_rad: Vector
 ) -> tuple[tuple[int, int], ...]:
     """Return the pairs that do not overlap at home."""
@@ -359,7 +359,7 @@ def _apart(
     return tuple(pair for pair, gap_m in zip(pairs, gaps_m, strict=True) if gap_m >= _HOME_GAP_M)
 
 
-def _reach_m(frames: ArmFrames, solid: MovingSolid) -> Vector:
+def _compute_reach_m(frames: ArmFrames, solid: MovingSolid) -> Vector:
     """Return the maximum distance of a solid's points from each joint axis [m].
 
     The bound adds the distances from axis to next origin along the chain (triangle inequality).

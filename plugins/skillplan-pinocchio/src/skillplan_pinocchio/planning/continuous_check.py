@@ -25,9 +25,9 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import (
     ArmBodies,
     Vector,
-    arm_solids,
-    balls_of_box,
-    held_solid,
+    build_arm_solids,
+    build_held_solid,
+    cover_box,
 )
 from skillplan_pinocchio.planning.near_pairs import NearPair, NearPairs
 from skillplan_pinocchio.shapes import ConvexPiece, Obstacle
@@ -287,7 +287,7 @@ class _End:
     def balls(self) -> tuple[Vector, float]:
         """Centres of covering spheres in the frame of the last joint, and their radius [m]."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
-        return balls_of_box((low + high) / 2, (high - low) / 2)
+        return cover_box((low + high) / 2, (high - low) / 2)
 
     @property
     def key(self) -> _Key:
@@ -304,7 +304,7 @@ class SelfCheck:
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
-        self._solids = arm_solids(arm)
+        self._solids = build_arm_solids(arm)
         self._data = arm.model.createData()
         self._known: dict[tuple[_Key, ...], ContinuousCheck] = {}
 
@@ -368,7 +368,8 @@ class SelfCheck:
         key = tuple(ends)
         if key not in self._known:
             held = [
-                held_solid(end.name, self.arm.joints, end.piece, end.back) for end in ends.values()
+                build_held_solid(end.name, self.arm.joints, end.piece, end.back)
+                for end in ends.values()
             ]
             solids = (*self._solids, *held)
             self._known[key] = ContinuousCheck(

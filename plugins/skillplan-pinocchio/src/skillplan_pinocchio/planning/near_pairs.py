@@ -88,8 +88,8 @@ class NearPairs:
         self._boxes = boxes
         self._touching_m = touching_m
         self._rotations, self._origins = bodies.frames.at(path.along(places))
-        self.standing = self._with_what_stands(_lengths_m(rates_m, each))
-        self.own = self._with_itself(_lengths_m(own_rates_m, each))
+        self.standing = self._with_what_stands(_compute_lengths_m(rates_m, each))
+        self.own = self._with_itself(_compute_lengths_m(own_rates_m, each))
 
     def _with_what_stands(self, lengths_m: Vector) -> list[NearPair]:
         bodies, (low, high) = self._bodies, self._boxes
@@ -98,10 +98,10 @@ class NearPairs:
         spheres, count = bodies.spheres, len(self.places)
         some = np.unique(np.r_[0 : count : min(_STRIDE, count - 1), count - 1])
         centres = self._placed(spheres.joints, spheres.centres_m, some)
-        gaps_m = _to_boxes_m(centres[:, :, np.newaxis], low, high)
+        gaps_m = _measure_to_boxes_m(centres[:, :, np.newaxis], low, high)
         gaps_m -= spheres.radii_m[:, np.newaxis] + self._touching_m
         moved_m = np.diff(lengths_m[some], axis=0)[:, :, np.newaxis]
-        near = (_sums_m(gaps_m) <= moved_m).any(axis=0)
+        near = (_add_gaps_m(gaps_m) <= moved_m).any(axis=0)
         # The base of the arm is fixed.
         near[: bodies.still] = False
         solids, pieces = np.nonzero(near)
@@ -109,11 +109,11 @@ class NearPairs:
             return []
         rows, owners, firsts = spheres.balls_of(solids)
         balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)[:, rows]
-        gaps_m = _to_boxes_m(balls, low[pieces[owners]], high[pieces[owners]])
+        gaps_m = _measure_to_boxes_m(balls, low[pieces[owners]], high[pieces[owners]])
         gaps_m -= spheres.ball_radii_m[rows] + self._touching_m
         gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
         chosen = list(zip(pieces.tolist(), solids.tolist(), strict=True))
-        return _near_pairs(chosen, gaps_m, lengths_m[:, solids])
+        return _collect_near_pairs(chosen, gaps_m, lengths_m[:, solids])
 
     def _with_itself(self, lengths_m: Vector) -> list[NearPair]:
         bodies, spheres = self._bodies, self._bodies.spheres
@@ -121,18 +121,18 @@ class NearPairs:
             return []
         pairs = bodies.pair_numbers
         centres = self._placed(spheres.joints, spheres.centres_m)
-        gaps_m = _apart_m(centres[:, pairs[:, 0]], centres[:, pairs[:, 1]])
+        gaps_m = _measure_apart_m(centres[:, pairs[:, 0]], centres[:, pairs[:, 1]])
         gaps_m -= spheres.radii_m[pairs].sum(axis=1) + self._touching_m
-        near = np.flatnonzero((_sums_m(gaps_m) <= np.diff(lengths_m, axis=0)).any(axis=0))
+        near = np.flatnonzero((_add_gaps_m(gaps_m) <= np.diff(lengths_m, axis=0)).any(axis=0))
         if not len(near):
             return []
         chosen = [bodies.pairs[number] for number in near.tolist()]
         ones, others, firsts = spheres.ball_pairs(chosen)
         balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)
-        gaps_m = _apart_m(balls[:, ones], balls[:, others])
+        gaps_m = _measure_apart_m(balls[:, ones], balls[:, others])
         gaps_m -= spheres.ball_radii_m[ones] + spheres.ball_radii_m[others] + self._touching_m
         gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
-        return _near_pairs(chosen, gaps_m, lengths_m[:, near])
+        return _collect_near_pairs(chosen, gaps_m, lengths_m[:, near])
 
     def _placed(self, joints: Numbers, points_m: Vector, places: Numbers | None = None) -> Vector:
         """Return positions at places of points fixed to joints, shape (places, points, 3)."""
@@ -143,13 +143,13 @@ class NearPairs:
         return np.asarray(turned + origins[:, joints])
 
 
-def _lengths_m(rates_m: Vector, each: int) -> Vector:
+def _compute_lengths_m(rates_m: Vector, each: int) -> Vector:
     """Return the motion of points up to each place, from rates per interval of `each` cells."""
     steps = np.repeat(rates_m, each, axis=0) / (len(rates_m) * each)
     return np.concatenate([np.zeros((1, rates_m.shape[1])), np.cumsum(steps, axis=0)])
 
 
-def _to_boxes_m(points: Vector, low: Vector, high: Vector) -> Vector:
+def _measure_to_boxes_m(points: Vector, low: Vector, high: Vector) -> Vector:
     squares: Vector = np.zeros(1)
     for axis in range(3):
         at = points[..., axis]
@@ -158,22 +158,22 @@ def _to_boxes_m(points: Vector, low: Vector, high: Vector) -> Vector:
     return np.asarray(np.sqrt(squares))
 
 
-def _apart_m(ones: Vector, others: Vector) -> Vector:
+def _measure_apart_m(ones: Vector, others: Vector) -> Vector:
     apart = ones - others
     return np.asarray(np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2))
 
 
-def _sums_m(gaps_m: Vector) -> Vector:
+def _add_gaps_m(gaps_m: Vector) -> Vector:
     """Return the sum of the gaps at every two neighbouring places; overlaps count as 0."""
     open_m = np.maximum(gaps_m, 0.0)
     return np.asarray(open_m[:-1] + open_m[1:])
 
 
-def _near_pairs(
+def _collect_near_pairs(
     pairs: Sequence[tuple[int, int]], gaps_m: Vector, lengths_m: Vector
 ) -> list[NearPair]:
     near = []
-    uncovered = _sums_m(gaps_m) <= np.diff(lengths_m, axis=0)
+    uncovered = _add_gaps_m(gaps_m) <= np.diff(lengths_m, axis=0)
     open_m = np.maximum(gaps_m, 0.0)
     begins, ends = lengths_m[:-1] + open_m[:-1], lengths_m[1:] - open_m[1:]
     for column in np.flatnonzero(uncovered.any(axis=0)).tolist():

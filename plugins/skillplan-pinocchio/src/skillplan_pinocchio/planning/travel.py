@@ -125,7 +125,7 @@ class JointSpace:
         return all(is_free(begin_rad + share * turn_rad) for share in ordered)
 
 
-def connection(
+def find_connection(
     space: JointSpace,
     is_free: Callable[[Vector], bool],
     ends_rad: tuple[Vector, Vector],
@@ -147,7 +147,7 @@ def connection(
     most_checks
         Number of checks after which the search gives up and returns None.
     """
-    base, geometric, util = _ompl()
+    base, geometric, util = _import_ompl()
     joints = len(space.reach_m)
     count = 0
 
@@ -188,17 +188,17 @@ def connection(
 
 
 @cache
-def _ompl() -> tuple[Any, Any, Any]:
+def _import_ompl() -> tuple[Any, Any, Any]:
     """Return OMPL's modules, imported on first use."""
     from ompl import base, geometric, util
 
     # Keep OMPL's log off the terminal; results carry the same information.
     util.setLogLevel(util.LogLevel.LOG_NONE)
-    atexit.register(_end_in_silence)
+    atexit.register(_silence_exit)
     return base, geometric, util
 
 
-def _end_in_silence() -> None:
+def _silence_exit() -> None:
     """Discard the leak reports of OMPL's bindings at exit."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
@@ -213,7 +213,7 @@ _SHORTEST_CUT: Final = 0.05
 _DECIMALS: Final = 6
 
 
-def shortened(
+def shorten(
     space: JointSpace, is_free: Callable[[Vector], bool], nodes: Sequence[Vector]
 ) -> list[Vector]:
     """Return a path with the same ends and needless corners cut off.
@@ -225,24 +225,24 @@ def shortened(
     nodes
         Postures with free straight edges between them.
     """
-    kept = _without_detours(space, is_free, list(nodes))
+    kept = _skip_detours(space, is_free, list(nodes))
     for number in range(1, _CUTS + 1):
         if len(kept) == 2:
             break
         begin, end = sorted((number * step) % 1.0 for step in _GOLDEN)
         if end - begin < _SHORTEST_CUT:
             continue
-        places = _places(space, kept)
-        first, last = _at(kept, places, begin), _at(kept, places, end)
+        places = _compute_places(space, kept)
+        first, last = _interpolate(kept, places, begin), _interpolate(kept, places, end)
         if not space.edge_is_free(is_free, first, last):
             continue
         before = [node for node, place in zip(kept, places, strict=True) if place < begin]
         after = [node for node, place in zip(kept, places, strict=True) if place > end]
         kept = [*before, first, last, *after]
-    return _without_detours(space, is_free, kept)
+    return _skip_detours(space, is_free, kept)
 
 
-def rounded(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> JointPath:
+def round_corners(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> JointPath:
     """Return a spline through postures at equal distances along a path.
 
     More intervals follow the path more closely. Inner postures are rounded to microradians.
@@ -254,15 +254,15 @@ def rounded(space: JointSpace, nodes: Sequence[Vector], intervals: int) -> Joint
     intervals
         Intervals of the spline, >= 1.
     """
-    places = _places(space, nodes)
+    places = _compute_places(space, nodes)
     inner = [
-        np.round(_at(nodes, places, number / intervals), _DECIMALS)
+        np.round(_interpolate(nodes, places, number / intervals), _DECIMALS)
         for number in range(1, intervals)
     ]
     return JointPath([nodes[0], *inner, nodes[-1]])
 
 
-def _without_detours(
+def _skip_detours(
     space: JointSpace, is_free: Callable[[Vector], bool], nodes: list[Vector]
 ) -> list[Vector]:
     """Return a path that skips nodes wherever a straight edge is free."""
@@ -277,7 +277,7 @@ def _without_detours(
     return kept
 
 
-def _places(space: JointSpace, nodes: Sequence[Vector]) -> list[float]:
+def _compute_places(space: JointSpace, nodes: Sequence[Vector]) -> list[float]:
     """Return the share of a path before each of its nodes, from 0 to 1."""
     sums = np.cumsum([0.0] + [space.length_m(before, after) for before, after in pairwise(nodes)])
     # If the posture does not change, any places will do.
@@ -285,7 +285,7 @@ def _places(space: JointSpace, nodes: Sequence[Vector]) -> list[float]:
     return [float(share) for share in shares]
 
 
-def _at(nodes: Sequence[Vector], places: Sequence[float], place: float) -> Vector:
+def _interpolate(nodes: Sequence[Vector], places: Sequence[float], place: float) -> Vector:
     number = min(int(np.searchsorted(places, place, "right")), len(nodes) - 1)
     begin, end = places[number - 1], places[number]
     share = (place - begin) / (end - begin) if end > begin else 1.0
@@ -468,13 +468,13 @@ class TravelSearch:
         spent = 0
         for attempt in range(_ATTEMPTS):
             left = self.most_checks - spent
-            nodes, checks = connection(self.space, is_free, ends, _SEED + attempt, left)
+            nodes, checks = find_connection(self.space, is_free, ends, _SEED + attempt, left)
             spent += checks
             if nodes is None:
                 break
-            way = shortened(self.space, is_free, nodes)
+            way = shorten(self.space, is_free, nodes)
             for intervals in _INTERVALS:
-                path = rounded(self.space, way, intervals)
+                path = round_corners(self.space, way, intervals)
                 if self._is_within(path) and check.is_clear(path):
                     return path
             if spent >= self.most_checks:

@@ -19,11 +19,11 @@ from skillplan_pinocchio.planning.arm_bodies import (
     ArmBodies,
     MovingSolid,
     Vector,
-    arm_solids,
-    held_solid,
+    build_arm_solids,
+    build_held_solid,
 )
 from skillplan_pinocchio.planning.travel import Holds, JointSpace, Travel, TravelSearch, Unfound
-from skillplan_pinocchio.shapes import Obstacle, obstacles_of
+from skillplan_pinocchio.shapes import Obstacle, collect_obstacles
 
 MOST_CHECKS: Final = 5_000
 
@@ -54,8 +54,8 @@ class TravelPlanner:
     ) -> None:
         self.arm = arm
         self.sweeps = sweeps
-        self._links = arm_solids(arm) if check_arm else ()
-        space = joint_space(arm.model, arm.low_rad, arm.high_rad)
+        self._links = build_arm_solids(arm) if check_arm else ()
+        space = build_joint_space(arm.model, arm.low_rad, arm.high_rad)
         self._search = TravelSearch(obstacles, space, most_checks)
 
     @classmethod
@@ -70,7 +70,7 @@ class TravelPlanner:
             Clearance of open jaws on either side of a part [m], >= 0.
         """
         sweeps = HandSweeps(scene, robot, clearance_m)
-        return cls(ArmModel.of(robot), sweeps, obstacles_of(scene))
+        return cls(ArmModel.of(robot), sweeps, collect_obstacles(scene))
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -112,11 +112,11 @@ class TravelPlanner:
         back = data.oMi[last].inverse()
         solids: list[MovingSolid] = [*self._links]
         for name, pieces in self.sweeps.held(motion, motion.above):
-            solids += [held_solid(name, last, piece, back) for piece in pieces]
+            solids += [build_held_solid(name, last, piece, back) for piece in pieces]
         return ArmBodies(model, solids, self.arm.home_rad)
 
 
-def joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpace:
+def build_joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpace:
     """Return the joint space of an arm, weighted by the joints' reach.
 
     Parameters
@@ -188,7 +188,7 @@ class TravelHeights:
         safe_height_m
             Safe height [m].
         """
-        key = _key(begin_rad, end_rad)
+        key = _make_key(begin_rad, end_rad)
         if key not in self._known:
             self.prepare([begin_rad, end_rad])
         dip_m, links_m = self._known[key]
@@ -200,10 +200,10 @@ class TravelHeights:
         pairs = [
             (begin_rad, end_rad)
             for begin_rad, end_rad in combinations(distinct.values(), 2)
-            if _key(begin_rad, end_rad) not in self._known
+            if _make_key(begin_rad, end_rad) not in self._known
         ]
         for posture in distinct.values():
-            self._known[_key(posture, posture)] = (0.0, math.inf)
+            self._known[_make_key(posture, posture)] = (0.0, math.inf)
         if not pairs:
             return
         begin = np.array([begin_rad for begin_rad, _ in pairs])[:, np.newaxis]
@@ -223,7 +223,7 @@ class TravelHeights:
         links_sag_m = _SAG * np.cumsum(turned * self._tilting, axis=1) ** 2 * self._lengths_m
         lows_m = (links_m.min(axis=1) - links_sag_m).min(axis=1)
         for (begin_rad, end_rad), dip_m, low_m in zip(pairs, dips_m, lows_m, strict=True):
-            self._known[_key(begin_rad, end_rad)] = (float(dip_m), float(low_m))
+            self._known[_make_key(begin_rad, end_rad)] = (float(dip_m), float(low_m))
 
     def _heights(self, joints_rad: Vector) -> tuple[Vector, Vector, Vector]:
         """Return tip heights [m], upward components of the hand's axis, and link heights [m]."""
@@ -233,7 +233,9 @@ class TravelHeights:
         links_m = np.full(joints_rad.shape, np.inf)
         for number, (turned, moved) in enumerate(self._fixed):
             origin = origin + rotation @ moved
-            rotation = rotation @ turned @ _turns(self._axes[number], joints_rad[..., number])
+            rotation = (
+                rotation @ turned @ _compute_turns(self._axes[number], joints_rad[..., number])
+            )
             for piece in np.flatnonzero(joints == number).tolist():
                 row = rotation[..., 2, :]
                 middle_m = origin[..., 2] + row @ centres[piece]
@@ -243,12 +245,12 @@ class TravelHeights:
         return tip_m, rotation[..., 2, :] @ self._tip[0][:, 2], links_m
 
 
-def _key(begin: Vector, end: Vector) -> tuple[bytes, bytes]:
+def _make_key(begin: Vector, end: Vector) -> tuple[bytes, bytes]:
     a, b = begin.tobytes(), end.tobytes()
     return (a, b) if a <= b else (b, a)
 
 
-def _turns(axis: Vector, angles_rad: Vector) -> Vector:
+def _compute_turns(axis: Vector, angles_rad: Vector) -> Vector:
     """Return rotations about an axis, shape (..., 3, 3), by Rodrigues' formula."""
     cross = pin.skew(axis)
     sines, cosines = np.sin(angles_rad), np.cos(angles_rad)

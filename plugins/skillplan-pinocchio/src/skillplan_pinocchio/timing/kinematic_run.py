@@ -21,7 +21,7 @@ from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.arm_paths import ArmPaths, MotionPaths, SkillPaths
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Unfound
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 
 # Tolerance for the time of a frame [s].
 _ROUNDING_S: Final = 1e-9
@@ -154,7 +154,7 @@ class KinematicRun:
         """Return the pose of the handled part in the frame of the tip during the action."""
         posture = paths.strokes.down[-1].nodes[-1]
         _, rotation = self.arm.tip(posture)
-        tip = _pose(paths.motion.grasp_tip, rotation)
+        tip = _make_pose(paths.motion.grasp_tip, rotation)
         return tip.inverse().then(paths.motion.visit.pose)
 
     def _act(
@@ -199,7 +199,7 @@ class KinematicRun:
     def _along(self, path: JointPath, opening_m: float) -> None:
         """Follow a path from rest to rest while the jaws open."""
         try:
-            run = fastest_trajectory(path, self.limits)
+            run = find_fastest_trajectory(path, self.limits)
         except ArithmeticError as error:
             words = f"no run along the path of {self._skill} keeps the limits: {error}"
             raise ValueError(words) from None
@@ -221,7 +221,7 @@ class KinematicRun:
         begins = {name: self._poses[name] for name in goals}
         for share in self._frames(whole_s):
             self._opening_m = first_m + share * (opening_m - first_m)
-            self._poses |= {name: _between(begins[name], goals[name], share) for name in goals}
+            self._poses |= {name: _interpolate(begins[name], goals[name], share) for name in goals}
             self._frame()
         self._poses |= goals
         self._opening_m, self._now_s = opening_m, begin_s + whole_s
@@ -238,7 +238,7 @@ class KinematicRun:
     def _tip(self) -> Pose:
         assert self._joints is not None
         position, rotation = self.arm.tip(self._joints)
-        return _pose(position, rotation)
+        return _make_pose(position, rotation)
 
     def _frame(self) -> None:
         """Record the state at the next frame."""
@@ -258,13 +258,13 @@ class KinematicRun:
         )
 
 
-def _pose(position: Sequence[float] | Vector, rotation: Vector) -> Pose:
+def _make_pose(position: Sequence[float] | Vector, rotation: Vector) -> Pose:
     x, y, z = (float(value) for value in position)
     closing, out = (tuple(float(value) for value in rotation[:, axis]) for axis in (1, 2))
     return Pose.of_axes((x, y, z), closing, out)  # type: ignore[arg-type]
 
 
-def _between(begin: Pose, end: Pose, share: float) -> Pose:
+def _interpolate(begin: Pose, end: Pose, share: float) -> Pose:
     """Interpolate the position of two poses; the orientation is that of the end."""
     x, y, z = (a + share * (b - a) for a, b in zip(begin.position, end.position, strict=True))
     return Pose((x, y, z), end.orientation)

@@ -16,7 +16,7 @@ from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
 from skillplan_pinocchio.stands import Stand, Stands
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 
 
 class SkillTimes:
@@ -59,7 +59,7 @@ class SkillTimes:
         """Return the duration of a path from rest to rest [s]."""
         key = path.nodes.tobytes()
         if key not in self._paths_s:
-            self._paths_s[key] = fastest_trajectory(path, self.limits).duration_s
+            self._paths_s[key] = find_fastest_trajectory(path, self.limits).duration_s
         return self._paths_s[key]
 
     def transfer(self, start: Vector, end: Vector) -> JointPath:
@@ -207,10 +207,10 @@ class LeastTimes:
         return behind_s + self._between(stand.joints_rad, begins)
 
     def _between(self, start: Vector, end: Vector) -> float:
-        return least_between_s(start, end, self.times.limits)
+        return bound_duration_s(start, end, self.times.limits)
 
 
-def least_between_s(start: Vector, end: Vector, limits: JointLimits) -> float:
+def bound_duration_s(start: Vector, end: Vector, limits: JointLimits) -> float:
     """Return the minimum time from rest to rest between two postures [s].
 
     Parameters

@@ -66,10 +66,10 @@ class GridRun:
         """Return the run on a grid with a place at every node."""
         speed, gain = limits
         rates = _run(path, (0, len(path.nodes) - 1), places, limits)
-        fastest, hardest = _peaks(path, places, rates)
+        fastest, hardest = _find_peaks(path, places, rates)
         used = (hardest / gain).max(axis=1)
         excess = max(float((fastest / speed).max()), math.sqrt(float(used.max())))
-        steps_s = _steps_s(places, rates)
+        steps_s = _compute_steps_s(places, rates)
         fastest_s = np.diff(places) / np.maximum(rates[1:], rates[:-1])
         lost = (steps_s - fastest_s) * np.maximum(1 - used, 0.0) / steps_s.sum()
         return cls(places, rates, excess, lost)
@@ -77,7 +77,7 @@ class GridRun:
     @property
     def duration_s(self) -> float:
         """Duration within the limits [s]."""
-        return float(_steps_s(self.places, self.rates).sum()) * max(self.excess, 1.0)
+        return float(_compute_steps_s(self.places, self.rates).sum()) * max(self.excess, 1.0)
 
     @property
     def finer(self) -> Array:
@@ -89,7 +89,7 @@ class GridRun:
         return np.append(inner, self.places[-1])
 
 
-def _steps_s(places: Array, rates: Array) -> Array:
+def _compute_steps_s(places: Array, rates: Array) -> Array:
     """Return the durations between neighbouring places [s]."""
     return np.asarray(2 * np.diff(places) / (rates[1:] + rates[:-1]))
 
@@ -112,7 +112,7 @@ def _run(
     span = places[-1] - places[0]
     slopes, bends = path.derivatives(places)
     grid = (places - places[0]) / span
-    rates = _rates(slopes * span, bends * span**2, grid, limits)
+    rates = _compute_rates(slopes * span, bends * span**2, grid, limits)
     if rates is not None:
         return np.asarray(rates * span)
     if last - first == 1:
@@ -143,7 +143,9 @@ class _Geometry:
         return self.slopes if order == 1 else self.bends
 
 
-def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]) -> Array | None:
+def _compute_rates(
+    slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
+) -> Array | None:
     """Return the rates of the parameter on a grid from 0 to 1, or None if toppra fails."""
     speed, gain = limits
     steepest, sharpest = np.abs(slopes).max(axis=0), np.abs(bends).max(axis=0)
@@ -154,7 +156,7 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
         math.sqrt(float((np.maximum(steepest, sharpest) / gain).max())),
     )
     unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
-    problem = _problem()
+    problem = _import_problem()
     speeds = problem.SpeedLimits(speed * unit_s / unit_rad)
     accelerations = problem.AccelerationLimits(gain * unit_s**2 / unit_rad)
     geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
@@ -167,12 +169,12 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
 
 
 @cache
-def _problem() -> Any:
+def _import_problem() -> Any:
     """Import the builder of toppra's problems, without toppra's plotting and splines.
 
     Its log is silenced: a run that toppra does not find is searched in parts.
     """
-    with warnings.catch_warnings(), _without(_UNUSED):
+    with warnings.catch_warnings(), _hide_modules(_UNUSED):
         # Its docstrings have invalid escapes.
         warnings.simplefilter("ignore")
         from skillplan_pinocchio.timing import toppra_problem
@@ -181,7 +183,7 @@ def _problem() -> Any:
 
 
 @contextmanager
-def _without(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
+def _hide_modules(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
     """Replace unused modules by empty ones during an import.
 
     They take several times as long as the rest, and matplotlib fails if the environment names an
@@ -198,7 +200,7 @@ def _without(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
             del sys.modules[name]
 
 
-def _peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
+def _find_peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
     """Return the maximum speed and acceleration of every joint in each interval of a run.
 
     At a distance d into an interval a joint's slope is quadratic in d, its bend and the squared
@@ -329,7 +331,7 @@ class Trajectory:
         return self.path.at(place), slope * rate, slope * gain + bend * rate**2
 
 
-def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
+def find_fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     """Return the fastest run along a path within limits.
 
     A straight path has a closed form. On a path too uneven for toppra, the run stops at the middle
@@ -345,7 +347,7 @@ def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
         return Trajectory(path, np.zeros(1), np.zeros(1), np.zeros(1))
     speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
     if len(path.nodes) == 2:
-        return _straight(path, speed, gain)
+        return _time_straight_path(path, speed, gain)
     knots = len(path.nodes) - 1
     for intervals in _GRIDS:
         count = knots * max(math.ceil(intervals / knots), _FEWEST)
@@ -373,7 +375,7 @@ def _split(path: JointPath, run: GridRun, limits: tuple[Array, Array]) -> GridRu
         return run
 
 
-def _straight(path: JointPath, speed: Array, gain: Array) -> Trajectory:
+def _time_straight_path(path: JointPath, speed: Array, gain: Array) -> Trajectory:
     """Return the fastest run along a straight path: accelerate, coast, decelerate."""
     turns = np.maximum(path.steepest, 1e-12)
     fastest, hardest = float((speed / turns).min()), float((gain / turns).min())

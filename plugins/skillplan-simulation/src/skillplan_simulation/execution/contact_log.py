@@ -139,7 +139,7 @@ class ContactLog:
                 so_far + force,
             )
         return tuple(
-            Contact(pair, _point(place / total_n), _point(force))
+            Contact(pair, _make_point(place / total_n), _make_point(force))
             for pair, (total_n, place, force) in sums.items()
         )
 
@@ -186,6 +186,6 @@ class ContactLog:
         return both > 0.0 and abs(dot(way, towards)) < _ASIDE * both
 
 
-def _point(values: Vector) -> tuple[float, float, float]:
+def _make_point(values: Vector) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z

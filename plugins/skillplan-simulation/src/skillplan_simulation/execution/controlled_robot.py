@@ -11,9 +11,9 @@ from skillplan.task.scene import Pose, Scene, Tool, ToolKind
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import Vector, pose_of, turn_between
+from skillplan_simulation.kinematics import Vector, compute_turn, make_pose
 from skillplan_simulation.motions import ArmMotion, JointMotion, PosturePath, StraightMotion
-from skillplan_simulation.robot_shapes import hand_of, tool_body
+from skillplan_simulation.robot_shapes import get_hand, make_tool_body
 from skillplan_simulation.simulator import (
     FINGERS,
     HAND,
@@ -74,7 +74,7 @@ class ToolChanger:
         It is upright if the hand points down; its x is along the closing axis.
         """
         tip = self.arm.tip()
-        return pose_of(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
+        return make_pose(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
 
     def detach(self) -> None:
         """Leave the tool in its dock."""
@@ -97,13 +97,13 @@ class ToolChanger:
         if apart_m <= _MISALIGNED_M:
             tools = [item for robot in self.scene.robots for item in robot.tools]
             self.tool = next(item for item in tools if item.name == name)
-            self.arm.fit(hand_of(self.arm.robot, self.tool))
+            self.arm.fit(get_hand(self.arm.robot, self.tool))
             self.arm.show_hand(self.has_jaws)
             self._attach(self.tool)
         return apart_m
 
     def _attach(self, tool: Tool) -> None:
-        body = tool_body(tool, self.arm.hand)
+        body = make_tool_body(tool, self.arm.hand)
         if body is None:
             return
         if tool.name in self._docked:
@@ -296,10 +296,10 @@ class ControlledRobot:
         for setpoint in motion.at_each(times_s):
             self.arm.setpoint = setpoint
             self.step()
-            if _angle(felt, self.arm.setpoint.rotation) > _TURN_FELT_RAD:
+            if _measure_angle(felt, self.arm.setpoint.rotation) > _TURN_FELT_RAD:
                 self._refresh_contacts()
                 felt = self.arm.setpoint.rotation
-        if _angle(felt, self.arm.setpoint.rotation) > _TURN_UNFELT_RAD:
+        if _measure_angle(felt, self.arm.setpoint.rotation) > _TURN_UNFELT_RAD:
             self._refresh_contacts()
 
     def _keep_hold(self) -> None:
@@ -327,6 +327,6 @@ class ControlledRobot:
             raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
 
 
-def _angle(rotation: Vector, other: Vector) -> float:
+def _measure_angle(rotation: Vector, other: Vector) -> float:
     """Return the angle between two rotations [rad]."""
-    return 0.0 if rotation is other else length(turn_between(rotation, other))
+    return 0.0 if rotation is other else length(compute_turn(rotation, other))

@@ -38,15 +38,15 @@ from skillplan_simulation.execution.skill_runner import SkillRunner
 from skillplan_simulation.execution.workcell import SETTLE_S, Workcell
 from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import FRAMES_PER_S, Record
-from skillplan_simulation.robot_shapes import hand_of
+from skillplan_simulation.robot_shapes import get_hand
 from skillplan_simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
 from skillplan_simulation.verdicts import (
     Judge,
     Tolerances,
-    collision_in,
-    offset_m,
-    postcondition_verdict,
-    tilt_rad,
+    check_postcondition,
+    find_collision,
+    measure_offset_m,
+    measure_tilt_rad,
 )
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class Moment:
     bodies: tuple[str, ...]
 
 
-def caption_of(skill: str, phase: str, time_s: float) -> str:
+def format_caption(skill: str, phase: str, time_s: float) -> str:
     """Return the caption of a picture: skill, phase and time."""
     return "   ".join(word for word in (skill, phase, f"{time_s:.2f} s") if word)
 
@@ -161,16 +161,16 @@ class _Taken(Exception):
     """Ends an execution whose picture is taken."""
 
 
-def moment_of_failure(record: Record, judges: Sequence[Judge]) -> Moment:
+def find_failure(record: Record, judges: Sequence[Judge]) -> Moment:
     """Return the frame of the first collision or displacement, or the end."""
-    collision = collision_in(record, judges)
+    collision = find_collision(record, judges)
     if collision is None:
         return Moment(None, ())
     evidence = collision.evidence
     return Moment(round(evidence["at_s"] * FRAMES_PER_S), tuple(evidence["bodies"]))
 
 
-def picture(
+def take_picture(
     workcell: Workcell,
     skill: Skill,
     state: State,
@@ -189,16 +189,16 @@ def picture(
         If there is no picture because the arm cannot follow the motion.
     """
     record = workcell.execute(skill, state)
-    moment = moment_of_failure(record, judges)
+    moment = find_failure(record, judges)
     culprits = moment.bodies
     if blamed and not culprits and skill.motion is not None:
         culprits = tuple(visit.subject for visit in skill.motion.visits(state))
     frame = _FALLING_FRAMES if record.unsettled is not None else moment.frame
-    camera = _camera(workcell, skill, state)
+    camera = _make_camera(workcell, skill, state)
     taken: list[Image] = []
 
     def caption(runner: SkillRunner) -> str:
-        return caption_of(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S)
+        return format_caption(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S)
 
     def watch(runner: SkillRunner) -> None:
         if runner.log.phases and frame is not None and runner.log.frames > frame:
@@ -216,7 +216,9 @@ def picture(
     return taken[0]
 
 
-def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+def film_skill(
+    workcell: Workcell, skill: Skill, state: State, frames_per_s: float
+) -> Iterator[Image]:
     """Yield pictures of a skill at a rate per simulated second.
 
     Raises
@@ -226,21 +228,21 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
     """
     if not 0 < frames_per_s <= FRAMES_PER_S:
         raise ValueError(f"There are 0 to {FRAMES_PER_S} pictures a second, not {frames_per_s}.")
-    camera = _camera(workcell, skill, state)
+    camera = _make_camera(workcell, skill, state)
     every = STEPS_PER_S / frames_per_s
     taken: list[Image] = []
 
     def watch(runner: SkillRunner) -> None:
         if runner.world.steps >= len(taken) * every:
             time_s = runner.world.steps / STEPS_PER_S
-            caption = caption_of(skill.name, runner.log.phase_now, time_s)
+            caption = format_caption(skill.name, runner.log.phase_now, time_s)
             taken.append(camera.shot(runner.world, runner.arm, caption)())
 
     workcell.execute(skill, state, watch)
     yield from taken
 
 
-def _camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
+def _make_camera(workcell: Workcell, skill: Skill, state: State) -> PaintedCamera:
     motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = motions[-1].tip
     view = View.close_up((x_m, y_m, z_m + 0.05))
@@ -320,7 +322,7 @@ def execute_plan(
         Returns whether to end before the next skill.
     """
     robot = workcell.robot
-    hand = hand_of(robot, robot.tool(workcell.task.initial))
+    hand = get_hand(robot, robot.tool(workcell.task.initial))
     world, arm = workcell.simulator.cell(hand)
     with world, ExitStack() as stack:
         film = None
@@ -443,8 +445,8 @@ class _PlanExecution:
     def _sensed(self, skill: Skill, state: State, planned: PlannedSkill, begin_s: float) -> Verdict:
         """Return the verdict of a search: a collision takes precedence over its consequences."""
         record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
-        verdict = postcondition_verdict(skill, record, self.rules.tolerances)
-        collision = collision_in(record, self.rules.judges)
+        verdict = check_postcondition(skill, record, self.rules.tolerances)
+        collision = find_collision(record, self.rules.judges)
         if collision is None:
             return verdict
         evidence = {**verdict.evidence, **collision.evidence}
@@ -476,7 +478,7 @@ class _PlanExecution:
     def _shot(self) -> Callable[[], Image]:
         assert self.camera is not None
         skill = f"{self.step}. {self.skill}" if self.skill else ""
-        caption = caption_of(skill, self.runner.log.phase_now, self._now_s)
+        caption = format_caption(skill, self.runner.log.phase_now, self._now_s)
         return self.camera.shot(self.world, self.arm, caption)
 
     def _every_step(self) -> None:
@@ -516,7 +518,13 @@ class _PlanExecution:
             if name in self.world.numbers and name != held:
                 final: Pose = self.world.pose(name)
                 arrivals.append(
-                    Arrival(name, goal, final, offset_m(final, goal), tilt_rad(final, goal))
+                    Arrival(
+                        name,
+                        goal,
+                        final,
+                        measure_offset_m(final, goal),
+                        measure_tilt_rad(final, goal),
+                    )
                 )
         return arrivals
 

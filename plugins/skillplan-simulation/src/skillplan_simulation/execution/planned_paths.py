@@ -19,9 +19,9 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.skill_travels import TravelTo
-from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, find_fastest_trajectory
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import UnreachableError, Vector, kinematics_of, points_down
+from skillplan_simulation.kinematics import UnreachableError, Vector, get_kinematics, points_down
 from skillplan_simulation.motions import ArmMotion, JointMotion, JointRun, SlowedRun
 
 # Share of the acceleration limit for a gripped part that is turned in space, where it creeps.
@@ -72,7 +72,7 @@ class PlannedPaths:
 
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
         self.task = task
-        self.kinematics = kinematics_of(task.scene.robots[0])
+        self.kinematics = get_kinematics(task.scene.robots[0])
         self.paths = ArmPaths(
             task,
             PathSettings(
@@ -163,7 +163,7 @@ class PlannedPaths:
         )
         key = path.nodes.tobytes(), is_gripped
         if key not in self._runs:
-            run: JointRun = fastest_trajectory(path, self.limits)
+            run: JointRun = find_fastest_trajectory(path, self.limits)
             if is_gripped:
                 share = _TURNED_SHARE if turns else 1.0
                 run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)

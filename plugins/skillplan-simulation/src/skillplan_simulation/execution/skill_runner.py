@@ -16,7 +16,7 @@ from skillplan_pinocchio.kinematics.fixed_order import dot, times
 from skillplan_simulation.execution.contact_log import STEPS_PER_FRAME
 from skillplan_simulation.execution.controlled_robot import ControlledRobot
 from skillplan_simulation.execution_settings import ExecutionSettings
-from skillplan_simulation.kinematics import Vector, of_quaternion, pose_of
+from skillplan_simulation.kinematics import Vector, convert_quaternion, make_pose
 from skillplan_simulation.motions import ArmMotion
 from skillplan_simulation.simulator import JAW_SPEED_M_PER_S, STEP_S, TABLE, Arm, World
 
@@ -49,10 +49,10 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
         return
     world, body, tip = robot.world, robot.scene.body(screw), robot.arm.tip()
     # The pose in the hand is that of the driven screw.
-    in_hand = times(turned.T, of_quaternion(driven.visit.pose.orientation))
+    in_hand = times(turned.T, convert_quaternion(driven.visit.pose.orientation))
     rotation = times(tip.rotation, in_hand)
     end = tip.position - body.height_m * rotation[:, 2]
-    world.add(body, pose_of(end, rotation))
+    world.add(body, make_pose(end, rotation))
     world.weigh(screw, _HELD_SCREW_KG)
     robot.bind(screw)
     robot.carry(screw)
@@ -202,12 +202,12 @@ class SkillRunner(ControlledRobot):
         tip = self.arm.tip()
         # The pose in the hand is that at the goal, except for the gap of a cup.
         turned = times(tip.rotation, planned.rotation.T)
-        rotation = times(turned, of_quaternion(visit.pose.orientation))
+        rotation = times(turned, convert_quaternion(visit.pose.orientation))
         away = np.array(grasp.tip)
         origin = tip.position - times(rotation, away) + self._gap_m(motion) * tip.rotation[:, 2]
         if subject not in self.world.numbers:
             body = self.scene.body(subject)
-            self.world.add(body, pose_of(origin, rotation))
+            self.world.add(body, make_pose(origin, rotation))
         self.carry(subject)
         if grasp.kind is GraspKind.SUCTION or not self.tools.has_jaws:
             self.bind(subject)

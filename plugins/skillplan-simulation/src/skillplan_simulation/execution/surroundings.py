@@ -30,13 +30,13 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.kinematics.fixed_order import times
-from skillplan_simulation.kinematics import ArmKinematics, Vector, kinematics_of
+from skillplan_simulation.kinematics import ArmKinematics, Vector, get_kinematics
 from skillplan_simulation.motions import ArmMotion
 from skillplan_simulation.robot_shapes import (
-    hand_boxes,
-    hand_of,
-    tool_boxes,
-    wrist_box,
+    get_hand,
+    make_hand_boxes,
+    make_tool_boxes,
+    make_wrist_box,
 )
 
 # Assumed radius of a link without a known shape about the line between its joints [m].
@@ -50,7 +50,7 @@ class LinkBounds:
         self._kinematics = kinematics
         shapes = kinematics.arm.description.shapes
         # The base is fixed, and so are its neighbours.
-        self._links = [_points(pieces) for pieces in shapes[1:]]
+        self._links = [_collect_points(pieces) for pieces in shapes[1:]]
 
     def at(self, joints_rad: Vector) -> Vector:
         """Return the lower and upper corners of all links' boxes [m], shape (links, 2, 3).
@@ -72,7 +72,7 @@ class LinkBounds:
         return np.array(boxes)
 
 
-def _points(pieces: Sequence[LinkShape]) -> tuple[Vector, Vector]:
+def _collect_points(pieces: Sequence[LinkShape]) -> tuple[Vector, Vector]:
     """Return points of a link and their distance from its surface [m], shape (n, 3) and (n, 1)."""
     points: list[tuple[float, float, float]] = []
     radii: list[float] = []
@@ -107,7 +107,7 @@ class Sweeps:
     def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
         self.task = task
         self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
-        self.kinematics: ArmKinematics = kinematics_of(task.scene.robots[0])
+        self.kinematics: ArmKinematics = get_kinematics(task.scene.robots[0])
         self.links = LinkBounds(self.kinematics)
         self.robot = task.scene.robots[0]
 
@@ -136,10 +136,10 @@ class Sweeps:
     def _at_target(self, motion: LinearMotion) -> list[WorldBox]:
         """Return boxes about hand, tool, load and wrist at the target of a motion."""
         event, visit = motion.visit.event, motion.visit
-        upright = _tool_pose(motion)
+        upright = _make_tool_pose(motion)
         boxes = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
-            boxes.append(world_box(wrist_box(hand_of(self.robot, motion.tool)), motion.tip))
+            boxes.append(world_box(make_wrist_box(get_hand(self.robot, motion.tool)), motion.tip))
         if event in (Event.GRASP, Event.RELEASE, Event.FETCH):
             # Down to its goal, even if it is released above it.
             boxes += world_boxes(self.task.scene.body(visit.subject), visit.pose)
@@ -153,26 +153,26 @@ class Sweeps:
 
     def _hand(self, motion: LinearMotion) -> list[Box]:
         """Return boxes about the hand or tool, before or after a motion acts, from the tip."""
-        tool, visit, hand = motion.tool, motion.visit, hand_of(self.robot, motion.tool)
+        tool, visit, hand = motion.tool, motion.visit, get_hand(self.robot, motion.tool)
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool in its place.
             if tool is not None and tool_shapes(tool, hand):
-                return list(tool_boxes(tool, hand))
+                return list(make_tool_boxes(tool, hand))
             grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-            return list(hand_boxes(hand, jaw_opening_m(grasp, self.clearance_m, tool, hand)))
-        boxes = list(tool_boxes(tool, hand))
+            return list(make_hand_boxes(hand, jaw_opening_m(grasp, self.clearance_m, tool, hand)))
+        boxes = list(make_tool_boxes(tool, hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots
             tools = (item for robot in robots for item in robot.tools)
             coupled = next(item for item in tools if item.name == visit.subject)
-            boxes += tool_boxes(coupled, hand_of(self.robot, coupled))
+            boxes += make_tool_boxes(coupled, get_hand(self.robot, coupled))
         return boxes
 
     def _of_travel(self, planned: ArmMotion) -> Iterator[Sweep]:
         """Yield boxes about the moving bodies of a travel, piece by piece."""
         postures = planned.travel.postures()
         target = self.kinematics.tip(planned.approach[-1])
-        corners = np.array([_corners(box) for box in self._at_target(planned.motion)])
+        corners = np.array([_list_corners(box) for box in self._at_target(planned.motion)])
         held = times(corners - target.position, target.rotation)
         tips = [self.kinematics.tip(joints) for joints in postures]
         placed = [times(held, tip.rotation.T) + tip.position for tip in tips]
@@ -192,7 +192,7 @@ class Sweeps:
             yield WorldBox((ax, ay, az), (bx, by, bz)), _STILL
 
 
-def _tool_pose(motion: LinearMotion) -> Pose:
+def _make_tool_pose(motion: LinearMotion) -> Pose:
     """Return the pose of a hand or tool at the target: x along the closing axis, z backwards."""
     if motion.points_down:
         return Pose.upright(motion.tip, motion.closing_yaw_rad)
@@ -200,7 +200,7 @@ def _tool_pose(motion: LinearMotion) -> Pose:
     return Pose.of_axes(motion.tip, motion.hand.rotate(AXES["x"]), (-x, -y, -z))
 
 
-def _corners(box: WorldBox) -> list[Point]:
+def _list_corners(box: WorldBox) -> list[Point]:
     xs, ys, zs = zip(box.low, box.high, strict=True)
     return list(product(xs, ys, zs))
 

@@ -28,7 +28,7 @@ from skillplan_simulation.execution.surroundings import (
 from skillplan_simulation.execution_settings import ExecutionSettings
 from skillplan_simulation.kinematics import UnreachableError
 from skillplan_simulation.record import Record
-from skillplan_simulation.robot_shapes import hand_of
+from skillplan_simulation.robot_shapes import get_hand
 from skillplan_simulation.simulator import (
     GRAVITY_M_PER_S2,
     Arm,
@@ -36,7 +36,7 @@ from skillplan_simulation.simulator import (
     UpsetError,
     World,
 )
-from skillplan_simulation.verdicts import FRAMES, frame_means
+from skillplan_simulation.verdicts import FRAMES, average_frames
 
 
 class Fastenings:
@@ -225,7 +225,7 @@ class Workcell:
             present, absent = fallen.present | basis[0], fallen.absent | basis[1]
             return self._draft(skill, present, absent, unsettled=fallen.reason)
         first = planned.motions[0]
-        hand = hand_of(self.robot, first.motion.tool)
+        hand = get_hand(self.robot, first.motion.tool)
         world, arm = self.simulator.cell(hand)
         with world:
             start = planned.begin_rad if planned.travels_first else first.approach[0]
@@ -323,7 +323,7 @@ class Workcell:
         return replace(record, travels=planned.travels)
 
     def _first_opening(self, motion: LinearMotion) -> float:
-        hand = hand_of(self.robot, motion.tool)
+        hand = get_hand(self.robot, motion.tool)
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
             return hand.opening_m / 2
         grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
@@ -334,7 +334,7 @@ class Workcell:
         if stopped is not None:
             sensed["stuck_on"] = stopped
         if runner.log.resistance_n:
-            resistance_n = frame_means(np.array(runner.log.resistance_n), FRAMES)
+            resistance_n = average_frames(np.array(runner.log.resistance_n), FRAMES)
             sensed["insertion_force_n"] = float(resistance_n.max())
         event = last.visit.event
         if event in (Event.GRASP, Event.RELEASE):

@@ -42,7 +42,7 @@ class Notes:
     contact: Point | None = None
 
 
-def annotated(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> Image:
+def annotate(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> Image:
     """Return a picture with annotations.
 
     Parameters
@@ -106,7 +106,7 @@ def _write_caption(pen: Any, words: str, height: int) -> list[Rectangle]:
     """Write a caption in the lower left corner; return the covered rectangle."""
     if not words:
         return []
-    margin, font = height * _MARGIN, _font(round(height * _LETTERS))
+    margin, font = height * _MARGIN, _load_font(round(height * _LETTERS))
     left, _, right, _ = pen.textbbox((0, 0), words, font=font)
     ascent, descent = font.getmetrics()
     strip = (
@@ -128,7 +128,7 @@ def _write_tags(
 ) -> None:
     """Write names near the named points, in free space, with a line to the point."""
     width, height = size
-    font = _font(round(height * _TAG_LETTERS))
+    font = _load_font(round(height * _TAG_LETTERS))
     ascent, descent = font.getmetrics()
     edge, about = height * _MARGIN / 3, height * _ABOUT
     seen = [
@@ -145,7 +145,7 @@ def _write_tags(
     for name, at in seen:
         wide = pen.textlength(name, font=font) + 2 * edge
         outwards = math.atan2(middle[1] - at[1], at[0] - middle[0])
-        spot = _free_spot(at, (wide, high), size, taken, outwards)
+        spot = _find_free_spot(at, (wide, high), size, taken, outwards)
         taken.append(spot)
         end = min(max(at[0], spot[0]), spot[2]), min(max(at[1], spot[1]), spot[3])
         pen.line([at, end], fill=(*_INK, 190), width=max(1, round(height / 500)))
@@ -155,7 +155,7 @@ def _write_tags(
         pen.text((spot[0] + edge, spot[1] + edge), name, font=font, fill=_INK)
 
 
-def _free_spot(
+def _find_free_spot(
     at: Pixel,
     extent: tuple[float, float],
     size: tuple[int, int],
@@ -173,12 +173,12 @@ def _free_spot(
             spot = (x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
             spots.append(spot)
             inside = spot[0] >= 0 and spot[1] >= 0 and spot[2] <= size[0] and spot[3] <= size[1]
-            if inside and not any(_overlap(spot, other) for other in taken):
+            if inside and not any(_is_overlapping(spot, other) for other in taken):
                 return spot
     return spots[0]
 
 
-def _overlap(spot: Rectangle, other: Rectangle) -> bool:
+def _is_overlapping(spot: Rectangle, other: Rectangle) -> bool:
     return spot[0] < other[2] and other[0] < spot[2] and spot[1] < other[3] and other[1] < spot[3]
 
 
@@ -213,7 +213,7 @@ def _draw_arrow(pen: Any, tip: Pixel | None, height: int) -> None:
 
 
 @cache
-def _font(size: int) -> Any:
+def _load_font(size: int) -> Any:
     """Return the font of figures in a size."""
     from PIL import ImageFont
 

@@ -17,9 +17,15 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pinocchio.shapes import ConvexPiece
-from skillplan_simulation.pictures.annotations import Notes, Projection, annotated
-from skillplan_simulation.pictures.rasteriser import corner_normals, ground, shade, smoothed, solid
-from skillplan_simulation.robot_shapes import tool_body
+from skillplan_simulation.pictures.annotations import Notes, Projection, annotate
+from skillplan_simulation.pictures.rasteriser import (
+    compute_corner_normals,
+    draw_ground,
+    draw_solid,
+    shade,
+    smooth_edges,
+)
+from skillplan_simulation.robot_shapes import make_tool_body
 from skillplan_simulation.simulator import FINGERS, HAND, ROBOT, TABLE, Arm, World
 
 Corners = NDArray[np.float64]
@@ -53,30 +59,30 @@ class Surface:
         return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
 
 
-def body_surface(shapes: Iterable[Shape]) -> Surface:
+def make_body_surface(shapes: Iterable[Shape]) -> Surface:
     """Return the surface of the shapes of a body."""
-    return _surface([_of_shape(shape) for shape in shapes])
+    return _make_surface([_triangulate_shape(shape) for shape in shapes])
 
 
-def link_surface(shapes: Iterable[LinkShape]) -> Surface:
+def make_link_surface(shapes: Iterable[LinkShape]) -> Surface:
     """Return the surface of the shapes of a link."""
-    return _surface([_of_link(shape) for shape in shapes])
+    return _make_surface([_triangulate_link(shape) for shape in shapes])
 
 
-def hand_surface(hand: Hand) -> Surface:
+def make_hand_surface(hand: Hand) -> Surface:
     """Return the surface of a hand's body, in the frame of the tip."""
     # The first piece is the described body.
     corners = [(across, along, deep - hand.tip_m) for along, across, deep in hand.body[0]]
-    return _surface([_hull(corners)])
+    return _make_surface([_triangulate_hull(corners)])
 
 
-def finger_surface(hand: Hand, side: int) -> Surface:
+def make_finger_surface(hand: Hand, side: int) -> Surface:
     """Return the surface of a closed jaw in the frame of the tip; its side is 1 or -1."""
     corners = [(across, side * behind, -up) for behind, across, up in hand.jaw]
-    return _surface([_hull(corners)])
+    return _make_surface([_triangulate_hull(corners)])
 
 
-def _surface(triangles: Sequence[Corners]) -> Surface:
+def _make_surface(triangles: Sequence[Corners]) -> Surface:
     corners = np.concatenate([np.zeros((0, 3, 3)), *triangles])
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(across, axis=1)
@@ -84,35 +90,37 @@ def _surface(triangles: Sequence[Corners]) -> Surface:
     _, places = np.unique(np.round(corners.reshape(-1, 3), 7), axis=0, return_inverse=True)
     places = np.asarray(places, dtype=np.int64).ravel()
     order = np.argsort(places, kind="stable")
-    normals = corner_normals(across, places, order, _SMOOTH)
+    normals = compute_corner_normals(across, places, order, _SMOOTH)
     return Surface(corners.astype(np.float32), normals.reshape(-1, 3, 3).astype(np.float32))
 
 
-def _of_shape(shape: Shape) -> Corners:
+def _triangulate_shape(shape: Shape) -> Corners:
     if isinstance(shape, Mesh) and shape.faces:
         return np.asarray(np.array(shape.corners)[np.array(shape.faces)])
     if isinstance(shape, Mesh):
-        return _hull(shape.corners)
+        return _triangulate_hull(shape.corners)
     if isinstance(shape, Cylinder):
         x, y, z = shape.centre
         half = shape.height_m / 2
-        return _round((x, y, z - half), (x, y, z + half), shape.diameter_m / 2, domed=False)
-    return _box(shape)
+        return _triangulate_round(
+            (x, y, z - half), (x, y, z + half), shape.diameter_m / 2, domed=False
+        )
+    return _triangulate_box(shape)
 
 
-def _of_link(shape: LinkShape) -> Corners:
+def _triangulate_link(shape: LinkShape) -> Corners:
     if isinstance(shape, Hull):
-        return _hull(shape.corners_m)
+        return _triangulate_hull(shape.corners_m)
     domed = isinstance(shape, Capsule)
-    return _round(shape.start_m, shape.end_m, shape.radius_m, domed=domed)
+    return _triangulate_round(shape.start_m, shape.end_m, shape.radius_m, domed=domed)
 
 
-def _box(box: Box) -> Corners:
+def _triangulate_box(box: Box) -> Corners:
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return _hull((np.array(box.centre) + signs * np.array(box.size) / 2).tolist())
+    return _triangulate_hull((np.array(box.centre) + signs * np.array(box.size) / 2).tolist())
 
 
-def _hull(points: Sequence[Sequence[float]]) -> Corners:
+def _triangulate_hull(points: Sequence[Sequence[float]]) -> Corners:
     """Return the triangles of the hull of some points."""
     corners, triangles = ConvexPiece(np.array(points, dtype=np.float64)).surface
     facets = corners[triangles]
@@ -124,7 +132,7 @@ def _hull(points: Sequence[Sequence[float]]) -> Corners:
     return np.asarray(facets)
 
 
-def _round(
+def _triangulate_round(
     start_m: Sequence[float], end_m: Sequence[float], radius_m: float, *, domed: bool
 ) -> Corners:
     """Return the triangles of a cylinder between two points, or of a capsule around them."""
@@ -196,38 +204,40 @@ class CellParts:
 
     def _of_bodies(self, world: World, hand: Hand) -> Iterator[Part]:
         for name in world.bodies:
-            yield Part(name, self._of_body(name, hand), _frame(world.pose(name)))
+            yield Part(name, self._of_body(name, hand), _make_frame(world.pose(name)))
         for tool in self._robot.tools:
             # A tool that was not taken yet lies in its dock, without collisions.
-            body = tool_body(tool, hand)
+            body = make_tool_body(tool, hand)
             if body is not None and tool.name not in world.numbers:
-                place = _frame(Pose(tool.holder))
+                place = _make_frame(Pose(tool.holder))
                 yield Part(tool.name, self._of_body(tool.name, hand), place)
 
     def _of_body(self, name: str, hand: Hand) -> Surface:
         if name not in self._made:
             bodies = {body.name: body for body in self._scene.bodies}
             tools = {tool.name: tool for tool in self._robot.tools}
-            body = bodies.get(name) or tool_body(tools[name], hand)
+            body = bodies.get(name) or make_tool_body(tools[name], hand)
             assert body is not None
-            self._made[name] = body_surface(body.exact_shapes)
+            self._made[name] = make_body_surface(body.exact_shapes)
         return self._made[name]
 
     def _of_arm(self, arm: Arm) -> Iterator[Part]:
         if self._links is None:
-            self._links = [link_surface(shapes) for shapes in self._robot.model.shapes]
+            self._links = [make_link_surface(shapes) for shapes in self._robot.model.shapes]
         joints_rad = np.array(arm.joints_rad())
         frames = [
             np.hstack([placement.rotation, placement.translation[:, None]])
             for placement in arm.kinematics.frames(joints_rad)
         ]
-        for surface, frame in zip(self._links, [_base(self._robot), *frames], strict=False):
+        for surface, frame in zip(
+            self._links, [_get_base_frame(self._robot), *frames], strict=False
+        ):
             yield Part(ROBOT, surface, frame)
         if not arm.shows_hand:
             return
         if arm.hand not in self._hands:
-            jaws = (finger_surface(arm.hand, side) for side in (1, -1))
-            self._hands[arm.hand] = (hand_surface(arm.hand), *jaws)
+            jaws = (make_finger_surface(arm.hand, side) for side in (1, -1))
+            self._hands[arm.hand] = (make_hand_surface(arm.hand), *jaws)
         body, *fingers = self._hands[arm.hand]
         tip = frames[-1]
         yield Part(HAND, body, tip)
@@ -237,11 +247,11 @@ class CellParts:
             yield Part(name, finger, moved)
 
 
-def _base(robot: Robot) -> Frame:
-    return _frame(robot.mount)
+def _get_base_frame(robot: Robot) -> Frame:
+    return _make_frame(robot.mount)
 
 
-def _frame(pose: Pose) -> Frame:
+def _make_frame(pose: Pose) -> Frame:
     return np.hstack([np.array(pose.rotation), np.array(pose.position)[:, None]])
 
 
@@ -274,7 +284,7 @@ ALARMS: tuple[Colour, Colour] = ((0.90, 0.10, 0.10, 1.0), (1.0, 0.55, 0.05, 1.0)
 PALE: Colour = (0.80, 0.80, 0.80, 1.0)
 
 
-def colour_number(scene: Scene, name: str) -> int:
+def get_colour_number(scene: Scene, name: str) -> int:
     """Return the number of a body's colour, the same in every picture; tools follow parts."""
     names = [body.name for body in scene.bodies]
     names += [tool.name for robot in scene.robots for tool in robot.tools]
@@ -304,7 +314,9 @@ class CellStyle:
         self.scene, self.labels = scene, labels
         names = [body.name for body in scene.bodies]
         names += [tool.name for robot in scene.robots for tool in robot.tools]
-        self._colours = {name: PALETTE[colour_number(scene, name) % len(PALETTE)] for name in names}
+        self._colours = {
+            name: PALETTE[get_colour_number(scene, name) % len(PALETTE)] for name in names
+        }
 
     def colour(self, name: str, culprits: Sequence[str]) -> Colour:
         """Return the colour of a body, of the table, or of arm, hand or finger."""
@@ -346,7 +358,7 @@ class CellStyle:
             Names and positions of bodies.
         """
         words = f"{' and '.join(culprits)}: {caption}" if culprits else caption
-        return Notes(words, tuple(self._tags(list(middles))), _contact(world, culprits))
+        return Notes(words, tuple(self._tags(list(middles))), _find_contact(world, culprits))
 
     def _tags(self, middles: Sequence[Named]) -> Iterable[Named]:
         if not self.labels:
@@ -361,7 +373,7 @@ class CellStyle:
         yield from ((f"{what} of {', '.join(names)}", at) for (what, at), names in named.items())
 
 
-def _contact(world: World, culprits: Sequence[str]) -> Point | None:
+def _find_contact(world: World, culprits: Sequence[str]) -> Point | None:
     """Return the point where two culprits press on each other hardest [m]."""
     contacts = [touch for touch in world.touches() if {touch.first, touch.second} == set(culprits)]
     if not contacts:
@@ -441,12 +453,12 @@ class PaintedCamera:
             frame = self._axes @ part.frame
             frame[:, 3] += self._frame[:, 3]
             corners, normals = part.surface.corners, part.surface.normals
-            colour = _bytes_of(self._style.colour(part.name, culprits))
-            solid(corners, normals, frame, colour, self._lamp, number, self._focal, buffers)
+            colour = _convert_to_bytes(self._style.colour(part.name, culprits))
+            draw_solid(corners, normals, frame, colour, self._lamp, number, self._focal, buffers)
         for part in parts:
             corners = part.surface.corners
             shade(corners, part.frame, self._sun, self._frame, self._focal, image, shown)
-        return annotated(WIDTH, HEIGHT, smoothed(image, shown).tobytes(), self._view, notes)
+        return annotate(WIDTH, HEIGHT, smooth_edges(image, shown).tobytes(), self._view, notes)
 
     def _ground(self, culprits: Sequence[str]) -> tuple[Any, Any, Any]:
         """Return buffers with the background, which is drawn once."""
@@ -460,16 +472,16 @@ class PaintedCamera:
             )
             discs = np.zeros((0, 6))
             marks = [
-                (place[0], place[1], PLACE_M, *_bytes_of(colour))
+                (place[0], place[1], PLACE_M, *_convert_to_bytes(colour))
                 for _, place, colour in self._style.places(culprits)
             ]
             discs = np.array(marks) if marks else discs
-            table = _bytes_of(self._style.colour(TABLE, culprits))
-            ground(self._eye, self._axes, self._focal, _TABLE_M, table, discs, buffers)
+            table = _convert_to_bytes(self._style.colour(TABLE, culprits))
+            draw_ground(self._eye, self._axes, self._focal, _TABLE_M, table, discs, buffers)
             self._grounds[pale] = buffers
         image, near, shown = self._grounds[pale]
         return image.copy(), near.copy(), shown.copy()
 
 
-def _bytes_of(colour: Colour) -> NDArray[np.float64]:
+def _convert_to_bytes(colour: Colour) -> NDArray[np.float64]:
     return 255.0 * np.array(colour[:3])

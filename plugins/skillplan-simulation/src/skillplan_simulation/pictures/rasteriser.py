@@ -24,7 +24,7 @@ _EVERYWHERE, _LAMP, _CAMERA = 0.52, 0.40, 0.14
 _SHADE = 0.80
 
 
-def compiled(function: Callable[P, R]) -> Callable[P, R]:
+def compile_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function on its first call, with numba's cache if it is writable."""
     try:
         return cast("Callable[P, R]", numba.njit(cache=True, nogil=True)(function))
@@ -34,8 +34,8 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         return cast("Callable[P, R]", numba.njit(nogil=True)(function))
 
 
-@compiled
-def corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
+@compile_kernel
+def compute_corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
     """Return unit normals of the corners of triangles, shape (3 n, 3).
 
     Parameters
@@ -68,8 +68,8 @@ def corner_normals(across: Any, places: Any, order: Any, smooth: float) -> Any:
     return normals
 
 
-@compiled
-def ground(
+@compile_kernel
+def draw_ground(
     eye: Any, axes: Any, focal: float, half_m: float, colour: Any, discs: Any, buffers: Any
 ) -> None:
     """Draw the background: sky, table, and discs on it.
@@ -116,8 +116,8 @@ def ground(
                     image[row, column] = disc[3:6]
 
 
-@compiled
-def _span(points: Any, area: float, row: int, low: int, high: int) -> tuple[int, int]:
+@compile_kernel
+def _compute_span(points: Any, area: float, row: int, low: int, high: int) -> tuple[int, int]:
     """Return the first and last column of a triangle in a row of pixels."""
     y = row + 0.5
     for begin in range(3):
@@ -135,7 +135,7 @@ def _span(points: Any, area: float, row: int, low: int, high: int) -> tuple[int,
     return low, high
 
 
-@compiled
+@compile_kernel
 def _project(
     corners: Any, frame: Any, focal: float, width: int, height: int, points: Any, nearness: Any
 ) -> bool:
@@ -153,16 +153,16 @@ def _project(
     return True
 
 
-@compiled
-def _area(points: Any) -> float:
+@compile_kernel
+def _compute_area(points: Any) -> float:
     """Return twice the signed area of a triangle."""
     abx, aby = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
     acx, acy = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1]
     return float(abx * acy - aby * acx)
 
 
-@compiled
-def _bounds(points: Any, width: int, height: int) -> tuple[int, int, int, int]:
+@compile_kernel
+def _compute_bounds(points: Any, width: int, height: int) -> tuple[int, int, int, int]:
     """Return the first and last row and column that a triangle can cover."""
     first = max(0, int(np.ceil(points[:, 1].min() - 0.5)))
     last = min(height - 1, int(np.floor(points[:, 1].max() - 0.5)))
@@ -171,8 +171,8 @@ def _bounds(points: Any, width: int, height: int) -> tuple[int, int, int, int]:
     return first, last, left, right
 
 
-@compiled
-def _brightness(normal: Any, frame: Any, lamp: Any) -> float:
+@compile_kernel
+def _compute_brightness(normal: Any, frame: Any, lamp: Any) -> float:
     """Return the brightness of a surface with a normal."""
     x, y, z = normal
     right = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z
@@ -182,8 +182,8 @@ def _brightness(normal: Any, frame: Any, lamp: Any) -> float:
     return float(_EVERYWHERE + _LAMP * lit + _CAMERA * max(0.0, -deep))
 
 
-@compiled
-def solid(
+@compile_kernel
+def draw_solid(
     corners: Any,
     normals: Any,
     frame: Any,
@@ -218,19 +218,19 @@ def solid(
     for triangle in range(len(corners)):
         if not _project(corners[triangle], frame, focal, width, height, points, nearness):
             continue
-        area = _area(points)
+        area = _compute_area(points)
         # Rows count downwards, so anticlockwise triangles have a negative area.
         if area >= 0.0:
             continue
-        first, last, left, right = _bounds(points, width, height)
+        first, last, left, right = _compute_bounds(points, width, height)
         if first > last:
             continue
         abx, aby = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
         acx, acy = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1]
         for corner in range(3):
-            light[corner] = _brightness(normals[triangle, corner], frame, lamp)
+            light[corner] = _compute_brightness(normals[triangle, corner], frame, lamp)
         for row in range(first, last + 1):
-            low, high = _span(points, area, row, left, right)
+            low, high = _compute_span(points, area, row, left, right)
             dy = row + 0.5 - points[0, 1]
             for column in range(low, high + 1):
                 dx = column + 0.5 - points[0, 0]
@@ -247,7 +247,7 @@ def solid(
                 image[row, column, 2] = min(255.0, colour[2] * bright)
 
 
-@compiled
+@compile_kernel
 def shade(
     corners: Any, frame: Any, sun: Any, camera: Any, focal: float, image: Any, shown: Any
 ) -> None:
@@ -279,13 +279,13 @@ def shade(
             at[corner, 2] = 0.0
         if not _project(at, camera, focal, width, height, points, nearness):
             continue
-        area = _area(points)
+        area = _compute_area(points)
         # One of the two sides of a body is enough.
         if area >= 0.0:
             continue
-        first, last, left, right = _bounds(points, width, height)
+        first, last, left, right = _compute_bounds(points, width, height)
         for row in range(first, last + 1):
-            low, high = _span(points, area, row, left, right)
+            low, high = _compute_span(points, area, row, left, right)
             for column in range(low, high + 1):
                 if shown[row, column] == TABLE or shown[row, column] == PLACE:
                     shown[row, column] = SHADE
@@ -293,8 +293,8 @@ def shade(
                         image[row, column, channel] *= _SHADE
 
 
-@compiled
-def smoothed(image: Any, shown: Any) -> Any:
+@compile_kernel
+def smooth_edges(image: Any, shown: Any) -> Any:
     """Return the picture as bytes, blended along edges between contents."""
     height, width = shown.shape
     picture = np.empty((height, width, 3), np.uint8)
