@@ -35,37 +35,37 @@ from skillplan.workers.supervised import describe_passed_limit, is_interrupted
 PANELS = {
     "Plan": {
         "search-optimal": "Find the best sequence of skills and prove it.",
-        "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
+        "evaluate": "Replay a sequence: feasibility, cost, and the first failure.",
         "compare": "Run several solvers side by side.",
-        "verify": "Check the claims of a result independently of what made it.",
-        "simulate": "Execute a whole plan in one simulated world; film it.",
+        "verify": "Check the claims of a result independently of its solver.",
+        "simulate": "Execute a whole plan in one simulated world, and film it.",
         "plot": "Draw a figure of a solved task as PNG or SVG.",
-        "export": "Hand a task or a plan on to other tools: PDDL, behaviour trees, PLCs, ROS.",
-        "report": "Write one HTML page on plans, with a playback in 3-D.",
+        "export": "Export a task or a plan to other tools: PDDL, behaviour trees, PLCs, ROS.",
+        "report": "Write an HTML page about plans, with a playback in 3-D.",
     },
     "Understand": {
-        "explain": "Say why a skill is feasible or not in a state.",
+        "explain": "Explain why a skill is feasible or not in a state.",
         "chart": "Derive the precedence relation from collision checks.",
     },
     "Learn": {
-        "train": "Train a learner: several runs, kept in a folder, held to the proved optimum.",
-        "sweep": "Study how a solver's options act: several values, seeds and starts.",
+        "train": "Train a learner with several seeds; compare it with the proved optimum.",
+        "sweep": "Study the options of a solver: several values, seeds and starts.",
     },
     "Task files": {
-        "init": "Write a commented task file to begin one's own from.",
-        "check": "Validate a task file: its faults at once.",
-        "import-cad": "Find parts, screws and what blocks what in CAD; of plugin skillplan-cad.",
-        "generate": "Write a task file at random: parts, precedence, tools.",
+        "init": "Write a commented task file as a starting point.",
+        "check": "Validate a task file and list all its faults.",
+        "import-cad": "Find parts, screws and their blocking relation in CAD (skillplan-cad).",
+        "generate": "Generate a random task file: parts, precedence, tools.",
         "schema": "Print the JSON Schema of a kind of task file.",
     },
     "This installation": {
         "plugins": "List installed back ends, solvers and kinds of task.",
         "cache": "Show, verify, fill and clear the verdicts kept on disk.",
-        "warm-up": "Compile ahead what would be compiled at its first use.",
+        "warm-up": "Compile the kernels of solvers ahead of their first use.",
     },
 }
 
-# The module of a command is named after it, except for those of `MODULES`.
+# The module of a command is named after it, with the exceptions in `MODULES`.
 COMMANDS = {name: line for commands in PANELS.values() for name, line in commands.items()}
 
 # Variable by which a shell requests the completion of a word.

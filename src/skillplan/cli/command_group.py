@@ -175,7 +175,7 @@ def hide_type(parameter: Any) -> None:
         parameter.display_type_rich = lambda ctx: None
     elif parameter.is_flag:
         parameter.metavar = ""
-        # Without a default Typer would load pydantic to see that there is no value.
+        # Without a default Typer would load pydantic to find the value missing.
         parameter.default = bool(parameter.default)
 
 

@@ -1,4 +1,4 @@
-"""What is said of an error: on stderr, and in JSON as the one document on stdout."""
+"""Reports of errors: messages on stderr, and with ``--format json`` one document on stdout."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _MOST_LINES = 200
 
 
 def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
-    """Report a line that cannot be understood; return the exit code.
+    """Report a wrong command line; return the exit code.
 
     Parameters
     ----------
     error
-        What Typer found wrong.
+        The error of Typer.
     words
-        The line.
+        The command line.
     """
     near = getattr(error, "possibilities", None)
     if near:
         error.message = f"No such option {error.option_name!r}. "  # type: ignore[attr-defined]
         error.message += f"Did you mean {' or '.join(map(repr, near))}?"
         error.possibilities = None  # type: ignore[attr-defined]
-    # Where nothing was typed the help has been printed, and is all there is to say.
+    # Without any words the help has been printed already.
     if type(error).__name__ != "NoArgsIsHelpError":
         shown = io.StringIO()
         error.show(file=shown)  # type: ignore[attr-defined]
@@ -43,12 +43,12 @@ def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
 
 
 def report_error(error: SkillplanError, words: Sequence[str]) -> int:
-    """Report what a user or plugin author has to repair; return the exit code.
+    """Report an error that the user or a plugin author has to fix; return the exit code.
 
     Parameters
     ----------
     error
-        With its message, or the faults of a file.
+        The error, with a message or the faults of a file.
     words
         The command line.
     """
@@ -64,15 +64,7 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
 
 
 def report_bug(error: BaseException, words: Sequence[str]) -> None:
-    """Own up to a bug of skillplan.
-
-    Parameters
-    ----------
-    error
-        What was raised.
-    words
-        The command line.
-    """
+    """Report an error that is a bug of skillplan."""
     tell(
         f"skillplan: internal error: {type(error).__name__}: {error}\n"
         "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it."

@@ -26,12 +26,12 @@ from skillplan.workers import supervised
 from skillplan.workers.processes import measure_resident_bytes
 from skillplan.workers.supervised import get_command_age_s, limit_command
 
-# A compiler is given this much CPU time before it is interrupted again [s].
+# CPU time of a compiler until it is interrupted again [s].
 _RETRY_S = 0.02
 
 
 def _is_llvm_calling(frame: FrameType | None) -> bool:
-    """Whether LLVM is calling llvmlite back: an exception there is lost, and with it the code."""
+    """Return whether LLVM calls llvmlite back: an exception there is lost, and the code with it."""
     while frame is not None:
         if frame.f_code.co_name.startswith("_raw_object_cache"):
             return True
@@ -41,16 +41,16 @@ def _is_llvm_calling(frame: FrameType | None) -> bool:
 
 @contextmanager
 def heeding(request: Callable[[], None]) -> Iterator[None]:
-    """Call `request` at the first signal; at the second raise `Interrupted`.
+    """Call `request` at the first signal, and raise `Interrupted` at the second.
 
-    If a search or a plugin goes on for two seconds, or past its time limit, the supervisor has
-    `SearchStopped` raised, which leaves the best plan so far, and then ends the process. A time
-    limit is no interruption, so `request` is not called for it.
+    If a search or a plugin goes on for two seconds, or past its time limit, the supervisor makes it
+    raise `SearchStopped`, which leaves the best plan so far, and then ends the process. A time
+    limit does not call `request`.
 
     Parameters
     ----------
     request
-        Makes the work stop and return its result so far.
+        Requests that the work stop and return its result so far.
     """
     interrupted = False
 
@@ -91,14 +91,14 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
 
 
 class Count:
-    """Counts finished runs, and knows whether to stop.
+    """Counts finished runs, and shows the count on a terminal.
 
     Parameters
     ----------
     label
-        What is counted.
+        Name of the runs.
     total
-        How many runs there are, >= 0; None where that shows in the end.
+        Number of runs, >= 0; None if unknown.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class Count:
             self._show(label, total)
 
     def _show(self, label: str, total: int | None) -> None:
-        # Here and not above: only a terminal pays for importing this.
+        # Imported here because only a terminal needs it.
         from rich.console import Console
         from rich.progress import (
             BarColumn,
@@ -149,7 +149,7 @@ class Count:
             self._bar.stop()
 
     def stop(self) -> None:
-        """End the work early, with what is done."""
+        """Request that the work end early, with its results so far."""
         self.interrupted = True
 
     def one_more(self) -> None:
@@ -160,9 +160,9 @@ class Count:
 
 @contextmanager
 def counting(label: str, total: int | None) -> Iterator[Count]:
-    """Yield a count that shows itself on a terminal and heeds Ctrl-C and SIGTERM.
+    """Yield a count that is shown on a terminal and stops at Ctrl-C and SIGTERM.
 
-    The first ends the work with what is done; the second ends the program.
+    The first signal ends the work with its results so far; the second ends the program.
     """
     with Count(label, total) as count, heeding(count.stop):
         yield count
@@ -178,7 +178,7 @@ class _TimeIsUp(Interrupted):
 
 
 class Deadline:
-    """When a command has to be over.
+    """The time and memory limits of a whole command.
 
     Parameters
     ----------
@@ -187,18 +187,13 @@ class Deadline:
     memory_limit_bytes
         Memory of the command and its processes together [B], > 0; None for no limit.
     graceful
-        Whether the command stops at the deadline itself. One that does not is ended then, with a
-        message and exit code 2.
-
-    Attributes
-    ----------
-    time_limit_s
-        As given.
+        True if the command stops at the deadline by itself. A command that does not is ended,
+        with a message and exit code 2.
 
     Raises
     ------
     OptionError
-        If memory is limited, and the system does not report how much a process holds.
+        If memory is limited, and the system does not report the size of a process.
     """
 
     def __init__(
@@ -223,30 +218,30 @@ class Deadline:
         return time.monotonic() >= self._end_s
 
     def tell_if_over(self) -> bool:
-        """Return whether the deadline has passed; if so, tell that it ended the command."""
+        """Return whether the deadline has passed; if so, print that it ended the command."""
         if not self.is_over():
             return False
         tell(f"skillplan: note: ended by --time-limit {self.time_limit_s:g}")
         return True
 
     def share_s(self, share: float = 1.0, most_s: float = math.inf) -> float | None:
-        """Return a share of the time that is left [s], > 0; None for no limit.
+        """Return a share of the remaining time [s], > 0; None for no limit.
 
         Parameters
         ----------
         share
-            From 0 to 1.
+            Share from 0 to 1.
         most_s
-            Limit of its own [s]; infinite for none.
+            Upper limit of the share [s]; infinite for none.
         """
         left_s = min(share * (self._end_s - time.monotonic()), most_s)
         return max(1e-3, left_s) if math.isfinite(left_s) else None
 
     def attempt(self, make: Callable[[], _Made]) -> _Made | None:
-        """Return what a function returns, or None if the deadline comes first.
+        """Call a function and return its value, or None if the deadline comes first.
 
         The function is interrupted as by Ctrl-C, on systems that have timers; elsewhere the
-        deadline is looked at before it is called.
+        deadline is checked before the call.
         """
         if self.is_over():
             return None

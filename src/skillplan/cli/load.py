@@ -1,4 +1,4 @@
-"""Loading what the options of a command name: task files, results, back ends and caches.
+"""Loading of the inputs that options name: task files, results, back ends and caches.
 
 Imports are inside functions, so that the help of a command is instant.
 """
@@ -41,7 +41,7 @@ def load_file(
     back_ends
         Back ends that are checked with the file if the command line names them.
     warn
-        Whether to print the warnings of the file on stderr.
+        True if to print the warnings of the file on stderr.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def load_file(
 
 
 def print_warnings(problem: Problem) -> None:
-    """Print on stderr what in a task file is valid, but probably a mistake."""
+    """Print the warnings about a task file on stderr."""
     for warning in problem.warnings:
         tell(f"skillplan: warning: {warning}")
 
@@ -133,11 +133,11 @@ def make_setup(
     solvers
         Names of the solvers that take part. Options of a single one need not name it.
     screening
-        Whether geometry is checked before anything is executed.
+        True if geometry is checked before anything is executed.
     executor
-        Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
+        Executor of the jobs, as ``NAME`` or ``NAME:ADDRESS``.
     with_chart
-        Whether a chart of the file is checked although no option names it.
+        True if a chart of the file is checked although no option names it.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def load_result(
     changed_task: bool = False,
     executor: str = "local",
 ) -> LoadedResult:
-    """Load a result with its task, as its origin and the command line say.
+    """Load a result with its task, by its origin and the command line.
 
     Parameters
     ----------
@@ -203,9 +203,9 @@ def load_result(
     task_file
         The task file; None for the file that the result names.
     changed_task
-        Whether the task may differ from the task that was solved.
+        True if the task may differ from the task that was solved.
     executor
-        Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
+        Executor of the jobs, as ``NAME`` or ``NAME:ADDRESS``.
 
     Raises
     ------

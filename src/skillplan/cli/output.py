@@ -22,13 +22,12 @@ def emit(
 ) -> None:
     """Print one JSON document, or tables, to stdout.
 
-    CSV holds rows only: where the command has `failed`, what the table would say below them
-    goes to stderr.
+    CSV has rows only. If the command has `failed`, the notes of the tables go to stderr.
     """
     if style == "json":
         write_out(f"{as_json(document)}\n")
     else:
-        # What is marked for a terminal is escaped before.
+        # Text with marks for a terminal is escaped before.
         write_out(render(tables, style, document_stream()), marked=style == "table")
     if style == "csv" and failed:
         for note in (note for table in tables for note in table.notes):
@@ -38,36 +37,36 @@ def emit(
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a back end that failed, then a wrong claim or a solver that failed, then
-    any solved result; where all were refused, what was given does not fit.
+    An interruption comes first, then a failed back end, then a wrong claim or a failed solver, then
+    any solved result. If all solvers refused, the input is wrong.
     """
-    found = {result.status for result in results}
+    statuses = {result.status for result in results}
     return errors.exit_code(
-        solved=bool(found & {Status.OPTIMAL, Status.SOLVED}),
-        wrong=bool(found & {Status.WRONG, Status.FAILED}) or found == {Status.REFUSED},
+        solved=bool(statuses & {Status.OPTIMAL, Status.SOLVED}),
+        wrong=bool(statuses & {Status.WRONG, Status.FAILED}) or statuses == {Status.REFUSED},
         back_end_failed=any(result.back_end_failed for result in results),
         interrupted=any(result.interrupted for result in results),
     )
 
 
 def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) -> None:
-    """Write a file that is not there yet, in one piece.
+    """Write a new file as a whole.
 
     Parameters
     ----------
     out
-        The file as ``--out`` names it.
+        The file of ``--out``.
     text
-        What it is to hold.
+        Content of the file.
     suffixes
-        Those it may have.
+        Allowed suffixes.
     what
-        What is written, in the plural.
+        Kind of content in the plural, for messages.
 
     Raises
     ------
     OptionError
-        If it is there already, or cannot be written.
+        If it exists already, or cannot be written.
     """
     path = check_output_path("--out", out, suffixes, what)
     with report_write_errors("--out", path):

@@ -1,4 +1,4 @@
-"""The folder of a search's result: held while it searches, and written as one."""
+"""The folder of a result, which is held during the search and written as a whole."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class ResultFolder(HeldFolder):
     Parameters
     ----------
     out
-        The folder, made if need be.
+        The folder, which is made if need be.
 
     Raises
     ------
     OptionError
-        If it cannot be made, another search is writing there, or it holds anything but what a
-        search has left that was killed: no earlier result is ever overwritten.
+        If it cannot be made, another search writes there, or it is not empty. Leftovers of a killed
+        search are removed; an earlier result is never overwritten.
     """
 
     def __init__(self, out: str) -> None:
@@ -32,19 +32,19 @@ class ResultFolder(HeldFolder):
             self._clear()
 
     def finish(self, beside: Mapping[str, str], document: str) -> None:
-        """Write all that there is: whole, and the document last.
+        """Write all files, the document last.
 
         Parameters
         ----------
         beside
-            Texts by the names of their files.
+            Content of the other files by name.
         document
             The result.
 
         Raises
         ------
         OptionError
-            If a file cannot be written; nothing is left then.
+            If a file cannot be written; none is left then.
         """
         write_folder(self.path, {**beside, RESULT: document})
 
@@ -57,12 +57,12 @@ class ResultFolder(HeldFolder):
 
 
 def write_folder(folder: Path, contents: Mapping[str, str]) -> None:
-    """Write files of a folder as one, the last of which says that all are there.
+    """Write the files of a folder as a whole; the last file marks the others as complete.
 
     Raises
     ------
     OptionError
-        If one cannot be written; it is named.
+        If a file cannot be written.
     """
     for name in contents:
         if Path(name).name != name:

@@ -1,4 +1,4 @@
-"""Back ends that can show what they check, and whose fault it is where they cannot."""
+"""Drawing of checks by engines and detectors."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ NOTHING = "nothing to draw"
 
 
 def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
-    """Return the engine among some back ends, which must be one that moves bodies.
+    """Return the engine among some back ends, which must move bodies.
 
     Parameters
     ----------
     back_ends
-        With one engine.
+        Back ends with one engine.
     to
-        What the bodies are for, as a verb: ``draw``.
+        Verb of the purpose, for messages: ``draw``.
 
     Raises
     ------
     OptionError
-        If it is not; the message names one that is, or how to come by one.
+        If it does not; the message names an engine that does.
     """
     engine = next(back_end for back_end in back_ends if isinstance(back_end, Engine))
     if isinstance(engine, Performer):
@@ -50,34 +50,34 @@ def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
 
 
 def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
-    """Return who draws a check: the engine, if it moves bodies, else a detector that has hulls.
+    """Return the back end that draws a check: an engine that moves bodies, or one with hulls.
 
     Parameters
     ----------
     back_ends
-        With one engine.
+        Back ends with one engine.
     paths
-        What is to be drawn, as `drawing_paths` has it; hulls are drawn, but not filmed.
+        Files to draw, from `drawing_paths`; hulls cannot be filmed.
 
     Raises
     ------
     OptionError
-        If nobody can; the message names an engine that could.
+        If no back end can; the message names an engine that could.
     """
     shows = next((back_end for back_end in back_ends if isinstance(back_end, HullDetector)), None)
-    moves = any(isinstance(one, Performer) for one in back_ends)
+    moves = any(isinstance(candidate, Performer) for candidate in back_ends)
     if shows is not None and not moves and ANIMATE not in paths:
         return shows
     return performer(back_ends, "draw")
 
 
 def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]:
-    """Return where what is drawn of a check goes, by option.
+    """Return the files to draw, by option.
 
     Raises
     ------
     OptionError
-        If it cannot go there.
+        If a file cannot be written there.
     """
     paths = {}
     if picture is not None:
@@ -88,17 +88,16 @@ def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]
 
 
 def draw(drawer: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> dict[str, str]:
-    """Draw a check into files, and return them by what they show.
+    """Draw a check into files, and return their paths by kind.
 
     Parameters
     ----------
     drawer
-        As `illustrator` has it.
+        A back end from `illustrator`.
     skill, state
-        What is executed where; nothing is drawn of a skill that cannot begin there, nor of one
-        of which there is nothing to be seen.
+        The skill and its state. Nothing is drawn if the skill cannot begin there or shows nothing.
     paths
-        As `drawing_paths` has them.
+        Files from `drawing_paths`.
 
     Raises
     ------
@@ -142,12 +141,12 @@ def _picture(drawer: Any, skill: Skill, state: State) -> Image:
 
 @contextmanager
 def blamed(engine: BackEnd) -> Iterator[None]:
-    """Name the engine in whatever is raised that is not in words already.
+    """Raise foreign exceptions as errors that name the engine.
 
     Raises
     ------
     BackEndError
-        If something else than a user's error is raised.
+        In place of any exception that is not an error of the user.
     """
     try:
         yield

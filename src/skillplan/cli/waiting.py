@@ -1,4 +1,4 @@
-"""While a search runs: progress on stderr, and Ctrl-C as a request to stop."""
+"""Progress of a search on stderr, and Ctrl-C as a request to stop it."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def stoppable(
     stall_s: float | None = None,
     memory_limit_bytes: int | None = None,
 ) -> Iterator[Stop]:
-    """Yield a stop that shows progress and heeds Ctrl-C and SIGTERM.
+    """Yield a stop that shows progress and stops at Ctrl-C and SIGTERM.
 
-    The first ends the search with the best it has; the second ends the program. The limits are
-    those of `Stop`.
+    The first signal ends the search with its best plan; the second ends the program. The limits are
+    documented at `Stop`.
 
     Raises
     ------
     OptionError
-        If there is a memory limit, and the system does not say how much memory a process holds.
+        If memory is limited, and the system does not report the size of a process.
     """
     if memory_limit_bytes is not None and measure_resident_bytes() is None:
         raise OptionError(
@@ -53,7 +53,7 @@ def stoppable(
 
 @contextmanager
 def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
-    """Yield what shows on a terminal how far expensive checks have come, or None."""
+    """Yield a function that shows the number of expensive checks; None without a terminal."""
     with _display(label) as show:
         if isinstance(show, _Silent):
             yield None
@@ -63,7 +63,7 @@ def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
 
 class _Silent:
     def __call__(self, progress: Progress) -> None:
-        """Show nothing: stderr is no terminal."""
+        """Show nothing: stderr is not a terminal."""
 
 
 @contextmanager
@@ -77,13 +77,13 @@ def _display(label: str) -> Iterator[_Silent | _Bar]:
 
 
 def figures_text(progress: Progress) -> str:
-    """Return a search in figures: cost, bound, gap, nodes and their speed, checks."""
+    """Return the figures of a search: cost, bound, gap, nodes and their speed, checks."""
     decimals = 5 if progress.decimals is None else progress.decimals
     parts = []
     if progress.best_cost is not None:
         parts.append(f"best {progress.best_cost:.{decimals}f}")
     if progress.lower_bound is not None and math.isfinite(progress.lower_bound):
-        # A bound on what is counted may lie between two counts; it is not rounded up.
+        # A bound may lie between two integer costs; it is not rounded up.
         shown = math.floor(progress.lower_bound * 10**decimals + 1e-6) / 10**decimals
         parts.append(f"bound {shown:.{decimals}f}")
     gap = relative_gap(progress.best_cost, progress.lower_bound)
@@ -102,12 +102,12 @@ def figures_text(progress: Progress) -> str:
 class _Bar:
     """A line with the time and the figures of a search.
 
-    A search may report thousands of times a second; what it reported last is put into words
-    only when the line is drawn again.
+    A search may report thousands of times a second. The last report is formatted only when the
+    line is drawn again.
     """
 
     def __init__(self, label: str) -> None:
-        # Here and not above: only a terminal pays for importing this.
+        # Imported here because only a terminal needs it.
         from rich.console import Console
         from rich.progress import Progress as RichProgress
         from rich.progress import ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn

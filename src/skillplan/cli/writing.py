@@ -20,7 +20,7 @@ from skillplan.workers.supervised import report_printed
 
 
 class _Documents:
-    """The stream of documents if stdout was reserved for them."""
+    """The stream of documents after stdout was reserved for them."""
 
     stream: TextIO | None = None
 
@@ -51,19 +51,19 @@ def document_stream() -> TextIO:
 
 
 def write_out(text: str, *, marked: bool = False) -> None:
-    """Write to stdout; a reader who has gone, as with ``| head``, is no fault.
+    """Write to stdout; a reader that has gone, as with ``| head``, is not an error.
 
     Parameters
     ----------
     text
-        What is written.
+        The text.
     marked
-        Whether it holds marks for a terminal, and all that is not ours in it is escaped already.
+        True if it contains marks for a terminal, and foreign text in it is escaped already.
 
     Raises
     ------
     OptionError
-        If the output cannot be written, for want of space for example.
+        If the output cannot be written, for example on a full disk.
     """
     stream = document_stream()
     with _guarded(stream):
@@ -73,7 +73,7 @@ def write_out(text: str, *, marked: bool = False) -> None:
 
 @contextmanager
 def guarded_stdout() -> Iterator[None]:
-    """Let Typer and rich write to stdout; a reader who has gone is no fault.
+    """Let Typer and rich write to stdout; a reader that has gone is not an error.
 
     Raises
     ------
@@ -86,12 +86,12 @@ def guarded_stdout() -> Iterator[None]:
 
 @contextmanager
 def restored_stdout() -> Iterator[None]:
-    """Let libraries write to stdout though it is reserved: they print help and completions."""
+    """Let libraries print help and completions to stdout while it is reserved."""
     stream = _documents.stream
     if stream is None:
         yield
         return
-    # Not another `sys.stdout`: they ask file descriptor 1 for the width of the terminal.
+    # Not another `sys.stdout`, as libraries get the width of the terminal from file descriptor 1.
     aside = os.dup(1)
     os.dup2(stream.fileno(), 1)
     try:
@@ -113,58 +113,50 @@ def _guarded(stream: TextIO) -> Iterator[None]:
         if not isinstance(error, BrokenPipeError):
             raise OptionError(f"The output cannot be written: {error.strerror}.") from None
     except SystemExit:
-        # So rich reports that the reader has gone.
+        # Raised by rich if the reader has gone.
         _mute(stream)
 
 
 def as_json(document: dict[str, Any]) -> str:
     """Return a document as JSON; a number that is not finite is a bug and raises ValueError."""
-    # JSON escapes all that is not ASCII, and of ASCII all but this.
+    # The only control character that JSON does not escape.
     return json.dumps(document, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 def tell(text: str, end: str = "\n") -> None:
-    """Write to stderr; where it is closed or full there is nobody to tell, and that is no fault.
-
-    Parameters
-    ----------
-    text
-        What is written.
-    end
-        What comes behind it.
-    """
+    """Write to stderr; nothing happens if it is closed or full."""
     try:
         _write(sys.stderr, escaped(text) + end)
     except (OSError, ValueError):
-        # Closed, full, or nobody reads: what is left of it must not fail when Python ends.
+        # Closed or full: the rest of the text must not fail when Python ends.
         _mute(sys.stderr)
 
 
 def _write(stream: TextIO, text: str) -> None:
     encoding = stream.encoding or "utf-8"
-    # A name may hold what the terminal cannot print.
+    # Names may contain characters that the terminal cannot print.
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
     stream.flush()
 
 
 def _mute(stream: TextIO) -> None:
-    """Send all that a stream still holds, and all that follows, nowhere."""
+    """Discard the buffered text of a stream and all later text."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
 
 
-# How the null device takes the place of stdin, stdout and stderr. Of stdout it is opened for
-# reading, so that writing fails and is reported; who closes stderr wants to hear nothing.
+# Modes of the null device for stdin, stdout and stderr. For stdout it is opened for
+# reading, so that writing fails and is reported; messages on a closed stderr are discarded.
 _MODES = (os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)
 
 
 def open_standard_streams() -> None:
-    """Put the null device where a stream is closed.
+    """Open the null device for each closed standard stream.
 
-    Else the next file to be opened would get its number, and what a library prints would be
-    written into that file.
+    Otherwise the next opened file would get its number, and output of a library would be written
+    into that file.
     """
     for number, flags in enumerate(_MODES):
         try:
@@ -181,7 +173,7 @@ def open_standard_streams() -> None:
 
 
 def escape_warnings() -> None:
-    """Have Python's warnings, whose words may be a document's, written as all is on stderr."""
+    """Escape Python's warnings on stderr, because they may quote a document."""
     warnings.showwarning = _show_warning
 
 

@@ -33,7 +33,7 @@ part of where it is kept, so that nothing stale is ever used.
 def show(
     back_ends: BackEnds, reading: PartReading, task: MaybeTaskFile = None, style: Style = "table"
 ) -> int:
-    """Show what is kept by back end and task; of TASK only what it would use now."""
+    """Show the kept verdicts by back end and task; with TASK only the verdicts for its use."""
     import time
 
     from skillplan.checks.single_check import introduce_back_ends
@@ -52,9 +52,9 @@ def show(
         kept, others = folder.survey()
         survey = CacheSurvey(root, kept, time.time(), len(others))
     else:
-        loaded, _, made = load_part(task, reading, back_ends)
-        kept_for = folder.kept_for(introduce_back_ends(made))
-        every = [one for own in kept_for for one in own]
+        loaded, _, constructed = load_part(task, reading, back_ends)
+        kept_for = folder.kept_for(introduce_back_ends(constructed))
+        every = [verdict for own in kept_for for verdict in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
     emit(style, survey.document(), [survey_table(survey)])
     return 0
@@ -69,27 +69,26 @@ def verify(
         int,
         count_option(
             "--sample",
-            least=1,
-            most=1_000_000,
-            text="How many verdicts are checked again.",
+            minimum=1,
+            maximum=1_000_000,
+            text="Number of verdicts to check.",
         ),
     ] = 10,
     elsewhere: Annotated[
         bool,
         typer.Option(
             "--elsewhere",
-            help="Check them not in the states that they were made in, but in others that can be "
-            "reached and to which they claim to apply.",
+            help="Check the verdicts in other reachable states to which they claim to apply.",
         ),
     ] = False,
     seed: Seed = 0,
     style: Style = "table",
 ) -> int:
-    """Check again, with fresh back ends, a random sample of the verdicts that TASK would use.
+    """Check a random sample of the verdicts that TASK would use again, with fresh back ends.
 
-    Compares status, reason, facts and evidence bit for bit. What differs is dropped, and the
-    exit code is 3. With --elsewhere a verdict that does not hold where it claims to shows that the
-    back end names too few facts: it is said which one is missing.
+    Compares status, reason, facts and evidence bit for bit. Different verdicts are removed, and the
+    exit code is 3. With --elsewhere a verdict that does not hold in another state proves that the
+    back end names too few facts, and the missing fact is shown.
     """
     from skillplan.checks.audit import (
         choose_other_states,
@@ -106,17 +105,17 @@ def verify(
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.installation import cache_test_table
 
-    loaded, setup, made = load_part(task, reading, back_ends, executor=workers.executor)
-    feasibility = make_feasibility(loaded, setup, back_ends=made)
+    loaded, setup, constructed = load_part(task, reading, back_ends, executor=workers.executor)
+    feasibility = make_feasibility(loaded, setup, back_ends=constructed)
     folder = VerdictFolder(open_warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
     drawn = draw_kept(kept, sample, seed)
     chosen, states = drawn, None
     with counting("verifying", len(drawn)) as count:
         if elsewhere:
-            known = make_feasibility(loaded, setup, open_warm_cache(), back_ends=made)
-            found = sample_reachable_states(known, seed, stopped=lambda: count.interrupted)
-            chosen, states = choose_other_states(loaded, drawn, found, seed)
+            known = make_feasibility(loaded, setup, open_warm_cache(), back_ends=constructed)
+            checked = sample_reachable_states(known, seed, stopped=lambda: count.interrupted)
+            chosen, states = choose_other_states(loaded, drawn, checked, seed)
         trials = recheck_kept(
             feasibility,
             chosen,
@@ -153,10 +152,10 @@ def fill(
     checking: Checking,
     style: Style = "table",
 ) -> int:
-    """Check every skill in every state of TASK that can be reached, so that runs start warm.
+    """Check every skill in every reachable state of TASK, so that runs start warm.
 
-    Says how many executions that took, and how many it would have been with verdicts kept by
-    state and skill. Ctrl-C keeps what was decided.
+    Shows the number of executions, and the number without reuse of verdicts in other states.
+    Ctrl-C keeps the verdicts so far.
     """
     import time
     from contextlib import closing
@@ -170,7 +169,7 @@ def fill(
     from skillplan.records.cache import CacheFilling
     from skillplan.views.tables.installation import filling_table
 
-    loaded, setup, made = load_part(task, reading, back_ends, executor=checking.executor)
+    loaded, setup, constructed = load_part(task, reading, back_ends, executor=checking.executor)
     cache = open_cache(checking)
     requests: list[bool] = []
     begin_s = time.perf_counter()
@@ -179,7 +178,7 @@ def fill(
         heeding(lambda: requests.append(True)),
         closing(
             make_feasibility(
-                loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=made
+                loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=constructed
             )
         ) as checks,
     ):
@@ -195,13 +194,13 @@ def fill(
 def clear(
     task: MaybeTaskFile = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not wait for consent.", rich_help_panel=OUTPUT)
+        bool, typer.Option("--yes", help="Do not ask for confirmation.", rich_help_panel=OUTPUT)
     ] = False,
     style: Style = "table",
 ) -> int:
-    """Remove all that is kept, or all verdicts that were made for TASK, by its name.
+    """Remove all kept verdicts, or only the verdicts for the task named TASK.
 
-    Waits for consent where there is a terminal. Files that are not the cache's own stay.
+    Asks for confirmation on a terminal. Other files in the folder stay.
     """
     from skillplan.checks.verdict_files import VerdictFolder
     from skillplan.cli.output import emit
@@ -220,7 +219,7 @@ def clear(
         if sys.stdin.readline().strip().lower() not in ("y", "yes"):
             raise typer.Abort
     try:
-        names = None if problem is None else {one.name for one in problem.tasks}
+        names = None if problem is None else {verdict.name for verdict in problem.tasks}
         removed = VerdictFolder(root).clear(names)
     except OSError as error:
         raise OptionError(f"{root} cannot be cleared: {error.strerror}.") from None

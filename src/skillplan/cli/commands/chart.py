@@ -23,9 +23,9 @@ def command(
 ) -> int:
     """Derive the precedence relation of TASK by querying back ends.
 
-    Shows it beside the hand-made chart, if the task has one: hand-made relations that do not
-    follow from the derived ones are missing, derived ones that do not follow from the
-    hand-made are extra. The exit code is 3 where physics grants what geometry has refused.
+    A hand-made chart of the task is compared with it: its relations that the derived ones do not
+    imply are missing, derived relations that it does not imply are extra. The exit code is 3 if
+    physics grants a skill that geometry has refused.
     """
     from contextlib import closing
 
@@ -40,8 +40,8 @@ def command(
     from skillplan.records.questions import make_chart_document
     from skillplan.views.tables.questions import chart_table
 
-    # A chart derived from the chart would say nothing.
-    loaded, setup, made = load_part(
+    # A chart derived from the chart would only repeat it.
+    loaded, setup, constructed = load_part(
         task,
         reading,
         back_ends,
@@ -52,7 +52,7 @@ def command(
     cache = open_cache(checking)
     with showing_checks("deriving") as on_check:
         feasibility = make_feasibility(
-            loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=made
+            loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=constructed
         )
         with closing(feasibility):
             chart = derive_chart(feasibility)

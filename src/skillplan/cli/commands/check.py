@@ -16,12 +16,12 @@ def command(
 ) -> int:
     """Validate TASK: faults of YAML, keys, references, order and geometry.
 
-    Warns of what is valid, but found out late: parts too wide for jaws, feeders that are blocked
-    at the start, drawings in a doubtful unit, cycles of the precedence relation, and a chart that
-    contradicts it. That relation is derived by kinematic and the default detector (swept if it is
-    installed, or else aabb), whatever the file chooses; of hollow parts only if a detector is
-    named. --physics and --collision name others, which also report what they find wrong with the
-    file's parts. What the back ends of a search leave unchecked is listed.
+    Also warns of problems that would show only in a search: parts too wide for jaws, feeders that
+    are blocked at the start, drawings in a doubtful unit, cycles of the precedence relation, and a
+    chart that contradicts it. That relation is derived by kinematic and the default detector (swept
+    if it is installed, or else aabb), and for hollow parts only if a detector is named. --physics
+    and --collision name other back ends, which also report their faults in the parts. Properties
+    that the back ends of a search leave unchecked are listed.
     """
     from itertools import chain
 
@@ -41,9 +41,9 @@ def command(
     names = [[back_end.name for back_end in used] for used in back_ends_of]
     not_checked = list_not_checked(tuple(chain.from_iterable(back_ends_of)))
     first = setups[0]
-    # Verdicts of what is instant are not worth a file each.
+    # Verdicts of instant checks are not worth a file.
     cache = open_cache(caching) if name_back_ends(back_ends) else None
-    found = preview_problem(problem, first.physics, first.collision, first.options, cache)
-    checked = Checked(problem, names, found, not_checked)
+    preview = preview_problem(problem, first.physics, first.collision, first.options, cache)
+    checked = Checked(problem, names, preview, not_checked)
     emit(style, checked.document(), checked_tables(checked))
     return 0

@@ -75,8 +75,8 @@ def command(
         int,
         count_option(
             "--staged",
-            least=0,
-            most=1000,
+            minimum=0,
+            maximum=1000,
             text="For --detectors: largest number of injected collisions, and of near misses.",
             rich_help_panel=COMPARED,
         ),

@@ -95,8 +95,8 @@ class RollOuts:
         int,
         count_option(
             "--episodes",
-            least=1,
-            most=1_000_000,
+            minimum=1,
+            maximum=1_000_000,
             text="Number of sampled roll-outs per run.",
             rich_help_panel=OF_RUN,
         ),
@@ -115,8 +115,8 @@ class RollOuts:
         int | None,
         count_option(
             "--layouts",
-            least=0,
-            most=10_000,
+            minimum=0,
+            maximum=10_000,
             text="Unseen layouts of the task file's family to try as well, by default 20 after a "
             "training on a family, else none.",
             rich_help_panel=OF_RUN,

@@ -43,8 +43,8 @@ def command(
         typer.Argument(
             metavar="SKILL",
             autocompletion=skills,
-            help="A skill's name or action number; or 'free(PART)', of a task from CAD: what is in "
-            "a part's way.",
+            help="Name or action number of a skill; or, for a task from CAD, 'free(PART)' to list "
+            "the parts that block PART.",
             show_default=False,
         ),
     ],
@@ -56,7 +56,7 @@ def command(
         typer.Option(
             "--after",
             metavar="0,1,...",
-            help="Sequence that leads to the state, or @FILE with one; default: the initial state.",
+            help="Sequence before the state, or @FILE with one. Default: the initial state.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -65,8 +65,8 @@ def command(
         typer.Option(
             "--from",
             metavar="RESULT",
-            help=f"Take the sequence from a result of TASK, {RESULT_HELP}; --set, back ends and "
-            "their options are the result's, but for what is said otherwise.",
+            help=f"Take the sequence from a result of TASK, {RESULT_HELP}. Uses the changes and "
+            "back ends stored in it unless options override them.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -74,8 +74,8 @@ def command(
         int | None,
         count_option(
             "--step",
-            least=1,
-            most=1_000_000,
+            minimum=1,
+            maximum=1_000_000,
             text="With --from: the state in which step N of its plan begins; default: the end.",
             rich_help_panel=TASK,
         ),
@@ -84,8 +84,8 @@ def command(
         bool,
         typer.Option(
             "--last",
-            help="Explain SKILL after everything else: every other part and screw is at its goal. "
-            "No sequence need lead there.",
+            help="Explain SKILL after all other parts and screws are at their goals. No sequence "
+            "need lead there.",
             rich_help_panel=TASK,
         ),
     ] = False,
@@ -94,8 +94,8 @@ def command(
         typer.Option(
             "--picture",
             metavar="FILE",
-            help="Draw the moment at which it fails, or its end, as .png, if the physics moves "
-            "bodies; else the hulls that a detector such as swept compares. What was there is "
+            help="Draw the moment of failure, or the end, as .png if the physics moves bodies, or "
+            "else the hulls that a detector such as swept compares. An existing file is "
             "replaced.",
             rich_help_panel=OUTPUT,
         ),
@@ -105,18 +105,18 @@ def command(
         typer.Option(
             "--animate",
             metavar="FILE",
-            help="Likewise, film the whole skill as .gif.",
+            help="Film the whole skill as .gif. An existing file is replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
     style: Style = "table",
 ) -> int:
-    """Say why SKILL, a name or action number, is feasible or not in a state of TASK.
+    """Explain why SKILL, a name or action number, is feasible or not in a state of TASK.
 
-    Shows the verdict of every stage with the facts it rests on and what was measured. Of a task
-    that import-cad wrote, 'free(PART)' tells in which directions a part can be moved away from the
-    whole product, or from what is in place after --after or --from, and what is in its way in the
-    others.
+    Shows the verdict of every stage with the facts it rests on and its measurements. For a task
+    from import-cad, 'free(PART)' shows the directions in which a part can be moved away from the
+    whole product, or from the parts in place after --after or --from, and the parts that block the
+    other directions.
     """
     from skillplan.chart.hypothetical_state import find_state_with_all_else
     from skillplan.cli.output import emit
@@ -132,7 +132,7 @@ def command(
     if result is None:
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
-        loaded, setup, made = load_part(task, reading, back_ends)
+        loaded, setup, constructed = load_part(task, reading, back_ends)
         before = () if after is None else read_given_plan(after, loaded)
     else:
         if after is not None:
@@ -140,7 +140,7 @@ def command(
         stored = load_result(result, reading, back_ends, task_file=task)
         setup = stored.setup
         loaded, before = _until(stored, step)
-        made = setup.back_ends(loaded, stored.problem.spare_back_ends)
+        constructed = setup.back_ends(loaded, stored.problem.spare_back_ends)
     part = _FREE.fullmatch(skill.strip())
     if part is not None:
         assembled = after is None and result is None
@@ -149,7 +149,7 @@ def command(
     chosen = loaded.skill(skill)
     paths = drawing_paths(picture, animate)
     cache = open_cache(caching)
-    model = make_model(loaded, setup, cache, back_ends=made)
+    model = make_model(loaded, setup, cache, back_ends=constructed)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     state = find_state_with_all_else(loaded, chosen) if last else find_state_after(model, before)
     explanation = explain(model, chosen, state)
@@ -162,7 +162,7 @@ def command(
 
 
 def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, ...]]:
-    """Return a result's task, and the steps of its plan before one, or all."""
+    """Return the task of a result, and the steps of its plan before one step, or all."""
     task, plan = stored.planned()
     if step is not None and step > len(plan) + 1:
         raise OptionError(f"--step {step}: the plan of {stored.path} has {len(plan)} steps.")

@@ -37,7 +37,7 @@ def command(
             "--to",
             metavar="FORMAT",
             autocompletion=plugin_names("exporter"),
-            help="The format, such as csv; 'skillplan plugins exporter' lists them.",
+            help="Format, such as csv; 'skillplan plugins exporter' lists them.",
             rich_help_panel=OUTPUT,
             show_default=False,
         ),
@@ -47,8 +47,7 @@ def command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Write to FILE, a new one; where the format has several files, into the folder "
-            "of this name.",
+            help="New file; a format with several files writes them into a folder of this name.",
             rich_help_panel=OUTPUT,
             show_default=False,
         ),
@@ -61,8 +60,8 @@ def command(
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="The plan of TASK: action numbers or skill names, separated by commas, or @ and "
-            "a file with a plan. RESULT holds its own.",
+            help="Plan of TASK: action numbers or skill names, separated by commas, or @FILE with "
+            "a plan. RESULT contains its own plan.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -70,16 +69,16 @@ def command(
         bool,
         typer.Option(
             "--derived",
-            help="Has no effect any more: verdicts are always handed over. Kept for older scripts.",
+            help="Has no effect; kept for older scripts.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
 ) -> int:
-    """Hand a task, or a plan of it, on to other tools in their own formats.
+    """Export a task, or a plan of it, to the formats of other tools.
 
-    The plan of RESULT, or that of --sequence, is replayed first, and only one that reaches the goal
-    is handed over. What a format cannot say is refused in words. Options of the format are given by
-    -O, as those of back ends.
+    The plan of RESULT or --sequence is replayed first, and exported only if it reaches the goal. A
+    task that a format cannot express is refused with the reason. Options of the format and of back
+    ends are given by -O.
     """
     from contextlib import closing
 
@@ -115,7 +114,7 @@ def command(
             notes = [*list_notes(exporter, handover), *([_FAMILY] if family else [])]
             if plan is not None:
                 back_ends_of = model.feasibility.back_ends
-                notes += [f"not checked: {one}" for one in list_not_checked(back_ends_of)]
+                notes += [f"not checked: {entry}" for entry in list_not_checked(back_ends_of)]
     _write(exporter, path, files)
     for note in notes:
         tell(f"skillplan: note: {note}")
@@ -133,7 +132,7 @@ def _read(
     reading: PartReading,
     checking: Checking,
 ) -> tuple[Task, Setup, tuple[Skill, ...] | None, bool]:
-    """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
+    """Return the task, its setup, its plan if any, and whether the file describes a family."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
     from skillplan.records.stored.result_folder import find_run_folder, is_result

@@ -19,7 +19,9 @@ The same arguments write the same file.
 def assembly(
     parts: Annotated[
         int,
-        count_option("--parts", least=1, most=256, text="How many parts.", rich_help_panel=TASK),
+        count_option(
+            "--parts", minimum=1, maximum=256, text="Number of parts.", rich_help_panel=TASK
+        ),
     ],
     density: Annotated[
         float,
@@ -27,8 +29,8 @@ def assembly(
             "--density",
             parser=fraction,
             metavar="D",
-            help="Share of all pairs of parts that the chart orders, what follows from it "
-            "included: 0 for no chart, 1 for one order only.",
+            help="Share of all pairs of parts that the chart orders, including implied pairs: 0 "
+            "for no chart, 1 for a single order.",
             rich_help_panel=TASK,
         ),
     ],
@@ -36,10 +38,10 @@ def assembly(
         int,
         count_option(
             "--tools",
-            least=1,
-            most=8,
+            minimum=1,
+            maximum=8,
             metavar="K",
-            text="How many tools; each part has one of them, at random.",
+            text="Number of tools; each part uses one of them at random.",
             rich_help_panel=TASK,
         ),
     ] = 1,
@@ -49,7 +51,7 @@ def assembly(
         typer.Option(
             "--name",
             metavar="NAME",
-            help="The task's name; default: from the rest.",
+            help="Name of the task. Default: from the other options.",
             rich_help_panel=TASK,
         ),
     ] = "",
@@ -59,9 +61,8 @@ def assembly(
             "--failures",
             parser=probabilities,
             metavar="P:Q",
-            help="Least and greatest probability that a grasp fails, of the parts that may be "
-            "missed, such as 0.1:0.4; the arm then goes home before it tries again. Default: none "
-            "fails.",
+            help="Smallest and largest probability that a grasp fails, such as 0.1:0.4; the arm "
+            "then goes home before it tries again. Default: no grasp fails.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -80,16 +81,16 @@ def assembly(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Write to FILE, a new one; default: to stdout.",
+            help="New file. Default: stdout.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
 ) -> int:
     """Write an assembly task with N parts to be picked and placed, with a hand-made chart.
 
-    Shapes, starts and goals depend on the seed only, so that boards of several densities can be
-    compared; of two charts of the same parts the denser holds the other. By their geometry all
-    orders are possible.
+    Shapes, starts and goals depend only on the seed, so boards of several densities can be
+    compared. The denser of two charts of the same parts contains the other. Geometry allows all
+    orders.
     """
     from skillplan.cli.output import write_new_file
     from skillplan.cli.writing import write_out

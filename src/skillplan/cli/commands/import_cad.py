@@ -16,7 +16,7 @@ PLANNING = "Planning"
 _UPS = ("auto", "x", "y", "z", "-x", "-y", "-z")
 _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
-# The plugin that is asked for by the command's name.
+# Name of the plugin.
 _NAME = "cad"
 
 
@@ -25,8 +25,8 @@ def command(
         str,
         typer.Argument(
             metavar="FILE|FOLDER",
-            help="A STEP file (.step, .stp, also .gz), or a folder of STL, OBJ or PLY files, one "
-            "a part, that share one frame.",
+            help="A STEP file (.step, .stp, also .gz), or a folder of STL, OBJ or PLY files in "
+            "one frame, one for each part.",
             show_default=False,
         ),
     ],
@@ -35,7 +35,7 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="A new folder, or an empty one, for what is written.",
+            help="New or empty folder for the output.",
             rich_help_panel=OUTPUT,
             show_default=False,
         ),
@@ -47,7 +47,7 @@ def command(
         typer.Option(
             "--unit",
             metavar="UNIT",
-            help="Of a folder's meshes, which state none: um, mm, cm, m, inch or foot.",
+            help="Unit of the meshes in a folder: um, mm, cm, m, inch or foot.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -57,7 +57,8 @@ def command(
             "--tolerance",
             parser=positive_number(),
             metavar="MM",
-            help="Lateral tolerance: two parts block each other where a disc of this radius does.",
+            help="Lateral tolerance: two parts block each other if a disc of this radius is "
+            "blocked.",
             rich_help_panel=GEOMETRY,
         ),
     ] = 0.1,
@@ -67,7 +68,7 @@ def command(
             "--chord",
             parser=positive_number(),
             metavar="MM",
-            help="How far triangles may lie from curved faces of STEP. Default: half the "
+            help="Maximum distance of triangles from curved faces of STEP. Default: half the "
             "tolerance.",
             rich_help_panel=GEOMETRY,
         ),
@@ -78,8 +79,8 @@ def command(
             "--directions",
             parser=one_of(_DIRECTIONS),
             metavar="FROM",
-            help="Along which parts are moved: the file's axes; also those of cylinders; also "
-            "those of flat contacts.",
+            help="Directions of motion: axes of the file; with axes of cylinders; with normals of "
+            "flat contacts.",
             rich_help_panel=GEOMETRY,
         ),
     ] = "cylinders",
@@ -89,8 +90,8 @@ def command(
             "--threads",
             parser=one_of(_THREADS),
             metavar="HOW",
-            help="unscrew: a screw comes out of its thread along its axis; solid: it blocks as "
-            "drawn; ignore: it and what it is screwed into never block each other.",
+            help="unscrew: a screw leaves its thread along its axis; solid: it blocks as drawn; "
+            "ignore: it and its threaded hole never block each other.",
             rich_help_panel=GEOMETRY,
         ),
     ] = "unscrew",
@@ -98,7 +99,7 @@ def command(
         bool,
         typer.Option(
             "--split-bodies",
-            help="Make each body of a part with several a part of its own.",
+            help="Treat each body of a part as a part of its own.",
             rich_help_panel=GEOMETRY,
         ),
     ] = False,
@@ -108,7 +109,7 @@ def command(
             "--density",
             parser=positive_number(),
             metavar="KG/M3",
-            help="Of all parts. Default: that of steel, 7850.",
+            help="Density of all parts. Default: that of steel, 7850.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -118,8 +119,8 @@ def command(
             "--up",
             parser=one_of(_UPS),
             metavar="AXIS",
-            help="Axis of the file that points up: x, y, z, -x, -y or -z; auto: z, or that with "
-            "which more parts stand by themselves.",
+            help="Axis of the file that points up: x, y, z, -x, -y or -z. auto: z, or the axis "
+            "with more parts that stand without support.",
             rich_help_panel=PLANNING,
         ),
     ] = "auto",
@@ -128,7 +129,7 @@ def command(
         typer.Option(
             "--base",
             metavar="PART",
-            help="The part that the others are put on. Default: one is chosen, and said why.",
+            help="Part that carries the others. Default: chosen automatically, with the reason.",
             rich_help_panel=PLANNING,
         ),
     ] = None,
@@ -137,7 +138,7 @@ def command(
         typer.Option(
             "--robot",
             metavar="ARM",
-            help="Arm of the task that is written: panda or ur5e.",
+            help="Arm of the written task: panda or ur5e.",
             rich_help_panel=PLANNING,
         ),
     ] = "panda",
@@ -146,7 +147,7 @@ def command(
         bool,
         typer.Option(
             "--no-cache",
-            help="Neither read nor keep stages on disk.",
+            help="Neither read nor store stages on disk.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
@@ -156,19 +157,18 @@ def command(
             "--format",
             parser=one_of(("table", "json", "csv", "md")),
             metavar="FORMAT",
-            help="How to print: table, json, csv or md; json is the document of report.json.",
+            help="Output format: table, json, csv or md. json is the document of report.json.",
             rich_help_panel=OUTPUT,
         ),
     ] = "table",
 ) -> int:
-    """Find parts, screws and what blocks what in a product's CAD.
+    """Find parts, screws and their blocking relation in the CAD of a product.
 
     Writes relation.json (which part, moved in which direction, is blocked by which others, and
-    where), report.json (parts, masses, what was assumed, what overlaps, the plan), and, unless a
-    part is stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm
-    cannot put in place are left out of it, and named with the reason. Stages that ran before with
-    the same input are not run again, also if --time-limit ended the command. Needs the plugin
-    skillplan-cad.
+    where), report.json (parts, masses, assumptions, overlaps, the plan), and, unless a part is
+    stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm cannot put in
+    place are left out of it, and named with the reason. Stages that ran before with the same input
+    are not run again, also if --time-limit ended the command. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
@@ -206,28 +206,37 @@ def command(
 
 
 def _importer() -> Callable[..., Any]:
-    """Return what the plugin registered; raises PluginError where it is absent or broken."""
+    """Return the importer of the plugin; raises PluginError if it is missing or broken."""
     from skillplan.errors import PluginError
     from skillplan.plugins.blame import ends_program
     from skillplan.plugins.installed import importers
 
-    found = [importer for importer in importers() if importer.name == _NAME]
-    if not found:
+    entry_points = [importer for importer in importers() if importer.name == _NAME]
+    if not entry_points:
         raise PluginError(
             "import-cad is a command of the plugin skillplan-cad, which is not installed: "
             "pip install 'skillplan[cad]', or in a checkout "
             "pip install -c constraints.txt -e plugins/skillplan-cad."
         )
-    if len(found) > 1:
-        owners = " and ".join(sorted({one.dist.name for one in found if one.dist is not None}))
+    if len(entry_points) > 1:
+        owners = " and ".join(
+            sorted(
+                {
+                    entry_point.dist.name
+                    for entry_point in entry_points
+                    if entry_point.dist is not None
+                }
+            )
+        )
         raise PluginError(f"import-cad is provided by {owners}. Uninstall one of them.")
     try:
-        loaded: Callable[..., Any] = found[0].load()
+        loaded: Callable[..., Any] = entry_points[0].load()
     except BaseException as error:
         if ends_program(error):
             raise
+        words = f"{type(error).__name__}: {error}"
         raise PluginError(
-            f"import-cad cannot be imported ({found[0].value}): {type(error).__name__}: {error}. "
+            f"import-cad cannot be imported ({entry_points[0].value}): {words}. "
             "Install skillplan-cad anew."
         ) from error
     return loaded

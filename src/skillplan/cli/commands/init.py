@@ -16,7 +16,7 @@ def command(
         typer.Argument(
             metavar="KIND",
             autocompletion=plugin_names("domain"),
-            help="A kind of task, such as assembly or sop.",
+            help="Kind of task, such as assembly or sop.",
         ),
     ] = "assembly",
     out: Annotated[
@@ -24,12 +24,12 @@ def command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Write to FILE, a new one; default: to stdout.",
+            help="New file. Default: stdout.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
 ) -> int:
-    """Write a task file of KIND to begin one's own from: commented, valid and soon solved."""
+    """Write a commented, valid task file of KIND as a starting point."""
     import shlex
 
     from skillplan.cli.output import write_new_file

@@ -61,8 +61,8 @@ class Solving:
         int,
         count_option(
             "--seeds",
-            least=1,
-            most=100,
+            minimum=1,
+            maximum=100,
             text="For learning: number of seeds to average over, starting at --seed.",
             rich_help_panel=SOLVER,
         ),
@@ -100,8 +100,8 @@ class FigureFile:
         int,
         count_option(
             "--dpi",
-            least=30,
-            most=600,
+            minimum=30,
+            maximum=600,
             text="Dots per inch of a PNG.",
             rich_help_panel=OUTPUT,
         ),

@@ -29,12 +29,14 @@ def command(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="KIND", autocompletion=_complete_kind, help="Such as solver or collision."
+            metavar="KIND",
+            autocompletion=_complete_kind,
+            help="Kind of plugin, such as solver or collision.",
         ),
     ] = None,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", autocompletion=_complete_name, help="A plugin's name."),
+        typer.Argument(metavar="NAME", autocompletion=_complete_name, help="Name of a plugin."),
     ] = None,
     style: Style = "table",
 ) -> int:
@@ -45,7 +47,7 @@ def command(
     from skillplan.views.tables.installation import plugin_tables
 
     kinds = [kind] if kind else list(registry.KINDS)
-    infos = [info for one in kinds for info in registry.describe(one)]
+    infos = [info for kind_name in kinds for info in registry.describe(kind_name)]
     if not kind:
         infos += registry.describe_unreadable()
     options = None

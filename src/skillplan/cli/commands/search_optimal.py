@@ -35,8 +35,8 @@ def command(
     solver: Annotated[
         str | None,
         solver_option(
-            "Solver to use; for a chain also one for each stage, as heads=monte-carlo,base=sarsa. "
-            "Default: the choice of the kind of task, mostly auto, which chooses and says why."
+            "Solver; for a chain also one for each stage, as heads=monte-carlo,base=sarsa. "
+            "Default: the choice of the kind of task, mostly auto, which reports its choice."
         ),
     ] = None,
     seed: Seed = 0,
@@ -45,9 +45,9 @@ def command(
         typer.Option(
             "--start",
             metavar="RESULT|0,1,...",
-            help="Start from a known plan: a result.json, the folder that --out named, a sequence, "
-            "or @FILE. It is replayed on TASK as it is now, which may have changed; if it holds, "
-            "the plan found costs no more.",
+            help="Start from a known plan: a result.json or its folder, a sequence, or @FILE. It "
+            "is replayed on TASK, which may have changed; if it holds, the result costs no "
+            "more.",
             rich_help_panel=SOLVER,
         ),
     ] = None,
@@ -62,7 +62,8 @@ def command(
             "--gap",
             parser=fraction,
             metavar="G",
-            help="Stop once cost and lower bound are this close, as a fraction of the cost.",
+            help="Relative gap between cost and lower bound at which the search stops, from 0 to "
+            "1.",
             rich_help_panel=LIMITS,
         ),
     ] = 0.0,
@@ -71,8 +72,8 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Also save plan.csv, of a solver that learns one policies.json, and result.json "
-            "last, in a new folder, or one whose search was killed.",
+            help="Save plan.csv, policies.json (learners only) and result.json to DIR. DIR must "
+            "be new or left over from an interrupted search.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -80,8 +81,8 @@ def command(
 ) -> int:
     """Find the best sequence of skills for TASK and prove it.
 
-    Ctrl-C, like the limits of time and memory, prints the best plan so far with its lower bound
-    and gap.
+    Ctrl-C and the limits of time and memory end the search with the best plan so far, its lower
+    bound and its gap.
     """
     from contextlib import nullcontext
     from dataclasses import replace
@@ -139,7 +140,7 @@ def command(
 
 
 def _held(out: str) -> ResultFolder:
-    """Return the folder of the result, which nobody else writes into meanwhile."""
+    """Return the folder of the result, locked against other searches."""
     from skillplan.cli.result_output import ResultFolder
 
     return ResultFolder(out)

@@ -80,8 +80,8 @@ class Study:
         int,
         count_option(
             "--runs",
-            least=1,
-            most=10_000,
+            minimum=1,
+            maximum=10_000,
             text="Runs per setting, with seeds from --seed on.",
             rich_help_panel=STUDY,
         ),
@@ -107,8 +107,8 @@ class Sampling:
         int,
         count_option(
             "--trials",
-            least=1,
-            most=100_000,
+            minimum=1,
+            maximum=100_000,
             text="With --sampler: total number of trials, over all processes that share the "
             "folder.",
             rich_help_panel=STUDY,

@@ -63,8 +63,8 @@ class Amount:
         int,
         count_option(
             "--runs",
-            least=1,
-            most=1_000,
+            minimum=1,
+            maximum=1_000,
             text="Number of runs, with seeds from --seed on. Groups of up to five runs share a "
             "process.",
             rich_help_panel=TRAINING,
@@ -74,8 +74,8 @@ class Amount:
         int | None,
         count_option(
             "--steps",
-            least=1,
-            most=1_000_000_000,
+            minimum=1,
+            maximum=1_000_000_000,
             text="Environment steps per run, by default derived from the task. Overrides the "
             "learner's option steps.",
             rich_help_panel=TRAINING,
@@ -85,8 +85,8 @@ class Amount:
         int,
         count_option(
             "--checkpoint",
-            least=1,
-            most=1_000_000_000,
+            minimum=1,
+            maximum=1_000_000_000,
             text="Write a checkpoint every N environment steps, at the next multiple of 100.",
             rich_help_panel=TRAINING,
         ),

@@ -22,7 +22,7 @@ def command(
         str,
         typer.Argument(
             metavar="RESULT",
-            help="A result.json of search-optimal, or the folder that --out named.",
+            help="A result.json of search-optimal, or its folder.",
             show_default=False,
         ),
     ],
@@ -33,8 +33,8 @@ def command(
             "--task",
             metavar="FILE",
             autocompletion=task_files,
-            help="The task file; default: the one that the result names, from here or beside the "
-            "result.",
+            help="Task file. Default: as RESULT names it, in the current folder or the folder of "
+            "RESULT.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -42,27 +42,27 @@ def command(
         bool,
         typer.Option(
             "--warm",
-            help="Use verdicts kept on disk instead of asking back ends about everything; the "
-            "result is then no better than they are.",
+            help="Use verdicts kept on disk instead of querying back ends again. The verification "
+            "then trusts these verdicts.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
     time_limit_s: Annotated[
         float,
-        time_limit_option("Prove nothing a second time that takes longer than S seconds in all."),
+        time_limit_option("Skip proofs that would exceed S seconds in total."),
     ] = 60.0,
     memory_limit_bytes: Annotated[
         int | None,
-        memory_limit_option("Prove nothing a second time that takes more memory in all than this"),
+        memory_limit_option("Skip proofs that would exceed this memory in total"),
     ] = None,
     referee: Annotated[
         str | None,
         typer.Option(
             "--with",
             metavar="REFEREE",
-            help="Have the claims about all plans checked by a planner of others, too: "
-            "fast-downward, which sees nothing but PDDL. It comes with the extra planner. If its "
-            "proof contradicts the result, the exit code is 3.",
+            help="Check the claims about all plans with another planner, too: fast-downward, "
+            "which gets only PDDL (needs the extra planner). If its proof contradicts the "
+            "result, the exit code is 3.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
@@ -70,19 +70,18 @@ def command(
         bool,
         typer.Option(
             "--verbose",
-            help="Show every claim with how it was checked, also those that hold, which back "
-            "ends were asked with which options, and what could not be checked.",
+            help="Show all claims with the method of each check, the back ends with their "
+            "options, and what could not be checked.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",
 ) -> int:
-    """Check the claims of RESULT independently of what made it.
+    """Check the claims of RESULT independently of the solver that made it.
 
-    The plan is replayed, the arithmetic is done again, and what is claimed of all plans is proved
-    a second time, by another method, where the case is small enough and the time limit allows.
-    Every other figure, and the files beside it, must be what they come to. What does not hold is
-    listed, what does is summed up.
+    The plan is replayed and its costs are added up again. Proofs are repeated with another method,
+    if the case is small enough and the time limit allows. All other figures, and the files in the
+    folder, must agree with the plan. Claims that fail are listed, the others are counted.
     """
     from dataclasses import replace
 
@@ -106,7 +105,7 @@ def command(
         back_end_failed=certificate.contradicted,
         solved=certificate.valid,
     )
-    # Only people want it short: Markdown and CSV hold every claim.
+    # The short form is for people; Markdown and CSV hold every claim.
     whole = verbose or style != "table"
     table = certificate_table(certificate) if whole else certificate_summary(certificate)
     emit(style, certificate.document(), [table], failed=code != 0)

@@ -16,9 +16,9 @@ NOTICE = (
 
 
 def command() -> int:
-    """Compile ahead what searches and learners would compile at their first use.
+    """Compile the kernels of searches and learners ahead of their first use.
 
-    What is compiled is kept on this machine, so that it is done once. It takes about a minute.
+    The compiled code is kept on this machine. It takes about a minute.
     """
     import time
 

@@ -1,1 +1,1 @@
-"""Options of commands: those that several share, and how their values are read."""
+"""Options that several commands share, and parsers of their values."""

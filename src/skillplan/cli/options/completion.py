@@ -1,4 +1,4 @@
-"""What a shell offers while a command line is typed; a fault offers nothing."""
+"""Shell completion of a command line; an error completes nothing."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.task import Task
 
 Complete = Callable[[str], list[str]]
-# Task files are looked for here and where this repository keeps its own.
+# Folders of task files: the current one, and the one of this repository.
 _FOLDERS = (".", "configs")
 _PATTERNS = ("*.yaml", "*.yml", "*.sop")
 
 
 def task_files(incomplete: str) -> list[str]:
-    """Return the task files here and in ``configs`` that begin so; the shell adds any file."""
-    found = (
+    """Return the task files here and in ``configs`` that complete a word."""
+    paths = (
         str(path)
         for folder in _FOLDERS
         for pattern in _PATTERNS
         for path in sorted(Path(folder).glob(pattern))
     )
-    return [name for name in found if name.startswith(incomplete)]
+    return [name for name in paths if name.startswith(incomplete)]
 
 
 def plugin_names(kind: str) -> Complete:
-    """Return what completes the name of an installed plugin of a kind."""
+    """Return a function that completes the name of an installed plugin of a kind."""
 
     def complete(incomplete: str) -> list[str]:
         from skillplan.pipeline import registry
@@ -40,7 +40,7 @@ def plugin_names(kind: str) -> Complete:
 
 
 def engine_names(incomplete: str) -> list[str]:
-    """Return the installed engines that begin so, and ``auto``."""
+    """Return the installed engines that complete a word, and ``auto``."""
     from skillplan.plugins.installed import AUTO, find_simulator
 
     auto = [AUTO] if find_simulator() and AUTO.startswith(incomplete) else []
@@ -48,7 +48,7 @@ def engine_names(incomplete: str) -> list[str]:
 
 
 def plugin_lists(kind: str) -> Complete:
-    """Return what completes the last of several names with commas, none of them twice."""
+    """Return a function that completes the last of several names separated by commas."""
 
     def complete(incomplete: str) -> list[str]:
         head, comma, last = incomplete.rpartition(",")
@@ -60,7 +60,7 @@ def plugin_lists(kind: str) -> Complete:
 
 
 def words(known: Mapping[str, str]) -> Callable[[str], list[tuple[str, str]]]:
-    """Return what completes a word to those known, with the line that each stands for."""
+    """Return a function that completes known words, each with its description."""
 
     def complete(incomplete: str) -> list[tuple[str, str]]:
         return [(name, line) for name, line in known.items() if name.startswith(incomplete)]
@@ -69,7 +69,7 @@ def words(known: Mapping[str, str]) -> Callable[[str], list[tuple[str, str]]]:
 
 
 def skills(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Return the skills of the task named before that begin so, with their numbers."""
+    """Return the skills of the task on the line that complete a word, with their numbers."""
     task = _task(ctx)
     if task is None:
         return []
@@ -81,22 +81,22 @@ def skills(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
 
 
 def plugin_options(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Return the options of the plugins that the line names, for ``-O``.
+    """Return the options of the plugins on the line, for ``-O``.
 
-    Those of the solver stand without its name, unless it was typed.
+    Options of the solver are listed without its name, unless the name was typed.
     """
     solver = ctx.params.get("solver")
-    found = []
+    completions = []
     for kind, name in _plugins(ctx):
         for key, line in _fields(kind, name):
             forms = [f"{name}.{key}="] + ([f"{key}="] if name == solver else [])
-            found += [(form, line) for form in forms if form.startswith(incomplete)]
-    bare = [(form, line) for form, line in found if "." not in form]
-    return bare or found
+            completions += [(form, line) for form in forms if form.startswith(incomplete)]
+    bare = [(form, line) for form, line in completions if "." not in form]
+    return bare or completions
 
 
 def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
-    """Yield kind and name of the plugins named on the line or, where none is, of the task's."""
+    """Yield kind and name of the plugins on the line, or else of the task."""
     from skillplan.plugins.installed import AUTO, find_simulator
 
     given = ctx.params
@@ -117,7 +117,7 @@ def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
 
 
 def _fields(kind: str, name: str) -> list[tuple[str, str]]:
-    """Return an installed plugin's options, each with its description."""
+    """Return the options of an installed plugin, with their descriptions."""
     from skillplan.errors import SkillplanError
     from skillplan.pipeline import registry
 

@@ -1,4 +1,7 @@
-"""Options that several commands share, in groups that commands take whole."""
+"""Options that several commands share: single ones, and groups that commands take as a whole.
+
+They hold data; `skillplan.cli.load` loads the files and plugins that they name.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,7 @@ TaskFile = Annotated[
         show_default=False,
     ),
 ]
-RESULT_HELP = "a result.json of search-optimal, or the folder that --out named"
+RESULT_HELP = "a result.json of search-optimal, or its folder"
 ResultFile = Annotated[
     str,
     typer.Argument(metavar="RESULT", help=f"{RESULT_HELP.capitalize()}.", show_default=False),
@@ -60,7 +63,7 @@ Style = Annotated[
         "--format",
         parser=one_of(FORMATS),
         metavar="FORMAT",
-        help="How to print: table, json, csv or md; json holds everything in one document.",
+        help="Output format: table, json, csv or md. json contains everything in one document.",
         rich_help_panel=OUTPUT,
     ),
 ]
@@ -70,7 +73,7 @@ Seed = Annotated[
         "--seed",
         parser=whole_number(0, _MOST_SEED),
         metavar="N",
-        help="Governs all randomness.",
+        help="Seed of all random numbers.",
         rich_help_panel=SOLVER,
     ),
 ]
@@ -78,11 +81,9 @@ Jobs = Annotated[
     int,
     count_option(
         "--jobs",
-        least=1,
-        most=256,
-        text="How many processes may be used at once: for checks of expensive back ends, by "
-        "solvers that can, for runs, and for solvers side by side. Nothing that comes out depends "
-        "on it, but times do.",
+        minimum=1,
+        maximum=256,
+        text="Number of worker processes. Results do not depend on it",
         rich_help_panel=BACK_ENDS,
     ),
 ]
@@ -92,8 +93,7 @@ ExecutorName = Annotated[
         "--executor",
         metavar="NAME[:ADDRESS]",
         autocompletion=plugin_names("executor"),
-        help="Where those processes are: local for this machine, ray for a cluster that has been "
-        "started, if skillplan-ray is installed. Nothing that comes out depends on that either.",
+        help="Where workers run: local, or ray[:ADDRESS] for a Ray cluster (needs skillplan-ray).",
         rich_help_panel=BACK_ENDS,
     ),
 ]
@@ -101,10 +101,10 @@ Audit = Annotated[
     int | None,
     count_option(
         "--audit",
-        least=0,
-        most=100_000,
-        text="How many verdicts that the search has reused are asked again after it, where they "
-        "were reused; by default 4, and none of expensive back ends",
+        minimum=0,
+        maximum=100_000,
+        text="Number of reused verdicts to recompute after the search; default: 4, none of "
+        "expensive back ends",
         rich_help_panel=BACK_ENDS,
         show_default=False,
     ),
@@ -113,8 +113,9 @@ NoScreening = Annotated[
     bool,
     typer.Option(
         "--no-screening",
-        help="Leave all to a physics engine. Otherwise geometry is asked first (swept, if it is "
-        "installed), and what it refuses is executed only for a sample.",
+        help="Let a physics engine check everything. By default geometry is checked first (by "
+        "swept, if it is installed), and only a sample of the skills that it refuses is "
+        "executed.",
         rich_help_panel=BACK_ENDS,
     ),
 ]
@@ -134,21 +135,15 @@ def solver_option(text: str, **details: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How a task file is read.
-
-    Parameters
-    ----------
-    changes
-        Entries ``KEY=VALUE``.
-    """
+    """Changes of a task file."""
 
     changes: Annotated[
         list[str],
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Read the task file as if KEY, such as base.goal_choice or parts.pcb.mass_kg, "
-            "had this value. May be repeated.",
+            help="Override KEY of the task file, such as base.goal_choice or parts.pcb.mass_kg. "
+            "May be repeated.",
             rich_help_panel=TASK,
         ),
     ] = field(default_factory=list)
@@ -161,25 +156,23 @@ class Reading:
         OptionError
             If an entry has another form.
         """
-        found = {}
+        changes = {}
         for entry in self.changes:
             key, equals, value = entry.partition("=")
             if not equals or not all(key.split(".")):
                 raise OptionError(f"--set {entry!r} must have the form KEY=VALUE, as base.home=C1.")
-            found[key] = value
-        return found
+            changes[key] = value
+        return changes
 
 
 @dataclass(frozen=True, slots=True)
 class PartReading(Reading):
-    """How a task file is read, and which task of a chain is meant.
+    """Changes of a task file, and the task that is meant.
 
     Parameters
     ----------
-    changes
-        Entries ``KEY=VALUE``.
     part
-        The task's name; None for the only one.
+        Name of one task of a chain; None for the only task.
     """
 
     part: Annotated[
@@ -187,7 +180,7 @@ class PartReading(Reading):
         typer.Option(
             "--part",
             metavar="NAME",
-            help="The task meant, of a file that describes a chain of several, such as base-1.",
+            help="Name of one task of a chain, such as base-1.",
             rich_help_panel=TASK,
         ),
     ] = None
@@ -195,14 +188,14 @@ class PartReading(Reading):
 
 @dataclass(frozen=True, slots=True)
 class BackEnds:
-    """The back ends that the command line chooses, and options of plugins.
+    """The back ends of the command line, and options of plugins.
 
     Parameters
     ----------
     physics
-        An engine's name; None for the file's choice.
+        Name of an engine; None for the choice of the file.
     collision
-        Detectors' names with commas; None for the file's choice.
+        Names of detectors, separated by commas; None for the choice of the file.
     options
         Entries ``[PLUGIN.]KEY=VALUE``.
     """
@@ -213,7 +206,7 @@ class BackEnds:
             "--physics",
             metavar="NAME",
             autocompletion=engine_names,
-            help="Physics engine, or auto: pybullet where it is installed, else mujoco; default: "
+            help="Physics engine, or auto: pybullet if it is installed, or else mujoco. Default: "
             "the task file's choice, or else kinematic.",
             rich_help_panel=BACK_ENDS,
         ),
@@ -224,9 +217,9 @@ class BackEnds:
             "--collision",
             metavar="NAMES",
             autocompletion=plugin_lists("collision"),
-            help="Collision detectors, separated by commas; default: the task file's choice, or "
-            "else swept if it is installed, or else aabb. A chart of the task file is checked in "
-            "addition; precedence alone checks the chart and no geometry.",
+            help="Collision detectors, separated by commas. Default: the task file's choice, or "
+            "else swept if it is installed, or else aabb. A chart of the task file is checked "
+            "in addition; precedence alone checks the chart and no geometry.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None
@@ -236,7 +229,7 @@ class BackEnds:
             "-O",
             metavar="KEY=VALUE",
             autocompletion=plugin_options,
-            help="Option of the solver, or as PLUGIN.KEY=VALUE of any plugin; 'skillplan plugins "
+            help="Option of the solver, or of any plugin as PLUGIN.KEY=VALUE; 'skillplan plugins "
             "KIND NAME' lists them. May be repeated.",
             rich_help_panel=BACK_ENDS,
         ),
@@ -245,13 +238,7 @@ class BackEnds:
 
 @dataclass(frozen=True)
 class Caching:
-    """Whether verdicts kept on disk are used.
-
-    Parameters
-    ----------
-    no_cache
-        Whether they are left alone.
-    """
+    """Use of the verdicts kept on disk."""
 
     no_cache: Annotated[
         bool,
@@ -265,15 +252,7 @@ class Caching:
 
 @dataclass(frozen=True)
 class Workers:
-    """How many processes do jobs, and where.
-
-    Parameters
-    ----------
-    jobs
-        How many processes, from 1 to 256.
-    executor
-        Where they are, as ``NAME`` or ``NAME:ADDRESS``.
-    """
+    """Number of worker processes, and their executor."""
 
     jobs: Jobs = 1
     executor: ExecutorName = "local"
@@ -281,15 +260,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class Checking(Workers, Caching):
-    """How back ends are queried.
-
-    Parameters
-    ----------
-    no_cache
-        Whether verdicts kept on disk are left alone.
-    jobs, executor
-        As for `Workers`.
-    """
+    """Use of kept verdicts, and worker processes."""
 
 
 LIMITS = "Limits"
@@ -307,7 +278,7 @@ def time_limit_option(text: str) -> Any:
 
 
 def memory_limit_option(text: str) -> Any:
-    """Return the option ``--memory-limit``; its help is `text` and how a size is written."""
+    """Return the option ``--memory-limit``; its help is `text` and the form of a size."""
     return typer.Option(
         "--memory-limit",
         parser=memory_size,
@@ -319,7 +290,7 @@ def memory_limit_option(text: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class CommandLimits:
-    """When a whole command ends.
+    """Limits of a whole command.
 
     Parameters
     ----------
@@ -332,15 +303,13 @@ class CommandLimits:
     time_limit_s: Annotated[
         float | None,
         time_limit_option(
-            "End the whole command after S seconds, 20 % and 2 s later at most. What is optional "
+            "End the whole command after S seconds, or 20 % and 2 s later at most. Optional work "
             "is left out before."
         ),
     ] = None
     memory_limit_bytes: Annotated[
         int | None,
-        memory_limit_option(
-            "End the whole command before it holds more memory, with the processes it starts"
-        ),
+        memory_limit_option("End the whole command before it and its processes hold more memory"),
     ] = None
 
     def begin(self, *, graceful: bool) -> Deadline:
@@ -349,7 +318,7 @@ class CommandLimits:
         Parameters
         ----------
         graceful
-            Whether the command itself stops at its deadline with a result: it is ended later then.
+            True if the command stops at its deadline with a result; it is ended later then.
         """
         from skillplan.cli.interruption import Deadline
 
@@ -364,16 +333,16 @@ TimeLimit = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """When a search ends by itself.
+    """Limits of a search.
 
     Parameters
     ----------
     time_limit_s
-        After how long [s].
+        Time limit [s].
     stall_s
-        After how long without a better plan or bound [s].
+        Time without a better plan or bound [s].
     memory_limit_bytes
-        How much memory it may hold [bytes].
+        Memory limit [B].
     """
 
     time_limit_s: TimeLimit = None
@@ -390,14 +359,14 @@ class Limits:
     memory_limit_bytes: Annotated[
         int | None,
         memory_limit_option(
-            "Stop with the best plan, its bound and its gap before the process, and those that "
-            "search beside it, hold more memory than this"
+            "Stop with the best plan, its bound and its gap before the search and its processes "
+            "hold more memory"
         ),
     ] = None
 
     @property
     def of_stop(self) -> dict[str, Any]:
-        """The limits as keywords of `Stop`."""
+        """The keywords of a `Stop` with these limits."""
         return {
             "time_limit_s": self.time_limit_s,
             "stall_s": self.stall_s,
@@ -405,14 +374,14 @@ class Limits:
         }
 
     def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
-        """Return what yields a stop with these limits.
+        """Return a context manager of a stop with these limits.
 
         Parameters
         ----------
         label
-            What a terminal shows meanwhile.
+            Label of the progress on a terminal.
         gap
-            At which relative gap the search ends, from 0 to 1.
+            Relative gap at which the search ends, from 0 to 1.
         """
         from skillplan.cli.waiting import stoppable
 

@@ -1,4 +1,4 @@
-"""What the words after an option mean: numbers in a range, seconds, sizes, choices, names."""
+"""Parsers of option values: numbers in a range, seconds, sizes, choices, names."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ _UNITS = {
 _SIZE = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)", re.ASCII)
 
 
-def count_option(*flags: str, least: int, most: int, text: str, **details: Any) -> Any:
+def count_option(*flags: str, minimum: int, maximum: int, text: str, **details: Any) -> Any:
     """Return an option that takes a whole number N.
 
     Parameters
     ----------
     flags
-        Such as ``--jobs``.
-    least, most
-        The range, both included; the help says it.
+        Names such as ``--jobs``.
+    minimum, maximum
+        The range, both included, which the help shows.
     text
-        What else the help says.
+        Help text.
     details
-        As `typer.Option` takes them.
+        Keywords of `typer.Option`.
     """
-    text = f"{text.rstrip('.')}; {least:,} to {most:,}."
-    parser = whole_number(least, most)
+    text = f"{text.rstrip('.')}; {minimum:,} to {maximum:,}."
+    parser = whole_number(minimum, maximum)
     return typer.Option(*flags, parser=parser, help=text, **{"metavar": "N", **details})
 
 
-def whole_number(least: int, most: int) -> Callable[[str | int], int]:
-    """Return what reads a whole number in a range, both ends included.
+def whole_number(minimum: int, maximum: int) -> Callable[[str | int], int]:
+    """Return a parser of whole numbers in a range, both ends included.
 
     It raises `typer.BadParameter` for anything else.
     """
@@ -57,15 +57,15 @@ def whole_number(least: int, most: int) -> Callable[[str | int], int]:
             number = int(value)
         except ValueError:
             raise typer.BadParameter(f"{value!r} is not a whole number.") from None
-        if not least <= number <= most:
-            raise typer.BadParameter(f"{number} is not in the range {least}<=x<={most}.")
+        if not minimum <= number <= maximum:
+            raise typer.BadParameter(f"{number} is not in the range {minimum}<=x<={maximum}.")
         return number
 
     return parse
 
 
 def positive_number(most: float = math.inf) -> Callable[[str | float], float]:
-    """Return what reads a finite number above 0 and at most `most`.
+    """Return a parser of finite numbers above 0 and at most `most`.
 
     It raises `typer.BadParameter` for anything else, NaN included.
     """
@@ -87,7 +87,7 @@ def positive_seconds(value: str | float) -> float:
     Raises
     ------
     typer.BadParameter
-        If it is none.
+        For anything else.
     """
     number = _number(value, "number of seconds")
     if not (math.isfinite(number) and number > 0):
@@ -101,7 +101,7 @@ def fraction(value: str | float) -> float:
     Raises
     ------
     typer.BadParameter
-        If it is none, as NaN.
+        For anything else, NaN included.
     """
     number = _number(value)
     if not 0 <= number <= 1:
@@ -110,9 +110,9 @@ def fraction(value: str | float) -> float:
 
 
 class Probabilities(NamedTuple):
-    """The least and the greatest of some probabilities."""
+    """The smallest and the largest of some probabilities."""
 
-    least: float
+    lowest: float
     greatest: float
 
 
@@ -122,24 +122,24 @@ def probabilities(value: str | Probabilities) -> Probabilities:
     Raises
     ------
     typer.BadParameter
-        If they are none.
+        For anything else.
     """
     if isinstance(value, Probabilities):
         return value
-    least, colon, greatest = value.partition(":")
-    found = Probabilities(fraction(least), fraction(greatest if colon else least))
-    if not found.least <= found.greatest < 1:
+    lowest, colon, greatest = value.partition(":")
+    bounds = Probabilities(fraction(lowest), fraction(greatest if colon else lowest))
+    if not bounds.lowest <= bounds.greatest < 1:
         raise typer.BadParameter(f"must be LEAST:GREATEST below 1, such as 0.1:0.4, not {value}.")
-    return found
+    return bounds
 
 
 def memory_size(value: str | int) -> int:
-    """Return a size of memory [bytes], given so or with a unit such as GiB or MB; 64MiB at least.
+    """Return a size of memory [B], at least 64MiB, given in bytes or with a unit such as GiB or MB.
 
     Raises
     ------
     typer.BadParameter
-        If it is none, or too small for any search.
+        For anything else.
     """
     if isinstance(value, int):
         return value
@@ -158,7 +158,7 @@ def memory_size(value: str | int) -> int:
 
 
 def one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    """Return what takes one of some words and raises `typer.BadParameter` for any other."""
+    """Return a parser of some words, which raises `typer.BadParameter` for any other."""
 
     def parse(value: str) -> str:
         if value not in choices:
@@ -182,7 +182,7 @@ def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[
     Raises
     ------
     OptionError
-        If an entry has another form, or names no plugin where there is no single solver.
+        If an entry has another form, or names no plugin and there are several solvers.
     """
     parsed: dict[str, dict[str, Any]] = {}
     for entry in entries:
@@ -199,5 +199,5 @@ def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[
 
 
 def split_names(text: str) -> list[str]:
-    """Return the distinct names of a list with commas, in order."""
+    """Return the distinct names of a list separated by commas, in order."""
     return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
