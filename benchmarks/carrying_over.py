@@ -30,7 +30,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.training.family_training import GeneratedFamily, read_policy
-from skillplan_torch.relational.elements import ELEMENT_FEATURES, Sight
+from skillplan_torch.relational.elements import ELEMENT_FEATURES, ElementGraph
 from skillplan_torch.relational.network import ElementChoice, NetworkSize, RelationalNetwork
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -47,9 +47,9 @@ class Trial:
 class NearestFirst(RelationalNetwork):
     """Scores without learning: the cheapest to come to of what waits for nothing."""
 
-    def scores(self, sight: Sight) -> np.ndarray:
+    def scores(self, graph: ElementGraph) -> np.ndarray:
         """Return minus what coming there costs more, and much less where something is to wait."""
-        come, waits = (sight.features[:, one] for one in (1, 2))
+        come, waits = (graph.features[:, one] for one in (1, 2))
         return np.asarray(-come - 1000.0 * waits, dtype=np.float32)
 
 

@@ -37,7 +37,7 @@ def lessons_of(boards: list[Board]) -> Lessons:
     lessons = Lessons()
     chance = np.random.Generator(np.random.PCG64(0))
     for board in boards:
-        lessons.add(board.walk(lambda sight: 0, chance, 1.0))
+        lessons.add(board.walk(lambda graph: 0, chance, 1.0))
     return lessons
 
 
@@ -55,8 +55,8 @@ def test_numpy_answers_as_torch_does(boards):
         theirs = network.scores(features, pairs, present).numpy()
     answers = network.network()
     sizes = set()
-    for row, (sight, _) in enumerate(lessons):
-        ours = answers.scores(sight)
+    for row, (graph, _) in enumerate(lessons):
+        ours = answers.scores(graph)
         sizes.add(len(ours))
         assert np.abs(ours - theirs[row, : len(ours)]).max() <= 1e-6 * max(1.0, np.abs(ours).max())
     assert len(sizes) > 2
@@ -69,9 +69,9 @@ def test_the_teacher_knows_the_optimum(boards):
 
 
 def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards):
-    for sight, regrets in lessons_of(boards):
+    for graph, regrets in lessons_of(boards):
         assert regrets.min() == 0.0
-        blocked = sight.features[:, 2] > 0
+        blocked = graph.features[:, 2] > 0
         assert (regrets[blocked] == 1.0).all()
 
 

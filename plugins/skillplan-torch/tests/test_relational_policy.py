@@ -17,12 +17,12 @@ from skillplan.pipeline import load_problem, make_model
 from skillplan.task import Task
 from skillplan_torch import (
     ElementChoice,
+    ElementGraph,
     ElementOrder,
     ElementPaths,
     ElementView,
     NetworkSize,
     RelationalNetwork,
-    Sight,
 )
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -60,16 +60,16 @@ def view_of(task: Task) -> ElementView:
 def test_the_order_of_elements_does_not_matter(seed, tmp_path):
     """Permuted elements have the permuted scores."""
     task = a_board(tmp_path, 9, seed=seed)
-    sight = view_of(task)(task.initial)
+    graph = view_of(task)(task.initial)
     order = np.random.Generator(np.random.PCG64(seed)).permutation(9)
-    permuted = Sight(
-        sight.elements[order],
-        tuple(sight.ways[one] for one in order),
-        sight.features[order],
-        sight.pairs[np.ix_(order, order)],
+    permuted = ElementGraph(
+        graph.elements[order],
+        tuple(graph.routes[one] for one in order),
+        graph.features[order],
+        graph.pairs[np.ix_(order, order)],
     )
     network = a_network(seed)
-    assert network.scores(permuted) == pytest.approx(network.scores(sight)[order], abs=1e-5)
+    assert network.scores(permuted) == pytest.approx(network.scores(graph)[order], abs=1e-5)
 
 
 def test_nor_does_the_order_of_parts_in_the_file(tmp_path):
@@ -92,8 +92,8 @@ def test_it_is_defined_for_any_number_of_elements(tmp_path):
     network = a_network()
     for parts in (1, 2, 5, 24):
         task = a_board(tmp_path, parts, tools=1)
-        sight = view_of(task)(task.initial)
-        scores = network.scores(sight)
+        graph = view_of(task)(task.initial)
+        scores = network.scores(graph)
         assert (parts,) == scores.shape
         assert np.isfinite(scores).all()
 
@@ -104,15 +104,15 @@ def test_what_it_is_told_costs_is_what_the_model_asks_for(board_task):
     for element, name in enumerate(paths.elements):
         skill = paths.next_skill(element, board_task.initial.bits)
         assert skill is not None
-        way = paths.way(skill, board_task.initial.bits)
-        assert way is not None
-        first = board_task.skill(way.first)
+        route = paths.route(skill, board_task.initial.bits)
+        assert route is not None
+        first = board_task.skill(route.first)
         cost, state = model.cost(board_task.initial, first), board_task.initial
         assert first.applicable(state)
-        if way.between:
+        if route.between:
             state = first.prediction.apply(state)
             cost += model.cost(state, skill)
-        assert way.cost == pytest.approx(cost), name
+        assert route.cost == pytest.approx(cost), name
 
 
 def test_what_it_is_told_of_the_order_is_the_chart(board_task):

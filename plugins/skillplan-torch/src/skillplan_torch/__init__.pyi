@@ -7,10 +7,10 @@ from .networks import padded as padded
 from .ppo.learner import PpoSolver as PpoSolver
 from .ppo.update import RolloutBuffer as RolloutBuffer
 from .relational.elements import ELEMENT_FEATURES as ELEMENT_FEATURES
+from .relational.elements import ElementGraph as ElementGraph
 from .relational.elements import ElementOrder as ElementOrder
 from .relational.elements import ElementPaths as ElementPaths
 from .relational.elements import ElementView as ElementView
-from .relational.elements import Sight as Sight
 from .relational.learning import Board as Board
 from .relational.learning import Lessons as Lessons
 from .relational.learning import TorchNetwork as TorchNetwork
@@ -29,6 +29,7 @@ __all__ = [
     "Board",
     "DqnSolver",
     "ElementChoice",
+    "ElementGraph",
     "ElementOrder",
     "ElementPaths",
     "ElementView",
@@ -41,7 +42,6 @@ __all__ = [
     "ReplayMemory",
     "RewardScaling",
     "RolloutBuffer",
-    "Sight",
     "TorchNetwork",
     "padded",
 ]

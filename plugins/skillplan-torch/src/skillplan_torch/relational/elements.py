@@ -26,24 +26,24 @@ from skillplan.task.task import Task
 
 Figures = NDArray[np.float32]
 
-# More skills than this never lie between two elements: a tool is put away, another is fetched.
+# Most skills between two elements, such as putting a tool away and fetching another.
 _MOST_BETWEEN = 3
-# Ways are kept for so many situations.
+# Situations whose routes are cached.
 _MOST_KEPT = 20_000
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """How an element is come to, up to and with its own next skill.
+class Route:
+    """Skills up to and including an element's next one.
 
     Parameters
     ----------
     first
-        The skill to begin with: one that comes between, such as a tool change, or its own.
+        First skill: one between elements, such as a tool change, or the element's own.
     between
-        How many skills come between.
+        Number of skills between elements.
     cost
-        Of all of them and of the element's own next skill, in the task's metric.
+        Total cost, in the task's metric.
     """
 
     first: str
@@ -52,26 +52,28 @@ class Way:
 
 
 class ElementPaths:
-    """The ways to the elements of a task, from any of its states.
+    """Routes to the elements of a task from any of its states.
+
+    Routes follow from preconditions, predicted outcomes and costs; no back end is queried.
 
     Parameters
     ----------
     task
-        One whose operations are components that a robot brings to their goals.
+        Task whose operations are components to be brought to their goals.
 
     Attributes
     ----------
     elements
         Names of the components, in the order of the task.
     goals
-        Bit of the fact that each is brought about by, in that order.
+        Bit of the goal fact of each element.
     own
-        Bits of the facts about each.
+        Bits of the facts about each element.
 
     Raises
     ------
     OptionError
-        If the task has none, several robots, or skills that depend on more than facts.
+        If the task has no elements, several robots, or skills that depend on more than facts.
     """
 
     def __init__(self, task: Task) -> None:
@@ -79,9 +81,9 @@ class ElementPaths:
         self.task = task
         self.elements = tuple(task.operations)
         named = map_named_bits(task)
-        self.own = tuple(named.get(one, 0) for one in self.elements)
+        self.own = tuple(named.get(element, 0) for element in self.elements)
         self.goals = tuple(task.facts.bit(fact) for fact in task.operations.values())
-        self._skills: dict[str, list[Skill]] = {one: [] for one in self.elements}
+        self._skills: dict[str, list[Skill]] = {element: [] for element in self.elements}
         self._between: list[Skill] = []
         for skill in task.skills:
             owner = self.owner(skill)
@@ -95,17 +97,17 @@ class ElementPaths:
             self._free |= effects(skill)
         self._situation = self._free | self._read_bits()
         self._ends: dict[int, dict[int, tuple[str, int, float]]] = {}
-        self._ways: dict[tuple[int, str], Way | None] = {}
+        self._routes: dict[tuple[int, str], Route | None] = {}
 
     def owner(self, skill: Skill) -> str | None:
-        """Return the element that a skill moves or fastens; None of one that comes between."""
+        """Return the element that a skill moves or fastens; None for a skill between elements."""
         values = skill.parameters.values()
-        return next((one for one in values if one in self.task.operations), None)
+        return next((value for value in values if value in self.task.operations), None)
 
     def next_skill(self, element: int, bits: int) -> Skill | None:
-        """Return the skill that an element waits for; None where it waits for something else.
+        """Return the next skill of an element; None if it waits for another element.
 
-        Its precondition holds but for what skills between can change, such as the tool.
+        Facts that skills between elements change, such as the tool, are disregarded.
         """
         kept = ~self._free
         for skill in self._skills[self.elements[element]]:
@@ -115,10 +117,7 @@ class ElementPaths:
         return None
 
     def first_skill(self, element: int, bits: int) -> Skill | None:
-        """Return the skill that begins an element, whatever else it waits for.
-
-        Only the facts about the element itself are looked at; None where it is done.
-        """
+        """Return the next skill of an element by the facts about itself; None if it is done."""
         own = self.own[element]
         if bits & self.goals[element]:
             return None
@@ -128,21 +127,21 @@ class ElementPaths:
                 return skill
         return None
 
-    def way(self, skill: Skill, bits: int) -> Way | None:
-        """Return how a skill of an element is come to from a state; None where it cannot be."""
+    def route(self, skill: Skill, bits: int) -> Route | None:
+        """Return the cheapest route to a skill from a state; None if there is none."""
         key = bits & self._situation, skill.name
-        if key not in self._ways:
-            if len(self._ways) >= _MOST_KEPT:
-                self._ways.clear()
-            self._ways[key] = self._found_way(skill, bits)
-        return self._ways[key]
+        if key not in self._routes:
+            if len(self._routes) >= _MOST_KEPT:
+                self._routes.clear()
+            self._routes[key] = self._find_route(skill, bits)
+        return self._routes[key]
 
     def needed_of(self, skill: Skill) -> int:
-        """Return the bits that a skill needs of what skills between change: its tool."""
+        """Return the needed bits that skills between elements change: the tool."""
         return skill.precondition.requires.bits & self._free
 
     def finish(self, element: int, skill: Skill, bits: int) -> tuple[float, int]:
-        """Return the cost of all skills of an element after one, and the bits when it is done."""
+        """Return the cost of an element's skills after the given one, and the bits at its end."""
         bits = self._bits_before(skill, bits)
         bits = _after(skill, bits)
         cost = 0.0
@@ -157,17 +156,17 @@ class ElementPaths:
         return cost, bits
 
     def _bits_before(self, skill: Skill, bits: int) -> int:
-        """Return the bits of a state after what comes between it and a skill."""
+        """Return the bits after the skills between elements, right before a skill."""
         for end in self._reach(bits):
             if self._fits(skill, end):
                 return bits & ~self._situation | end & self._situation
         return bits
 
-    def _found_way(self, skill: Skill, bits: int) -> Way | None:
+    def _find_route(self, skill: Skill, bits: int) -> Route | None:
         for end, (first, between, cost) in self._reach(bits).items():
             if self._fits(skill, end):
                 total = cost + self._cost(skill, end)
-                return Way(first or skill.name, between, total)
+                return Route(first or skill.name, between, total)
         return None
 
     def _fits(self, skill: Skill, bits: int) -> bool:
@@ -176,34 +175,33 @@ class ElementPaths:
         return bits & needs & free == needs & free and not bits & bars & free
 
     def _reach(self, bits: int) -> Mapping[int, tuple[str, int, float]]:
-        """Return what skills between lead to: first skill, how many, cost; the nearest first."""
+        """Return first skill, number and cost of skills between to each end, the nearest first."""
         key = bits & self._situation
-        found = self._ends.get(key)
-        if found is None:
+        if key not in self._ends:
             if len(self._ends) >= _MOST_KEPT:
                 self._ends.clear()
-            found = self._ends[key] = self._explored(key)
-        return found
+            self._ends[key] = self._explore(key)
+        return self._ends[key]
 
-    def _explored(self, start: int) -> dict[int, tuple[str, int, float]]:
-        found = {start: ("", 0, 0.0)}
+    def _explore(self, start: int) -> dict[int, tuple[str, int, float]]:
+        ends = {start: ("", 0, 0.0)}
         level = [start]
         for count in range(1, _MOST_BETWEEN + 1):
             following = []
             for bits in level:
-                first, _, cost = found[bits]
+                first, _, cost = ends[bits]
                 for skill in self._between:
                     if not skill.precondition.holds(State(bits, self.task.facts)):
                         continue
                     end = _after(skill, bits)
                     total = cost + self._cost(skill, bits)
-                    if end in found and found[end][2] <= total:
+                    if end in ends and ends[end][2] <= total:
                         continue
-                    if end not in found:
+                    if end not in ends:
                         following.append(end)
-                    found[end] = (first or skill.name, count, total)
+                    ends[end] = (first or skill.name, count, total)
             level = following
-        return dict(sorted(found.items(), key=lambda one: one[1][1:3]))
+        return dict(sorted(ends.items(), key=lambda item: item[1][1:3]))
 
     def _cost(self, skill: Skill, bits: int) -> float:
         return skill.cost.at(State(bits, self.task.facts))
@@ -246,10 +244,10 @@ class ElementOrder:
     Parameters
     ----------
     before
-        Whether the one comes before the other in every order, shape (n, n); closed.
+        Whether the row's element precedes the column's in every order, shape (n, n); closed.
     choices
-        By element what an order chooses from: pairs of bits over elements, of those that must be
-        done when it is, and of those that must not.
+        Alternatives by element, each as bits of the elements that must precede it and of those
+        that must follow it.
     """
 
     before: NDArray[np.bool_]
@@ -257,7 +255,7 @@ class ElementOrder:
 
     @classmethod
     def of(cls, model: SkillModel) -> ElementOrder:
-        """Return what the back ends of a model say.
+        """Return the precedence that ``skillplan chart`` derives by the task's back ends.
 
         Raises
         ------
@@ -268,11 +266,11 @@ class ElementOrder:
 
     @classmethod
     def from_chart(cls, elements: Sequence[str], chart: DerivedChart) -> ElementOrder:
-        """Return what a derived chart says of elements in an order."""
+        """Return the precedence of a derived chart, for elements in this order."""
         index = {name: i for i, name in enumerate(elements)}
         before = np.zeros((len(elements), len(elements)), dtype=np.bool_)
-        for one, other in closure((r.before, r.after) for r in chart.relations):
-            before[index[one], index[other]] = True
+        for first, second in closure((r.before, r.after) for r in chart.relations):
+            before[index[first], index[second]] = True
         choices = []
         for choice in chart.alternatives:
             own = index[choice.component]
@@ -285,20 +283,19 @@ class ElementOrder:
         return cls(before, tuple(choices))
 
     def after(self, done: int) -> NDArray[np.bool_]:
-        """Return what comes before what once some are done, shape (n, n).
+        """Return the precedence that remains after some elements, shape (n, n).
 
-        That is what holds in every order, and of a choice what all that is still possible have in
-        common. Where something has to be done for each of them, so much is added of the one that
-        takes least.
+        It includes the elements that all remaining alternatives of a choice have in common. If
+        each alternative needs an element, those of the alternative with the fewest are included.
 
         Parameters
         ----------
         done
-            Bits of the elements that are done.
+            Bits of the finished elements.
         """
         if not self.choices:
             return self.before
-        found = self.before.copy()
+        before = self.before.copy()
         for own, groups in self.choices:
             possible = [(must & ~done, never) for must, never in groups if not done & never]
             if done >> own & 1 or not possible:
@@ -308,13 +305,13 @@ class ElementOrder:
                 needed, barred = needed & must, barred & never
             if not needed and all(must for must, _ in possible):
                 needed = min((must for must, _ in possible), key=int.bit_count)
-            found[list(each_index(needed)), own] = True
-            found[own, list(each_index(barred))] = True
-        return found
+            before[list(each_index(needed)), own] = True
+            before[own, list(each_index(barred))] = True
+        return before
 
 
 def each_index(bits: int) -> Iterator[int]:
-    """Yield the index of every bit that is set, in ascending order."""
+    """Yield the indices of the set bits, ascending."""
     while bits:
         low = bits & -bits
         yield low.bit_length() - 1
@@ -349,96 +346,96 @@ PAIR_FEATURES = (
     "they are the same",
 )
 
-# Differences beyond so many spreads are cut.
+# Greatest difference of costs, in spreads.
 _MOST_SPREADS = 8.0
 
 
 @dataclass(frozen=True)
-class Sight:
-    """A state as a relational network sees it; n elements are left to be done.
+class ElementGraph:
+    """Features of a state with n unfinished elements.
 
     Parameters
     ----------
     elements
-        Their indices in the task.
-    ways
-        How each is come to; None where it cannot be begun here.
+        Indices in the task.
+    routes
+        Route to each element; None if it cannot be begun.
     features
-        Of each, shape (n, len(ELEMENT_FEATURES)).
+        Shape (n, len(ELEMENT_FEATURES)).
     pairs
-        Of each pair, shape (n, n, len(PAIR_FEATURES)).
+        Shape (n, n, len(PAIR_FEATURES)).
     """
 
     elements: NDArray[np.int64]
-    ways: tuple[Way | None, ...]
+    routes: tuple[Route | None, ...]
     features: Figures
     pairs: Figures
 
 
 class ElementView:
-    """Sees the states of one task.
+    """Computes the features of a task's states.
 
     Parameters
     ----------
     paths
-        How elements are come to.
+        Routes to the elements.
     order
-        What must come before what.
+        Their precedence.
 
     Attributes
     ----------
     costs
-        Of coming from the one, done, to the other, with its first skill, shape (n, n); inf on the
-        diagonal.
+        Cost of the route from one finished element to another, shape (n, n); inf on the diagonal.
     rest
-        Of the further skills of each, shape (n,).
+        Cost of the further skills of each element, shape (n,).
     """
 
     def __init__(self, paths: ElementPaths, order: ElementOrder) -> None:
         self.paths, self.order = paths, order
         count, bits = len(paths.elements), paths.task.initial.bits
-        firsts = [paths.first_skill(one, bits) for one in range(count)]
+        firsts = [paths.first_skill(element, bits) for element in range(count)]
         self.costs = np.full((count, count), np.inf)
         self.rest = np.zeros(count)
         groups: dict[int, int] = {}
         self._groups = np.zeros(count, dtype=np.int64)
-        for one, first in enumerate(firsts):
+        for element, first in enumerate(firsts):
             if first is None:
                 continue
-            need = paths.needed_of(first)
-            self._groups[one] = groups.setdefault(need, len(groups))
-            self.rest[one], end = paths.finish(one, first, bits)
+            tool = paths.needed_of(first)
+            self._groups[element] = groups.setdefault(tool, len(groups))
+            self.rest[element], end = paths.finish(element, first, bits)
             for other, second in enumerate(firsts):
-                way = None if second is None or other == one else paths.way(second, end)
-                if way is not None:
-                    self.costs[one, other] = way.cost
+                skip = second is None or other == element
+                route = None if skip or second is None else paths.route(second, end)
+                if route is not None:
+                    self.costs[element, other] = route.cost
         self._same = self._groups[:, None] == self._groups[None]
         self._spread = _spread(self.costs, self._same)
 
     def done(self, state: State) -> NDArray[np.bool_]:
-        """Return which elements are done in a state, shape (n,)."""
+        """Return whether each element is done in a state, shape (n,)."""
         return np.array([bool(state.bits & goal) for goal in self.paths.goals])
 
-    def __call__(self, state: State) -> Sight:
-        """Return what is seen of a state."""
+    def __call__(self, state: State) -> ElementGraph:
+        """Return the features of a state."""
         bits, paths = state.bits, self.paths
         done = self.done(state)
         left = np.flatnonzero(~done)
-        ways: list[Way | None] = []
+        routes: list[Route | None] = []
         waits = []
-        for one in left.tolist():
-            skill = paths.next_skill(one, bits)
+        for element in left.tolist():
+            skill = paths.next_skill(element, bits)
             waits.append(skill is None)
-            skill = skill or paths.first_skill(one, bits)
-            ways.append(None if skill is None else paths.way(skill, bits))
-        come = np.array([np.inf if way is None else way.cost for way in ways])
-        between = np.array([0 if way is None else way.between for way in ways]) > 0
-        mask = sum(1 << one for one in np.flatnonzero(done).tolist())
+            skill = skill or paths.first_skill(element, bits)
+            routes.append(None if skill is None else paths.route(skill, bits))
+        come = np.array([np.inf if route is None else route.cost for route in routes])
+        between = np.array([0 if route is None else route.between for route in routes]) > 0
+        mask = sum(1 << element for element in np.flatnonzero(done).tolist())
         before = self.order.after(mask)[np.ix_(left, left)]
         features = self._features(left, before, come, between)
-        usable = tuple(None if wait else way for way, wait in zip(ways, waits, strict=True))
-        features[:, 0] = [way is not None for way in usable]
-        return Sight(left, usable, features, self._pairs(left, before))
+        usable = tuple(None if wait else route for route, wait in zip(routes, waits, strict=True))
+        features[:, 0] = [route is not None for route in usable]
+        return ElementGraph(left, usable, features, self._pairs(left, before))
 
     def _features(
         self,
@@ -457,8 +454,8 @@ class ElementView:
         at_hand = ~between
         out = np.zeros((count, len(ELEMENT_FEATURES)), dtype=np.float32)
         free = waiting == 0
-        least = come[free].min() if free.any() else come.min(initial=np.inf)
-        out[:, 1] = self._spreads(come - (least if np.isfinite(least) else 0.0))
+        cheapest = come[free].min() if free.any() else come.min(initial=np.inf)
+        out[:, 1] = self._spreads(come - (cheapest if np.isfinite(cheapest) else 0.0))
         out[:, 2] = ~free
         out[:, 3] = np.log1p(waiting)
         out[:, 4] = between
@@ -476,8 +473,7 @@ class ElementView:
         return out
 
     def _in_a_row(self, before: NDArray[np.bool_], same: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Return how many of the same tool can be done from here with nothing else between."""
-        # What waits for one of another tool, however far back, cannot.
+        """Return the number of elements of the same tool that need no other tool before."""
         blocked = np.asarray((before & ~same).any(axis=0))
         counted: NDArray[np.int64] = (same & ~blocked[None]).sum(axis=1)
         return counted
@@ -485,8 +481,8 @@ class ElementView:
     def _pairs(self, left: NDArray[np.int64], before: NDArray[np.bool_]) -> Figures:
         grid = np.ix_(left, left)
         costs, same = self.costs[grid], self._same[grid]
-        after = self._spreads(costs - _least(costs, 1))
-        ahead = self._spreads(costs - _least(costs, 0))
+        after = self._spreads(costs - _cheapest(costs, 1))
+        ahead = self._spreads(costs - _cheapest(costs, 0))
         waiting = before.sum(axis=0)
         alone = before & (waiting[None] == 1)
         layers = (after, ahead, after.T, ahead.T, before, before.T, same, alone)
@@ -500,13 +496,13 @@ class ElementView:
         return np.clip(differences / self._spread, -_MOST_SPREADS, _MOST_SPREADS)
 
 
-def _least(costs: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    least = costs.min(axis=axis, keepdims=True, initial=np.inf)
-    return np.where(np.isfinite(least), least, 0.0)
+def _cheapest(costs: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    cheapest = costs.min(axis=axis, keepdims=True, initial=np.inf)
+    return np.where(np.isfinite(cheapest), cheapest, 0.0)
 
 
 def _spread(costs: NDArray[np.float64], same: NDArray[np.bool_]) -> float:
-    """Return by how much costs within a tool usually differ; of all where there are too few."""
+    """Return the standard deviation of costs within a tool, or of all costs if too few."""
     for among in (costs[same], costs.ravel()):
         finite = among[np.isfinite(among)]
         if finite.size > 2 and finite.std() > 0:

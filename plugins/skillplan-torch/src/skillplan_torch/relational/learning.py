@@ -1,8 +1,8 @@
-"""Learning by imitation of a teacher that knows what every choice costs.
+"""Imitation of a teacher that knows the cost of every choice on small boards.
 
 AggreVaTe (Ross and Bagnell, "Reinforcement and imitation learning via interactive no-regret
-learning", 2014): the network itself walks, with slips, the teacher says what each choice there
-would have cost, and all that was met so far is learned again.
+learning", 2014): the network rolls out with random deviations, the teacher labels each state with
+the cost of every choice, and the network learns from all states so far.
 """
 
 from __future__ import annotations
@@ -19,29 +19,34 @@ from skillplan.model.skill_model import SkillModel
 from skillplan_torch.relational.elements import (
     ELEMENT_FEATURES,
     PAIR_FEATURES,
+    ElementGraph,
     ElementOrder,
     ElementPaths,
     ElementView,
-    Sight,
 )
 from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
 
-# Its table has 2 ** n * n entries.
+# The teacher's table has 2 ** n * n entries.
 MOST_ELEMENTS = 14
+# Regret of a dead end, in shares of the board's cost.
+DEAD_END = 1.0
+_EPSILON = 1e-6
+
+Choose = Callable[[ElementGraph], int]
 
 
 class CostToGo:
-    """The least cost of what is left, in every order that respects the precedence.
+    """Least cost of the remaining elements, over all orders that respect the precedence.
 
     Parameters
     ----------
     view
-        Of a board of at most `MOST_ELEMENTS` elements that leave no choices.
+        View of a board with at most `MOST_ELEMENTS` elements and no alternatives of precedence.
 
     Raises
     ------
     ValueError
-        If there are more, or an order has to choose between precedences.
+        If there are more elements, or alternatives.
     """
 
     def __init__(self, view: ElementView) -> None:
@@ -54,43 +59,38 @@ class CostToGo:
         self._table = np.full((1 << count, count), np.inf)
         self._fill(count)
 
-    def of_state(self, done: NDArray[np.bool_], sight: Sight) -> NDArray[np.float64]:
-        """Return what is to pay if the next element is each of those seen, shape (n,).
+    def of_state(self, done: NDArray[np.bool_], graph: ElementGraph) -> NDArray[np.float64]:
+        """Return the cost to go for each next element, shape (n,).
 
         Parameters
         ----------
         done
-            Which elements of the task are done.
-        sight
-            What is seen of the state.
+            Whether each element of the task is done.
+        graph
+            Features of the state.
         """
-        mask = int(sum(1 << one for one in np.flatnonzero(done).tolist()))
-        found = np.full(len(sight.elements), np.inf)
-        for place, (one, way) in enumerate(zip(sight.elements.tolist(), sight.ways, strict=True)):
-            if way is not None and not self._before[one] & ~mask:
-                rest = self._view.rest[one]
-                found[place] = way.cost + rest + self._table[mask | 1 << one, one]
-        return found
+        mask = int(sum(1 << element for element in np.flatnonzero(done).tolist()))
+        costs = np.full(len(graph.elements), np.inf)
+        for place, element in enumerate(graph.elements.tolist()):
+            route = graph.routes[place]
+            if route is not None and not self._before[element] & ~mask:
+                rest = self._view.rest[element]
+                costs[place] = route.cost + rest + self._table[mask | 1 << element, element]
+        return costs
 
     def _fill(self, count: int) -> None:
         sets = np.arange(1 << count)
-        sizes = np.array([int(one).bit_count() for one in sets])
+        sizes = np.array([int(members).bit_count() for members in sets])
         self._table[-1] = 0.0
         for size in range(count - 1, 0, -1):
             here = sets[sizes == size]
-            least = np.full((len(here), count), np.inf)
+            cheapest = np.full((len(here), count), np.inf)
             for element in range(count):
-                open_here = ((here >> element & 1) == 0) & ((self._before[element] & ~here) == 0)
-                onward = self._table[here[open_here] | 1 << element, element]
+                rows = ((here >> element & 1) == 0) & ((self._before[element] & ~here) == 0)
+                onward = self._table[here[rows] | 1 << element, element]
                 paid = self._view.costs[:, element] + self._view.rest[element]
-                least[open_here] = np.minimum(least[open_here], onward[:, None] + paid[None])
-            self._table[here] = least
-
-
-# What a choice is worse by that leads nowhere, in shares of what is to pay at the start.
-DEAD_END = 1.0
-
-Choose = Callable[[Sight], int]
+                cheapest[rows] = np.minimum(cheapest[rows], onward[:, None] + paid[None])
+            self._table[here] = cheapest
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ class Board:
     Parameters
     ----------
     model, view, teacher
-        The board, how it is seen, and what is still to pay there.
+        Model, features and cost to go of the board.
     least
-        What the whole of it costs at least, > 0.
+        Its least cost, > 0.
     """
 
     model: SkillModel
@@ -117,110 +117,107 @@ class Board:
         Raises
         ------
         OptionError
-            If it has no elements that could be scored.
+            If it has no elements to score.
         ValueError
-            If it is too large to be taught, or has no plan.
+            If it is too large for the teacher, or has no plan.
         """
         view = ElementView(ElementPaths(model.task), ElementOrder.of(model))
         teacher = CostToGo(view)
-        least = float(teacher.of_state(view.done(model.initial), view(model.initial)).min())
-        if not 0 < least < np.inf:
+        cost = float(teacher.of_state(view.done(model.initial), view(model.initial)).min())
+        if not 0 < cost < np.inf:
             raise ValueError(f"{model.task.name} has no plan to learn from.")
-        return cls(model, view, teacher, least)
+        return cls(model, view, teacher, cost)
 
     def walk(
         self, choose: Choose, chance: np.random.Generator, slips: float
-    ) -> list[tuple[Sight, NDArray[np.float64]]]:
-        """Return what is seen on a way to the goal, and what each choice is worse by.
+    ) -> list[tuple[ElementGraph, NDArray[np.float64]]]:
+        """Return the states of a roll-out to the goal, with the regret of each choice.
 
         Parameters
         ----------
         choose
-            Which of the elements seen is gone for; where that is a dead end, the best is.
+            Choice of the next element; a dead end is replaced by the best choice.
         chance
-            Of slips.
+            Generator of random choices.
         slips
-            Share of choices made at random among those that are no dead ends.
+            Share of random choices, dead ends excluded, in [0, 1].
         """
-        found = []
+        states = []
         state = self.model.initial
         for _ in range(self.model.step_limit):
             if self.model.is_goal(state):
                 break
-            sight = self.view(state)
-            regrets = self.regrets(self.view.done(state), sight)
-            open_ones = np.flatnonzero(regrets < DEAD_END)
-            if sum(way is not None for way in sight.ways) > 1:
-                found.append((sight, regrets))
-                place = choose(sight)
+            graph = self.view(state)
+            regrets = self.regrets(self.view.done(state), graph)
+            safe = np.flatnonzero(regrets < DEAD_END)
+            if sum(route is not None for route in graph.routes) > 1:
+                states.append((graph, regrets))
+                place = choose(graph)
                 if chance.random() < slips:
-                    place = int(chance.choice(open_ones))
+                    place = int(chance.choice(safe))
             else:
-                place = int(open_ones[0])
+                place = int(safe[0])
             if regrets[place] >= DEAD_END:
                 place = int(regrets.argmin())
-            way = sight.ways[place]
-            assert way is not None
-            state = self.model.task.skill(way.first).prediction.apply(state)
-        return found
+            route = graph.routes[place]
+            assert route is not None
+            state = self.model.task.skill(route.first).prediction.apply(state)
+        return states
 
-    def regrets(self, done: NDArray[np.bool_], sight: Sight) -> NDArray[np.float64]:
-        """Return by how much each choice is worse than the best, in shares of the whole."""
-        to_pay = self.teacher.of_state(done, sight)
-        regrets: NDArray[np.float64] = np.minimum((to_pay - to_pay.min()) / self.least, DEAD_END)
+    def regrets(self, done: NDArray[np.bool_], graph: ElementGraph) -> NDArray[np.float64]:
+        """Return the excess cost of each choice over the best, in shares of the board's cost."""
+        costs = self.teacher.of_state(done, graph)
+        regrets: NDArray[np.float64] = np.minimum((costs - costs.min()) / self.least, DEAD_END)
         return regrets
 
 
 @dataclass
 class Lessons:
-    """States met so far, and by how much each choice there is worse than the best."""
+    """States to learn from, with the regret of each choice."""
 
-    _sights: list[Sight] = field(default_factory=list)
+    _graphs: list[ElementGraph] = field(default_factory=list)
     _regrets: list[NDArray[np.float64]] = field(default_factory=list)
 
     def __len__(self) -> int:
-        return len(self._sights)
+        return len(self._graphs)
 
-    def __iter__(self) -> Iterator[tuple[Sight, NDArray[np.float64]]]:
-        return iter(zip(self._sights, self._regrets, strict=True))
+    def __iter__(self) -> Iterator[tuple[ElementGraph, NDArray[np.float64]]]:
+        return iter(zip(self._graphs, self._regrets, strict=True))
 
-    def add(self, met: Sequence[tuple[Sight, NDArray[np.float64]]]) -> None:
-        """Keep what was met."""
-        for sight, regrets in met:
-            self._sights.append(sight)
+    def add(self, states: Sequence[tuple[ElementGraph, NDArray[np.float64]]]) -> None:
+        """Add states of a roll-out."""
+        for graph, regrets in states:
+            self._graphs.append(graph)
             self._regrets.append(regrets)
 
     def batch(self, places: NDArray[np.int64]) -> tuple[torch.Tensor, ...]:
-        """Return features, pairs, who is present, who can be chosen, and regrets, padded."""
-        count, most = len(places), max(len(self._regrets[one]) for one in places)
+        """Return features, pairs, presence, usability and regrets of states, padded."""
+        count, most = len(places), max(len(self._regrets[place]) for place in places)
         features = np.zeros((count, most, len(ELEMENT_FEATURES)), dtype=np.float32)
         pairs = np.zeros((count, most, most, len(PAIR_FEATURES)), dtype=np.float32)
         present = np.zeros((count, most), dtype=np.bool_)
         usable = np.zeros((count, most), dtype=np.bool_)
         regrets = np.full((count, most), DEAD_END, dtype=np.float32)
         for row, place in enumerate(places):
-            sight = self._sights[place]
-            n = len(sight.elements)
-            features[row, :n], pairs[row, :n, :n] = sight.features, sight.pairs
+            graph = self._graphs[place]
+            n = len(graph.elements)
+            features[row, :n], pairs[row, :n, :n] = graph.features, graph.pairs
             present[row, :n] = True
-            usable[row, :n] = [way is not None for way in sight.ways]
+            usable[row, :n] = [route is not None for route in graph.routes]
             regrets[row, :n] = self._regrets[place]
         arrays = (features, pairs, present, usable, regrets)
-        return tuple(torch.from_numpy(one) for one in arrays)
-
-
-_EPSILON = 1e-6
+        return tuple(torch.from_numpy(array) for array in arrays)
 
 
 class TorchNetwork:
-    """Scores padded batches of sights.
+    """`RelationalNetwork` for padded batches, with gradients.
 
     Parameters
     ----------
     size
-        Of the network.
+        Dimensions of the network.
     seed
-        Of the first weights, >= 0.
+        Seed of the initial weights, >= 0.
     """
 
     def __init__(self, size: NetworkSize, seed: int) -> None:
@@ -231,8 +228,8 @@ class TorchNetwork:
             values = np.zeros(shape, dtype=np.float32)
             if len(shape) == 2:
                 gain = 0.1 if name.endswith((".narrow", ".mix", "score.last")) else 1.0
-                drawn = chance.standard_normal(shape) * gain / math.sqrt(shape[0])
-                values = drawn.astype(np.float32)
+                weights = chance.standard_normal(shape) * gain / math.sqrt(shape[0])
+                values = weights.astype(np.float32)
             self.parameters[name] = torch.from_numpy(values).requires_grad_()
 
     def scores(
@@ -247,46 +244,47 @@ class TorchNetwork:
         pairs
             Shape (batch, n, n, features of pairs).
         present
-            Which elements there are, shape (batch, n); the others are padding.
+            False for padding, shape (batch, n).
         """
         own = self.parameters
-        known = torch.relu(features @ own["enter.weight"] + own["enter.bias"])
-        seen = torch.relu(pairs @ own["pair.weight"] + own["pair.bias"])
+        hidden = torch.relu(features @ own["enter.weight"] + own["enter.bias"])
+        related = torch.relu(pairs @ own["pair.weight"] + own["pair.bias"])
         absent = ~present[:, None, None, :]
         for layer in range(self.size.layers):
-            known = known + self._told(layer, _normal(known), seen, absent)
-            wide = _normal(known) @ own[f"{layer}.widen"] + own[f"{layer}.widen_bias"]
-            known = known + torch.relu(wide) @ own[f"{layer}.narrow"] + own[f"{layer}.narrow_bias"]
-        last = torch.relu(_normal(known) @ own["score.weight"] + own["score.bias"])
+            hidden = hidden + self._attend(layer, _normalise(hidden), related, absent)
+            wide = _normalise(hidden) @ own[f"{layer}.widen"] + own[f"{layer}.widen_bias"]
+            narrow = torch.relu(wide) @ own[f"{layer}.narrow"]
+            hidden = hidden + narrow + own[f"{layer}.narrow_bias"]
+        last = torch.relu(_normalise(hidden) @ own["score.weight"] + own["score.bias"])
         return (last @ own["score.last"])[..., 0]
 
     def network(self) -> RelationalNetwork:
-        """Return the network as it is, for numpy."""
+        """Return a copy of the network for numpy."""
         return RelationalNetwork(
             self.size,
-            {name: one.detach().numpy().copy() for name, one in self.parameters.items()},
+            {name: weight.detach().numpy().copy() for name, weight in self.parameters.items()},
         )
 
-    def _told(
-        self, layer: int, known: torch.Tensor, pairs: torch.Tensor, absent: torch.Tensor
+    def _attend(
+        self, layer: int, hidden: torch.Tensor, pairs: torch.Tensor, absent: torch.Tensor
     ) -> torch.Tensor:
         size, own = self.size, self.parameters
-        batch, count = known.shape[:2]
+        batch, count = hidden.shape[:2]
         each = size.width // size.heads
-        parts = (known @ own[f"{layer}.ask"]).reshape(batch, count, 3, size.heads, each)
-        asked, offered, said = (parts[:, :, one].transpose(1, 2) for one in range(3))
-        weights = asked @ offered.transpose(2, 3) / math.sqrt(each)
+        parts = (hidden @ own[f"{layer}.ask"]).reshape(batch, count, 3, size.heads, each)
+        queries, keys, values = (parts[:, :, part].transpose(1, 2) for part in range(3))
+        weights = queries @ keys.transpose(2, 3) / math.sqrt(each)
         weights = weights + (pairs @ own[f"{layer}.weigh"]).permute(0, 3, 1, 2)
         weights = torch.softmax(weights.masked_fill(absent, -1e9), dim=3)
-        # Of every element, by head, what the pairs are that it attends to: (batch, n, heads, pair).
-        weighed = weights.permute(0, 2, 1, 3) @ pairs
-        of_pairs = own[f"{layer}.tell"].reshape(size.pair_width, size.heads, each)
-        told = (weights @ said).transpose(1, 2)
-        told = told + torch.einsum("bihp,phd->bihd", weighed, of_pairs)
-        return told.reshape(batch, count, size.width) @ own[f"{layer}.mix"]
+        # Weighted pairs of every element and head, shape (batch, n, heads, pair width).
+        weighted = weights.permute(0, 2, 1, 3) @ pairs
+        widening = own[f"{layer}.tell"].reshape(size.pair_width, size.heads, each)
+        messages = (weights @ values).transpose(1, 2)
+        messages = messages + torch.einsum("bihp,phd->bihd", weighted, widening)
+        return messages.reshape(batch, count, size.width) @ own[f"{layer}.mix"]
 
 
-def _normal(values: torch.Tensor) -> torch.Tensor:
+def _normalise(values: torch.Tensor) -> torch.Tensor:
     return values / torch.sqrt((values * values).mean(dim=-1, keepdim=True) + _EPSILON)
 
 
@@ -296,11 +294,11 @@ class RelationalLearning:
     Parameters
     ----------
     boards
-        At least one.
+        At least one board.
     size
-        Of the network.
+        Dimensions of the network.
     seed
-        Governs all randomness, >= 0.
+        Seed of all randomness, >= 0.
     batch, learning_rate, slips, sharpness
         As in `RelationalOptions`.
     """
@@ -327,38 +325,38 @@ class RelationalLearning:
 
     @property
     def network(self) -> RelationalNetwork:
-        """What has been learned so far."""
+        """The current network."""
         return self._torch.network()
 
     @property
     def states(self) -> int:
-        """How many states have been met."""
+        """Number of states to learn from."""
         return len(self._lessons)
 
     def walk(self, boards: Sequence[Board] | None = None) -> None:
-        """Meet states on the boards: at first on ways at random, then on the network's."""
-        choose = self._at_random if not self._lessons else self._greedy(self.network)
+        """Add states of roll-outs on the boards: first random ones, then the network's."""
+        choose = self._choose_random if not self._lessons else self._greedy_choice(self.network)
         for board in self._boards if boards is None else boards:
             self._lessons.add(board.walk(choose, self._chance, self._slips))
 
     def learn(self, updates: int, stop: Callable[[], bool], share: tuple[float, float]) -> float:
-        """Update from what has been met; return the mean regret of the last ones.
+        """Update from the states; return the mean regret of the last updates.
 
         Parameters
         ----------
         updates
-            How many.
+            Number of updates.
         stop
             Whether to stop early.
         share
-            Which share of all that will be learned this is, from and to: the step size falls.
+            Begin and end of this round as shares of the training; the learning rate falls.
         """
         losses = []
         for update in range(updates):
             if stop():
                 break
-            at = share[0] + (share[1] - share[0]) * update / updates
-            self._adam.param_groups[0]["lr"] = self._rate * max(0.02, 1.0 - at)
+            progress = share[0] + (share[1] - share[0]) * update / updates
+            self._adam.param_groups[0]["lr"] = self._rate * max(0.02, 1.0 - progress)
             places = self._chance.integers(len(self._lessons), size=self._batch)
             loss, regret = self._loss(self._lessons.batch(places))
             self._adam.zero_grad()
@@ -370,23 +368,27 @@ class RelationalLearning:
         return float(np.mean(losses[-50:])) if losses else float("nan")
 
     def _loss(self, batch: tuple[torch.Tensor, ...]) -> tuple[torch.Tensor, float]:
-        """Return the loss: the teacher's soft choice, and the regret that is to be expected."""
+        """Return the loss and the expected regret.
+
+        The loss is the cross entropy to the teacher's soft choice plus the expected regret.
+        """
         features, pairs, present, usable, regrets = batch
         scores = self._torch.scores(features, pairs, present).masked_fill(~usable, -1e9)
         logs = torch.log_softmax(scores, dim=1)
-        wanted = torch.softmax((-self._sharpness * regrets).masked_fill(~usable, -1e9), dim=1)
+        choice = torch.softmax((-self._sharpness * regrets).masked_fill(~usable, -1e9), dim=1)
         expected = (logs.exp() * regrets).sum(dim=1)
-        crossed = -(wanted * logs).sum(dim=1)
-        return (crossed + self._sharpness * expected).mean(), float(expected.detach().mean())
+        cross_entropy = -(choice * logs).sum(dim=1)
+        loss = (cross_entropy + self._sharpness * expected).mean()
+        return loss, float(expected.detach().mean())
 
-    def _at_random(self, sight: Sight) -> int:
-        usable = [place for place, way in enumerate(sight.ways) if way is not None]
+    def _choose_random(self, graph: ElementGraph) -> int:
+        usable = [place for place, route in enumerate(graph.routes) if route is not None]
         return int(self._chance.choice(usable))
 
     @staticmethod
-    def _greedy(network: RelationalNetwork) -> Callable[[Sight], int]:
-        def choose(sight: Sight) -> int:
-            usable = np.array([way is not None for way in sight.ways])
-            return int(np.argmax(np.where(usable, network.scores(sight), -np.inf)))
+    def _greedy_choice(network: RelationalNetwork) -> Callable[[ElementGraph], int]:
+        def choose(graph: ElementGraph) -> int:
+            usable = np.array([route is not None for route in graph.routes])
+            return int(np.argmax(np.where(usable, network.scores(graph), -np.inf)))
 
         return choose

@@ -1,8 +1,8 @@
 """A network over elements and their relations, evaluated with numpy alone.
 
-Attention whose weights and messages depend on the pair (after Vaswani et al., "Attention is all
-you need", 2017, and Shaw et al., "Self-attention with relative position representations", 2018);
-scores of n elements, independent of their order and defined for every n.
+Attention with weights and messages that depend on the pair (Vaswani et al., "Attention is all you
+need", 2017; Shaw et al., "Self-attention with relative position representations", 2018). It scores
+any number of elements, independent of their order.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from skillplan.task.state import State
 from skillplan_torch.relational.elements import (
     ELEMENT_FEATURES,
     PAIR_FEATURES,
+    ElementGraph,
     ElementOrder,
     ElementPaths,
     ElementView,
-    Sight,
 )
 
 Figures = NDArray[np.float32]
@@ -34,18 +34,18 @@ _EPSILON = 1e-6
 
 @dataclass(frozen=True)
 class NetworkSize:
-    """How large a relational network is.
+    """Dimensions of a relational network.
 
     Parameters
     ----------
     width
-        Of what is known of an element, a multiple of `heads`.
+        Units per element, a multiple of `heads`.
     heads
-        How many weightings of the other elements there are.
+        Attention heads.
     layers
-        How often elements tell each other what they know.
+        Attention layers.
     pair_width
-        Of what is known of a pair.
+        Units per pair.
     """
 
     width: int = 64
@@ -56,7 +56,7 @@ class NetworkSize:
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the shapes of all arrays by name."""
         width, pair = self.width, self.pair_width
-        found: dict[str, tuple[int, ...]] = {
+        shapes: dict[str, tuple[int, ...]] = {
             "enter.weight": (len(ELEMENT_FEATURES), width),
             "enter.bias": (width,),
             "pair.weight": (len(PAIR_FEATURES), pair),
@@ -66,7 +66,7 @@ class NetworkSize:
             "score.last": (width, 1),
         }
         for layer in range(self.layers):
-            found |= {
+            shapes |= {
                 f"{layer}.ask": (width, 3 * width),
                 f"{layer}.weigh": (pair, self.heads),
                 f"{layer}.tell": (pair, width),
@@ -76,19 +76,19 @@ class NetworkSize:
                 f"{layer}.narrow": (2 * width, width),
                 f"{layer}.narrow_bias": (width,),
             }
-        return found
+        return shapes
 
 
 @dataclass(frozen=True)
 class RelationalNetwork(FamilyPolicy):
-    """Scores elements; the greedy policy goes to the best of those that can be begun.
+    """Scores elements; the greedy policy goes to the best element that can be begun.
 
     Parameters
     ----------
     size
-        Of the network.
+        Dimensions of the network.
     arrays
-        By name, as `NetworkSize.shapes` says, float32.
+        Weights by name, float32; shapes as in `NetworkSize.shapes`.
 
     Raises
     ------
@@ -102,10 +102,10 @@ class RelationalNetwork(FamilyPolicy):
     arrays: Mapping[str, Figures]
 
     def __post_init__(self) -> None:
-        wanted = self.size.shapes()
-        if set(wanted) != set(self.arrays):
+        shapes = self.size.shapes()
+        if set(shapes) != set(self.arrays):
             raise ValueError("The arrays of a relational network have other names.")
-        for name, shape in wanted.items():
+        for name, shape in shapes.items():
             array = self.arrays[name]
             if array.shape != shape or array.dtype != np.float32:
                 raise ValueError(f"{name} is {array.dtype} {array.shape}, not float32 {shape}.")
@@ -131,69 +131,69 @@ class RelationalNetwork(FamilyPolicy):
         """Return the greedy choice on a task; raises what `ElementChoice` raises."""
         return ElementChoice(self, model)
 
-    def scores(self, sight: Sight) -> Figures:
-        """Return a score for every element that is seen, shape (n,)."""
+    def scores(self, graph: ElementGraph) -> Figures:
+        """Return a score for every element, shape (n,)."""
         arrays, size = self.arrays, self.size
-        known = _rectified(sight.features @ arrays["enter.weight"] + arrays["enter.bias"])
-        pairs = _rectified(sight.pairs @ arrays["pair.weight"] + arrays["pair.bias"])
+        hidden = _rectify(graph.features @ arrays["enter.weight"] + arrays["enter.bias"])
+        pairs = _rectify(graph.pairs @ arrays["pair.weight"] + arrays["pair.bias"])
         for layer in range(size.layers):
-            known = known + self._told(layer, _normal(known), pairs)
-            wide = _normal(known) @ arrays[f"{layer}.widen"] + arrays[f"{layer}.widen_bias"]
-            known = known + _rectified(wide) @ arrays[f"{layer}.narrow"]
-            known = known + arrays[f"{layer}.narrow_bias"]
-        last = _rectified(_normal(known) @ arrays["score.weight"] + arrays["score.bias"])
+            hidden = hidden + self._attend(layer, _normalise(hidden), pairs)
+            wide = _normalise(hidden) @ arrays[f"{layer}.widen"] + arrays[f"{layer}.widen_bias"]
+            hidden = hidden + _rectify(wide) @ arrays[f"{layer}.narrow"]
+            hidden = hidden + arrays[f"{layer}.narrow_bias"]
+        last = _rectify(_normalise(hidden) @ arrays["score.weight"] + arrays["score.bias"])
         scores: Figures = (last @ arrays["score.last"])[:, 0]
         return scores
 
-    def _told(self, layer: int, known: Figures, pairs: Figures) -> Figures:
-        """Return what elements tell each other, shape (n, width)."""
-        size, count = self.size, len(known)
+    def _attend(self, layer: int, hidden: Figures, pairs: Figures) -> Figures:
+        """Return the messages that elements receive, shape (n, width)."""
+        size, count = self.size, len(hidden)
         each = size.width // size.heads
-        parts = (known @ self.arrays[f"{layer}.ask"]).reshape(count, 3, size.heads, each)
-        asked, offered, said = parts[:, 0], parts[:, 1], parts[:, 2]
-        weights = np.einsum("ihd,jhd->hij", asked, offered) / np.float32(np.sqrt(each))
+        parts = (hidden @ self.arrays[f"{layer}.ask"]).reshape(count, 3, size.heads, each)
+        queries, keys, values = parts[:, 0], parts[:, 1], parts[:, 2]
+        weights = np.einsum("ihd,jhd->hij", queries, keys) / np.float32(np.sqrt(each))
         weights = weights + (pairs @ self.arrays[f"{layer}.weigh"]).transpose(2, 0, 1)
         weights = np.exp(weights - weights.max(axis=2, keepdims=True))
         weights = weights / weights.sum(axis=2, keepdims=True)
-        told = np.matmul(weights, said.transpose(1, 0, 2))
-        # What is said of a pair is linear, so that pairs are weighed before they are widened.
-        weighed = np.einsum("hij,ijp->hip", weights, pairs)
-        of_pairs = self.arrays[f"{layer}.tell"].reshape(size.pair_width, size.heads, each)
-        told = told + np.matmul(weighed, of_pairs.transpose(1, 0, 2))
-        heard: Figures = told.transpose(1, 0, 2).reshape(count, size.width)
-        return heard @ self.arrays[f"{layer}.mix"]
+        messages = np.matmul(weights, values.transpose(1, 0, 2))
+        # Messages of pairs are linear, so pairs are weighted before they are widened.
+        weighted = np.einsum("hij,ijp->hip", weights, pairs)
+        widening = self.arrays[f"{layer}.tell"].reshape(size.pair_width, size.heads, each)
+        messages = messages + np.matmul(weighted, widening.transpose(1, 0, 2))
+        joined: Figures = messages.transpose(1, 0, 2).reshape(count, size.width)
+        return joined @ self.arrays[f"{layer}.mix"]
 
 
-def _rectified(values: Figures) -> Figures:
-    found: Figures = np.maximum(values, np.float32(0.0))
-    return found
+def _rectify(values: Figures) -> Figures:
+    rectified: Figures = np.maximum(values, np.float32(0.0))
+    return rectified
 
 
-def _normal(values: Figures) -> Figures:
+def _normalise(values: Figures) -> Figures:
     """Return rows of root mean square 1."""
     squares = (values * values).mean(axis=-1, keepdims=True)
-    found: Figures = values / np.sqrt(squares + np.float32(_EPSILON))
-    return found
+    rows: Figures = values / np.sqrt(squares + np.float32(_EPSILON))
+    return rows
 
 
 class ElementChoice:
-    """Goes to the element of the best score, by the first skill of the way there.
+    """Goes to the element of the best score, by the first skill of its route.
 
-    A skill's score is the best score of the elements that it leads to. Only applicable skills
-    count; of equals the first. Back ends are queried for the precedence only, here and never
-    again.
+    The score of a skill is the best score of the elements whose routes begin with it. Only
+    applicable skills count; of equals the first. Back ends are queried for the precedence only,
+    once.
 
     Parameters
     ----------
     network
-        What scores.
+        Network that scores elements.
     model
-        Of the task.
+        Model of the task.
 
     Raises
     ------
     OptionError
-        If the task has no elements that could be scored.
+        If the task has no elements to score.
     BackEndError
         If a back end fails.
     """
@@ -204,18 +204,18 @@ class ElementChoice:
         self.view = ElementView(paths, ElementOrder.of(model))
 
     def scores(self, state: State) -> dict[str, float]:
-        """Return the score of every applicable skill; minus infinity of one that leads nowhere."""
-        found = {skill.name: -np.inf for skill in self._model.applicable(state)}
-        sight = self.view(state)
-        if not len(sight.elements):
-            return found
-        for way, score in zip(sight.ways, self._network.scores(sight).tolist(), strict=True):
-            if way is not None and way.first in found:
-                found[way.first] = max(found[way.first], score)
-        return found
+        """Return the score of every applicable skill; minus infinity if it leads nowhere."""
+        scores = {skill.name: -np.inf for skill in self._model.applicable(state)}
+        graph = self.view(state)
+        if not len(graph.elements):
+            return scores
+        for route, score in zip(graph.routes, self._network.scores(graph).tolist(), strict=True):
+            if route is not None and route.first in scores:
+                scores[route.first] = max(scores[route.first], score)
+        return scores
 
     def __call__(self, state: State) -> Skill:
-        """Return the skill that is taken in a state; the task's first where none is applicable."""
+        """Return the skill for a state; the task's first if none is applicable."""
         applicable = self._model.applicable(state)
         if len(applicable) == 1:
             return applicable[0]

@@ -1,4 +1,4 @@
-"""The solver `relational`: learns one policy on many boards, and follows it on any other."""
+"""The solver `relational`: one policy for boards of any size."""
 
 from __future__ import annotations
 
@@ -21,40 +21,37 @@ from skillplan_torch.relational.network import NetworkSize, RelationalNetwork
 
 
 class RelationalOptions(back_end.Options):
-    """How much is learned, how large the network is, and what a stored one follows."""
+    """Options of `relational`."""
 
     run: str = Field(
         default="",
-        description="where it solves a task: the folder of a policy that `train --family "
-        "generated:LEAST-MOST` has written",
+        description="folder of a policy that `train --family generated:LEAST-MOST` has written; "
+        "needed to solve a task",
     )
-    boards: int = Field(
-        default=600, ge=1, le=100_000, description="how many boards are learned on [-]"
-    )
+    boards: int = Field(default=600, ge=1, le=100_000, description="boards to learn on [-]")
     rounds: int = Field(
         default=6,
         ge=1,
         le=1_000,
-        description="rounds of walking on all boards and learning from all that was met [-]",
+        description="rounds of roll-outs on all boards, each followed by updates [-]",
     )
     updates: int = Field(default=400, ge=1, le=1_000_000, description="updates of a round [-]")
     batch: int = Field(default=256, ge=1, le=65_536, description="states of an update [-]")
     learning_rate: float = Field(
-        default=1e-3, gt=0.0, le=1.0, description="step size of Adam at first; it falls to 0 [-]"
+        default=1e-3, gt=0.0, le=1.0, description="initial learning rate of Adam; it falls to 0 [-]"
     )
     slips: float = Field(
         default=0.15,
         ge=0.0,
         le=1.0,
-        description="share of choices at random on a walk, so that the teacher also says what to "
-        "do off the network's way [-]",
+        description="share of random choices in roll-outs, so that the network also learns from "
+        "states off its own plan [-]",
     )
     sharpness: float = Field(
         default=100.0,
         gt=0.0,
         le=1e6,
-        description="how much a choice is to be preferred, per share of the board's cost that it "
-        "spares [-]",
+        description="preference for a choice per share of the board's cost that it saves [-]",
     )
     width: int = Field(
         default=64, ge=4, le=1024, multiple_of=4, description="width of the network [-]"
@@ -78,20 +75,20 @@ class RelationalSolver(FamilyLearner):
 
     @property
     def boards(self) -> int:
-        """How many boards it wants to learn on."""
+        """Number of boards to learn on."""
         return self.options.boards
 
     @property
     def steps(self) -> int:
-        """How many rounds it learns."""
+        """Number of rounds."""
         return self.options.rounds
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where no policy is named."""
+        """Return a reason if no policy is given."""
         return None if self.options.run else _UNTRAINED
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Follow the policy greedily; nothing is claimed of the plan but its cost."""
+        """Follow the policy greedily; the solution claims no bound."""
         if not self.options.run:
             raise OptionError(f"relational: {_UNTRAINED}.")
         stored = read_relational(Path(self.options.run), lambda _: type(self))
@@ -110,7 +107,7 @@ class RelationalSolver(FamilyLearner):
     def learn(
         self, boards: Iterable[SkillModel], seed: int, on_step: Callable[[], None]
     ) -> FamilyLesson:
-        """Learn in rounds: walk on all boards, then learn from all that was met so far."""
+        """Learn in rounds: roll out on all boards, then update from all states so far."""
         # Only learning needs torch; a stored policy is evaluated with numpy.
         import torch
 
@@ -118,18 +115,18 @@ class RelationalSolver(FamilyLearner):
 
         options = self.options
         torch.set_num_threads(1)
-        taught: list[Board] = []
+        learnable: list[Board] = []
         for model in boards:
-            if self.stop() and taught:
+            if self.stop() and learnable:
                 break
             try:
-                taught.append(Board.of(model))
+                learnable.append(Board.of(model))
             except ValueError as error:
                 raise OptionError(
                     f"relational cannot learn on {model.task.name}: {error}"
                 ) from None
         learning = RelationalLearning(
-            taught,
+            learnable,
             NetworkSize(width=options.width, layers=options.layers),
             seed,
             batch=options.batch,
@@ -146,10 +143,10 @@ class RelationalSolver(FamilyLearner):
             regrets.append(learning.learn(options.updates, self.stop, share))
             on_step()
         trace = {
-            "boards": len(taught),
+            "boards": len(learnable),
             "states": learning.states,
             "updates": learning.updates,
             "rounds": len(regrets),
-            "regrets": [one for one in regrets if one == one],
+            "regrets": [regret for regret in regrets if regret == regret],
         }
         return FamilyLesson(learning.network, trace)
