@@ -60,7 +60,7 @@ def imitation_weight(progress: float) -> float:
 def margin_loss(
     values_of: Callable[[torch.Tensor], torch.Tensor], steps: CheapestSteps
 ) -> torch.Tensor:
-    """Return by how much actions of the cheapest episodes miss the margin, given all values."""
+    """Return the shortfall of the cheapest episodes' actions from the margin."""
     if not steps.shares.any():
         return torch.zeros(())
     rivals = steps.masks.copy()
@@ -122,9 +122,9 @@ class Branching:
         length
             Steps of its episode.
         values, allowed, visits
-            Of all actions, shape (actions,); values are -inf if not allowed.
+            Shape (actions,); values are -inf if not allowed.
         untried
-            Whether only untried actions count.
+            True if only untried actions count.
         """
         if length < self.depths[run]:
             return None
@@ -187,7 +187,7 @@ class Plans:
         )
 
     def begin_episode(self, run: int, step: int) -> None:
-        """Plan a run's next episode after so many steps."""
+        """Plan a run's next episode; `step` is the number of steps so far."""
         self._episodes.begin_episode(run)
         if not self._episodes.is_settled(run):
             self._settled_steps[run] = None

@@ -91,7 +91,7 @@ class NetworkOptions(LearnerOptions):
 
     @classmethod
     def upgrade(cls, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of a stored training; those of version 0.2 get what it did then."""
+        """Return the options of a stored training, with version 0.2's behaviour if it is older."""
         missing = cls.model_fields.keys() - stored.keys()
         legacy = bool(cls.LEGACY) and missing == cls.LEGACY.keys()
         return {**cls.LEGACY, **stored} if legacy else dict(stored)
@@ -168,7 +168,7 @@ class NetworkTraining(EpisodeTraining):
 
 @dataclass(frozen=True)
 class RewardScaling:
-    """Splits rewards into those of steps, for their costs, and those of ends.
+    """Splits rewards into step rewards, for costs, and end rewards.
 
     Rewards of the two kinds differ a thousandfold. Learners therefore scale rewards of steps to
     a typical one, and have their own rewards for ends.
@@ -181,7 +181,7 @@ class RewardScaling:
         Factor of the reward for the last skill's cost that the environment left out; 0 if it gave
         that reward.
     counts_last
-        Whether to add that reward on completion. Without it, as in Table II of Moller et al., the
+        True to add that reward on completion. Without it, as in Table II of Moller et al., the
         path of most reward ends with a long motion.
     typical
         Mean loss of a skill at the start of the task, >= 0.

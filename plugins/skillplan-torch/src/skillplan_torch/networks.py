@@ -138,7 +138,7 @@ class BatchedNetwork:
         """
         for mine, weight in zip(self._arrays[::2], network.weights, strict=True):
             if mine.shape[1] != weight.shape[0] or mine.shape[2] < weight.shape[1]:
-                raise ValueError("The layers of the network are not those of the training.")
+                raise ValueError("The layers of the network differ from the training's.")
             mine[run, :, : weight.shape[1]] = weight
         for mine, bias in zip(self._arrays[1::2], network.biases, strict=True):
             mine[run, 0, : len(bias)] = bias

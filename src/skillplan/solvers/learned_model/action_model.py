@@ -4,8 +4,8 @@ Actions set and clear bits and need conjunctions of literals (Walsh and Littman,
 learning of action schemas and web-service descriptions", 2008). The cost of an action depends on
 the action before it, because it depends on where the robot is.
 
-A literal is an observed bit, or its negation; sets of literals are packed in words: first the
-bits that are set, then those that are not.
+A literal is an observed bit or its negation. Sets of literals are packed in words: first the set
+bits, then the unset ones.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Conditions:
     Attributes
     ----------
     succeeded
-        Whether an action ever succeeded, shape (actions,).
+        True for actions that ever succeeded, shape (actions,).
     needed
         Literals without one of which an action certainly fails, shape (actions, words).
     """
@@ -83,7 +83,7 @@ class Conditions:
         # Literals that held at every success.
         self._held = np.full((actions, words), np.uint64(2**64 - 1))
         none = np.zeros((0, words), dtype=np.uint64)
-        # Of every failure the literals that did not hold, and those that may explain it.
+        # For every failure the literals that did not hold, and the possible explanations.
         self._failures, self._lacking = [none] * actions, [none] * actions
         # Literals that each literal implies.
         self._implied = np.zeros((_WORD * words, words), dtype=np.uint64)
@@ -93,7 +93,7 @@ class Conditions:
     def imply(self, implied: Words) -> None:
         """Set the literals that each literal implies, shape (64 * words, words).
 
-        An action that needs a literal is not said to need an implied one.
+        If an action may need a literal, its implied literals are not considered.
         """
         if (implied != self._implied).any():
             self._implied = implied.copy()
@@ -242,7 +242,7 @@ class ActionModel:
         self._sets, self._clears = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         # Bits that lasted through an action that does not set them.
         self._lasted = np.zeros(self.words, np.uint64)
-        # How often a step cleared each bit, unless the bit is known to last.
+        # Number of steps that cleared each bit, unless the bit is known to last.
         self._lost = np.zeros(self.words * _WORD, np.int64)
         # Literals that an action made true, and false.
         self._made, self._undone = np.zeros((2, 2 * self.words), np.uint64)
@@ -256,7 +256,7 @@ class ActionModel:
 
     @property
     def completed(self) -> bool:
-        """Whether an episode has completed the task."""
+        """True if an episode has completed the task."""
         return self._goal is not None
 
     @property
@@ -298,7 +298,7 @@ class ActionModel:
             self.allowed.succeed(np.flatnonzero(mask), literals)
             self.allowed.fail_all(np.flatnonzero(~mask), literals)
         elif self.allowed.succeeded.any():
-            # A mask that allows nothing arrives as one that allows everything.
+            # `allowing` has turned an empty mask into a full one.
             self.allowed.fail_all(np.arange(self._actions), literals)
 
     def forbid(self, bits: Words, action: int) -> None:
@@ -325,7 +325,7 @@ class ActionModel:
         cost
             Its cost.
         complete
-            Whether it completed the task.
+            True if it completed the task.
         """
         literals, result = self.literals(bits), self.literals(after)
         self.feasible.succeed(np.array([action]), literals)
@@ -364,7 +364,7 @@ class ActionModel:
         hope
             Unseen costs, as a share of the action's least known cost, in [0, 1].
         conjunctions
-            Whether actions need conjunctions to succeed; otherwise they fail only at
+            True if actions need conjunctions to succeed; otherwise they fail only at
             observations at which they have failed, passing bits disregarded.
         """
         allowed, feasible = self.allowed.compile(), self.feasible.compile()
@@ -387,7 +387,7 @@ class ActionModel:
     def progress(self, costs: NDArray[np.float64]) -> tuple[Words, NDArray[np.float64]]:
         """Return the literals that count as progress, and the least cost of each.
 
-        Only one literal counts among those that the same actions make true.
+        Among literals that the same actions make true, only one counts.
 
         Parameters
         ----------
@@ -399,14 +399,14 @@ class ActionModel:
         counted, weights
             Shapes (2 * words,) and (2 * words * 64,).
         """
-        least = costs.min(axis=0)
+        cheapest = costs.min(axis=0)
         weights = np.zeros(2 * self.words * _WORD)
         counted = np.zeros(2 * self.words, np.uint64)
         for makers, literals in self._group_by_makers(
             self.goal if self.completed else self.lasting
         ):
             counted |= _literal(literals[0], 2 * self.words)
-            weights[literals[0]] = least[makers].min()
+            weights[literals[0]] = cheapest[makers].min()
         return counted, weights
 
     def doubts(self) -> list[Words]:
@@ -487,9 +487,9 @@ class ActionModel:
         known = ~np.isnan(self._costs)
         if not known.any():
             return np.zeros_like(self._costs)
-        least = np.where(known, self._costs, np.inf).min(axis=0)
-        least = np.where(np.isfinite(least), least, self._costs[known].min())
-        return np.where(known, self._costs, hope * self._factors * least)
+        cheapest = np.where(known, self._costs, np.inf).min(axis=0)
+        cheapest = np.where(np.isfinite(cheapest), cheapest, self._costs[known].min())
+        return np.where(known, self._costs, hope * self._factors * cheapest)
 
     def _own_arrays(self) -> Arrays:
         """Return the arrays by their names in a snapshot."""

@@ -22,8 +22,8 @@ GOAL, FAILURE = -1, -2
 
 # Cost to go after a failed action, in units of the greatest cost of a step times the step limit.
 _FAILURE_FACTOR = 10.0
-# Cost of every step beside its own, in units of the greatest: cycles without cost, such as tool
-# changes at one place, must not look as good as progress. The second one only breaks ties.
+# Additional cost of every step, in units of the greatest: cycles without cost, such as tool
+# changes at one place, must not look as good as progress. The second value only breaks ties.
 _EXPLORING_COST, _TIE_COST = 0.02, 1e-7
 # Most sweeps of value iteration; it stops when values change by less, relative to a failure.
 _MOST_SWEEPS = 1_000

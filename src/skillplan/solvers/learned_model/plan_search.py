@@ -162,7 +162,7 @@ def _apply(rules: Rules, action: int, before: Words, after: Words) -> bool:
 
 @compiled
 def _count_gain(counted: Words, before: Words, after: Words) -> int:
-    """Return how many more literals of progress hold after than before."""
+    """Return the increase of the number of literals of progress that hold."""
     words, gain = len(before), 0
     for word in range(words):
         up, down = after[word] & ~before[word], before[word] & ~after[word]

@@ -63,11 +63,11 @@ class _Planner:
     stage
         Index of the current stage.
     settled
-        Whether no better plan is found.
+        True if no better plan is found.
     against
         Number of plans against the learned conjunctions.
     learned
-        Whether a plan was executed since the stages began anew.
+        True if a plan was executed since the stages began anew.
     """
 
     model: ActionModel
@@ -142,7 +142,7 @@ class PlannedEpisodes:
         planner.settled = not planner.plan
 
     def action(self, run: int, index: int, last: int, length: int) -> int | None:
-        """Return the next action; None if nothing can be planned.
+        """Return the next action; None without a plan.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ class PlannedEpisodes:
         cost
             Its cost.
         complete
-            Whether it completed the task.
+            True if it completed the task.
         """
         planner = self._planners[run]
         if planner.model.contradicted.any():
@@ -225,7 +225,7 @@ class PlannedEpisodes:
         return planner.bits[index]
 
     def _seek(self, planner: _Planner) -> None:
-        """Plan a cheaper episode, or one that tests the goal."""
+        """Plan a cheaper episode, or an episode that tests the goal."""
         while planner.stage < len(self._stages):
             conjunctions = self._stages[planner.stage].conjunctions
             if conjunctions or planner.against < _MOST_AGAINST:
@@ -235,7 +235,7 @@ class PlannedEpisodes:
                 planner.against += not conjunctions
                 planner.learned = True
                 return
-            # There is no plan, or the same one as before, which taught nothing.
+            # No plan was found, or the previous one, which taught nothing.
             planner.plan = []
             planner.stage += 1
         planner.stage = 0

@@ -108,7 +108,7 @@ class LearnedModelTraining(EpisodeTraining):
         self._observe(observations, infos["action_mask"])
 
     def advance(self, steps: int) -> list[Episode]:
-        """Take so many environment steps in every run; return the episodes that ended."""
+        """Take environment steps in every run; return the episodes that ended."""
         ended: list[Episode] = []
         for _ in range(steps):
             before = self._at

@@ -39,7 +39,7 @@ class Environment(NamedTuple):
     rewards
         Reward of every outcome, shape (k,).
     ends
-        Whether an episode ends in a state, shape (n,).
+        True for states in which an episode ends, shape (n,).
     final
         Value of a state in which an episode ends, shape (n,): 0 at the goal.
     starts
@@ -139,7 +139,7 @@ def td_episodes(
     env: Environment,
     schedule: Schedule,
     rule: int,
-    begun: int,
+    previous: int,
     q: Floats,
     stream: Stream,
     lengths: Integers,
@@ -154,7 +154,7 @@ def td_episodes(
         A `Schedule`.
     rule
         `SARSA`, `EXPECTED_SARSA` or `Q_LEARNING`.
-    begun
+    previous
         Episodes run before.
     q
         Value of every row, shape (m,); changed.
@@ -171,8 +171,8 @@ def td_episodes(
         if not ends[state]:
             best[state] = _greedy(q, rows[state], rows[state + 1])
     for episode in range(len(lengths)):
-        alpha = schedule.alpha + schedule.alpha_change * (begun + episode)
-        epsilon = schedule.epsilon + schedule.epsilon_change * (begun + episode)
+        alpha = schedule.alpha + schedule.alpha_change * (previous + episode)
+        epsilon = schedule.epsilon + schedule.epsilon_change * (previous + episode)
         state = starts[_below(stream, len(starts))]
         row = _explore(rows, state, best[state], epsilon, stream)
         steps = 0
@@ -212,7 +212,7 @@ def td_episodes(
 def monte_carlo_episodes(
     env: Environment,
     schedule: Schedule,
-    begun: int,
+    previous: int,
     q: Floats,
     seen: Integers,
     taken: Integers,
@@ -228,7 +228,7 @@ def monte_carlo_episodes(
 
     Parameters
     ----------
-    env, schedule, begun, q, stream, lengths
+    env, schedule, previous, q, stream, lengths
         As in `td_episodes`.
     seen
         Scratch, shape (m,): the step at which a row was first taken in this episode, -1 outside.
@@ -238,8 +238,8 @@ def monte_carlo_episodes(
     rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
     gamma, max_steps = schedule.gamma, schedule.max_steps
     for episode in range(len(lengths)):
-        alpha = schedule.alpha + schedule.alpha_change * (begun + episode)
-        epsilon = schedule.epsilon + schedule.epsilon_change * (begun + episode)
+        alpha = schedule.alpha + schedule.alpha_change * (previous + episode)
+        epsilon = schedule.epsilon + schedule.epsilon_change * (previous + episode)
         state = starts[_below(stream, len(starts))]
         first, end = rows[state], rows[state + 1]
         row = first + _below(stream, end - first)

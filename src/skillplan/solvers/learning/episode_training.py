@@ -79,9 +79,9 @@ class EpisodeRecord:
     costs, rewards
         Cost and environment reward of every step.
     greedy
-        Whether all actions were the policy's own.
+        True if all actions were the policy's own.
     planned
-        Whether an action was planned with a learned model.
+        True if an action was planned with a learned model.
     """
 
     indices: list[int] = field(default_factory=list)
@@ -175,7 +175,7 @@ class CompletedEpisode:
     actions: NDArray[np.int64]
 
     def is_followed_by(self, policy: NetworkPolicy) -> bool:
-        """Whether a policy takes the same actions throughout."""
+        """Return whether a policy takes the same actions throughout."""
         # Scores of a diverged network overflow; the training reports it.
         with np.errstate(over="ignore", invalid="ignore"):
             greedy = policy.greedy(self.observations, self.masks)
@@ -202,7 +202,7 @@ class CheapestSteps(NamedTuple):
 class BestPolicies:
     """Keeps every run's cheapest evaluated policy and cheapest episode.
 
-    Without chance, a policy that takes the actions of an episode costs what the episode cost.
+    Without chance, a policy that takes the actions of an episode costs as much as the episode.
     Every finished episode is therefore an evaluation: the current policy is compared with it and
     with the cheapest episode so far. Moller et al., section 5, evaluate the best model of a
     session.
@@ -212,7 +212,7 @@ class BestPolicies:
     runs
         Number of runs.
     keeps
-        Whether one episode shows the cost of a policy; otherwise no policy is kept.
+        True if one episode shows the cost of a policy; otherwise no policy is kept.
     """
 
     def __init__(self, runs: int, *, keeps: bool) -> None:
@@ -286,7 +286,7 @@ class BestPolicies:
         return steps
 
     def learned(self, run: int, last: NetworkPolicy) -> Learned:
-        """Return what a run has learned, given its current policy."""
+        """Return a run's policies, given the current one."""
         best = self._best[run]
         return Learned(last) if best is None else Learned(last, best[2], best[0], best[1])
 

@@ -1,7 +1,7 @@
-"""The interface of deep learners: solvers that train several runs side by side and can resume.
+"""Interface of learners: solvers that train several runs together and can resume.
 
-`skillplan train` drives them: it says how many steps to take, stores their snapshots, and resumes
-from these. They neither write files nor grade themselves.
+`skillplan train` advances their trainings, stores snapshots and resumes from them. Learners
+neither write files nor evaluate themselves.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from skillplan.solvers.solver import Solver
 from skillplan.task.task import Task
 
 MODEL_BASED = " with model-based planning"
-"""Follows the name of a learner whose episodes are planned by search in a learned model."""
+"""Suffix of the name of a learner that plans its episodes with a learned model."""
 STRIDE_STEPS = 100
-"""After so many environment steps a run notes what it has, and may be stopped."""
+"""Environment steps between two records of a run, at which it may be stopped."""
 
 # Environment steps of a run for a pair of skills: a run learns what each skill costs after each
 # other one. Under chance, and on several layouts, it needs more.
@@ -47,17 +47,18 @@ class Episode:
     step
         Environment steps that the run had done when it ended, >= 1.
     end
-        How: the goal was reached, a skill could not be executed, or the step limit was reached.
+        ``complete``, ``infeasible`` after a skill that could not be executed, or ``out-of-time``
+        at the step limit.
     actions
-        Actions taken, in order, the one that failed included.
+        Actions taken, in order, including one that failed.
     cost
         Sum of the costs of the skills executed, in the task's metric.
     reward
         Sum of the environment's rewards.
     greedy
-        Whether the policy was followed throughout, without any exploration.
+        True if all actions were the policy's own.
     planned
-        Whether actions were planned with a learned model.
+        True if actions were planned with a learned model.
     """
 
     run: int
@@ -71,20 +72,20 @@ class Episode:
 
     @property
     def success(self) -> bool:
-        """Whether the task was completed."""
+        """True if the task was completed."""
         return self.end == "complete"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a training needs to resume as if it had never been interrupted.
+    """State of a training, from which it resumes bit for bit.
 
     Parameters
     ----------
     arrays
-        Weights, moments of optimisers, replay memories, by name.
+        Weights, moments of optimisers and replay memories by name.
     notes
-        The rest: states of random number generators, counts; JSON values only.
+        States of random number generators, counts and the rest as JSON values.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -98,12 +99,11 @@ class Learned:
     Parameters
     ----------
     best
-        The best evaluated policy: of those followed without exploration during training the one
-        that completed the task at least cost; None where none did.
+        The evaluated policy of lowest cost; None if none completed the task.
     last
-        The present policy.
+        The current policy.
     best_cost
-        Cost of the best one; None without one.
+        Cost of the best policy; None without one.
     best_step
         Environment steps after which it was kept; None without one.
     """
@@ -115,23 +115,22 @@ class Learned:
 
     @property
     def policy(self) -> NetworkPolicy:
-        """The run's reported policy: the best one, or else the last."""
+        """The reported policy: the best one, or the last if no policy completed the task."""
         return self.last if self.best is None else self.best
 
 
 class Training(ABC):
-    """Several runs of equal length in training, one for each environment of the vector.
+    """Runs of equal length in progress, one for each environment of the vector.
 
-    A run does not depend on the others: the same seed gives the same figures alone and among
-    others.
+    A run does not depend on the others: a seed gives the same figures alone and among others.
 
     Attributes
     ----------
     steps
-        Environment steps done so far, in every run.
+        Environment steps of every run so far.
     failed
-        Why a run cannot continue, by its index: numbers that are not finite, for example. It has
-        no further episodes; the others continue.
+        Reason for each run that cannot continue, such as weights that are not finite. It has no
+        further episodes; the others continue.
     """
 
     steps: int
@@ -139,11 +138,11 @@ class Training(ABC):
 
     @abstractmethod
     def advance(self, steps: int) -> list[Episode]:
-        """Take so many environment steps in every run; return the episodes that ended, in order."""
+        """Take environment steps in every run; return the episodes that ended, in order."""
 
     @abstractmethod
     def figures(self) -> list[dict[str, float]]:
-        """Return metrics of every run since the last call, such as ``loss``."""
+        """Return metrics of every run since the previous call, such as ``loss``."""
 
     def remarks(self, run: int) -> dict[str, Any]:
         """Return facts about a run's training as JSON values; none by default."""
@@ -151,24 +150,23 @@ class Training(ABC):
 
     @abstractmethod
     def learned(self, run: int) -> Learned:
-        """Return what a run has learned so far."""
+        """Return a run's policies."""
 
     def start_from(self, networks: Sequence[NetworkPolicy]) -> None:
-        """Begin with these networks instead of drawn ones; called before the first step.
+        """Begin with these networks; called before the first step.
 
-        Only called where `Learner.hidden_layers` is not None.
+        Only called if `Learner.hidden_layers` is not None.
 
         Parameters
         ----------
         networks
-            One for every run, with inputs and outputs of the task.
-
+            One for every run, with the task's inputs and outputs.
         """
         raise NotImplementedError
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to resume from here, the environment included."""
+        """Return the state of the training, the environment included."""
 
     @abstractmethod
     def restore(self, snapshot: Snapshot) -> None:
@@ -177,51 +175,49 @@ class Training(ABC):
         Raises
         ------
         ValueError
-            If it is none.
+            If it is another one.
         """
 
 
 class LearnerOptions(BaseModel):
-    """Options of every learner, beside its own.
+    """Options of every learner.
 
-    Where ``schedule_steps`` is set, what is learned up to any step is the same however many steps
-    a training has in all.
+    With ``schedule_steps``, a run's first steps do not depend on the length of the training.
     """
 
     steps: int | None = Field(
         default=None,
         ge=1,
         le=1_000_000_000,
-        description="environment steps of a run; null for a number that is derived from how many "
-        "skills the task has; `train --steps` takes precedence [-]",
+        description="environment steps of a run; null to derive them from the number of skills; "
+        "`train --steps` takes precedence [-]",
     )
     schedule_steps: int | None = Field(
         default=None,
         ge=1,
         le=1_000_000_000,
-        description="environment steps over which exploration and step sizes change, and after "
-        "which they stay as they are; null for all steps that a training is begun with [-]",
+        description="length of the exploration and learning-rate schedules, in environment steps; "
+        "null for the whole run [-]",
     )
     observation: Literal["paper", "markov", "layout"] = Field(
         default="markov",
-        description="what is observed: paper, the bits that the task file lists; markov, also "
-        "where the arm stands, on which costs depend; layout, also what every action would "
-        "cost [-]",
+        description="observation: paper, the bits listed in the task file; markov, also the "
+        "place of the arm, on which costs depend; layout, also the cost of every action [-]",
     )
     mask: Literal["none", "applicable", "feasible"] = Field(
         default="applicable",
-        description="what a choice is limited to: nothing; skills whose preconditions hold; "
-        "skills that back ends find feasible, which are queried for all of them [-]",
+        description="mask of the actions: none; applicable, skills whose preconditions hold; "
+        "feasible, skills that back ends allow, which are queried for all of them [-]",
     )
     objective: Literal["reward", "cost"] = Field(
         default="reward",
-        description="reward of the environment: the task's rewards, or minus its costs and the "
-        "rewards of failures [-]",
+        description="reward of the environment: reward, the task's rewards; cost, minus its costs "
+        "and the rewards of failures [-]",
     )
 
     @classmethod
     def upgrade(cls, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of a stored training, those that an earlier version lacked added."""
+        """Return the options of a stored training, completed if an earlier version wrote them."""
         return dict(stored)
 
 
@@ -233,27 +229,24 @@ class Learner(Solver):
     options: LearnerOptions
 
     def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
-        """Return values, chosen by what is learned on, of the options that are null.
+        """Return the values of options that are null, derived from the task.
 
         Parameters
         ----------
         tasks
-            What is learned on: one task, or the layouts of a family.
+            The task, or the layouts of a family.
         """
         if self.options.steps is not None:
             return {}
         return {"steps": usual_steps(tasks)}
 
     def scales(self, task: Task) -> dict[str, float]:
-        """Return what else is chosen by the task and is no option, by what to call it."""
+        """Return further values that are derived from the task, by name."""
         return {"horizon": task.step_limit}
 
     @property
     def hidden_layers(self) -> tuple[int, ...] | None:
-        """Units of every hidden layer of its policies; None if no training of it begins with any.
-
-        Where they are said, its trainings have `Training.start_from`.
-        """
+        """Units of every hidden layer; None if trainings cannot start from given networks."""
         return None
 
     @abstractmethod
@@ -265,10 +258,10 @@ class Learner(Solver):
         env
             One environment for every run; the training resets it.
         seeds
-            One for every run; each governs all randomness of its run.
+            Seed of all randomness of every run.
         steps
-            How many steps every run will take in all: schedules span them, unless the option
-            ``schedule_steps`` says otherwise.
+            Environment steps of every run in all; schedules span them without
+            ``schedule_steps``.
         """
 
     def resume(
@@ -279,14 +272,14 @@ class Learner(Solver):
         Parameters
         ----------
         env, seeds, steps
-            As for `begin`, and the same as then.
+            As for `begin`, and with the same values.
         snapshot
-            What `Training.snapshot` returned.
+            Snapshot of the training.
 
         Raises
         ------
         ValueError
-            If the snapshot is none of this solver with these options.
+            If the snapshot does not fit this solver and its options.
         """
         training = self.begin(env, seeds, steps)
         training.restore(snapshot)

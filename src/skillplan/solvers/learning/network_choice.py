@@ -28,9 +28,9 @@ class NetworkChoice:
     model
         The skill model; it is queried where the mask needs it.
     observation
-        What is observed; ``paper``, ``markov`` or ``layout``.
+        Observation: ``paper``, ``markov`` or ``layout``.
     mask
-        What a choice is limited to; ``none``, ``applicable`` or ``feasible``.
+        Mask of the choice: ``none``, ``applicable`` or ``feasible``.
 
     Raises
     ------
@@ -78,6 +78,8 @@ def reachable_policy(model: SkillModel, choose: Callable[[State], Skill]) -> Pol
             skill = choose(state)
             if skill.applicable(state) and model.verdict(state, skill).is_feasible:
                 choices[state] = skill
-                following.update((one.apply(state), None) for one in skill.outcomes_in(state))
+                following.update(
+                    (outcome.apply(state), None) for outcome in skill.outcomes_in(state)
+                )
         level = list(following)
     return Policy(choices)

@@ -22,10 +22,10 @@ class NetworkPolicy:
     Parameters
     ----------
     weights
-        Of every layer, shape (inputs, outputs), float32; a layer's outputs are the next one's
-        inputs, rectified. At least one.
+        Weights of every layer, shape (inputs, outputs), float32; at least one layer. Rectified
+        outputs of a layer are the inputs of the next.
     biases
-        Of every layer, shape (outputs,), float32.
+        Biases of every layer, shape (outputs,), float32.
 
     Raises
     ------
@@ -49,12 +49,12 @@ class NetworkPolicy:
 
     @property
     def inputs(self) -> int:
-        """How many features it observes."""
+        """Number of features."""
         return int(self.weights[0].shape[0])
 
     @property
     def actions(self) -> int:
-        """How many actions it scores."""
+        """Number of actions."""
         return int(self.weights[-1].shape[1])
 
     def scores(self, observations: Vector) -> Vector:
@@ -88,7 +88,7 @@ class NetworkPolicy:
         observations
             Shape (n, inputs).
         masks
-            What is allowed, shape (n, actions); None, or a row without any, allows all.
+            Allowed actions, shape (n, actions); None, or an empty row, allows all.
         """
         best: NDArray[np.int64] = np.argmax(
             allowed_scores(self.scores(observations), masks), axis=1
@@ -130,7 +130,7 @@ class NetworkPolicy:
 def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
     """Return the scores with minus infinity where an action is not allowed.
 
-    A row that allows nothing is taken to allow everything; see `allowing`.
+    An empty row allows everything; see `allowing`.
     """
     if masks is None:
         return scores
@@ -140,7 +140,7 @@ def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
 def allowing(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return masks, shape (n, actions), in which a row that allows no action allows all.
 
-    Where nothing is allowed, any action ends the episode.
+    Without an allowed action, any action ends the episode.
     """
     return masks | ~masks.any(axis=1, keepdims=True)
 
@@ -151,7 +151,7 @@ def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> N
     Parameters
     ----------
     masks
-        Shape (n, actions); a row without any allows all.
+        Shape (n, actions); an empty row allows all.
     uniforms
         A random number in [0, 1) for every row, shape (n,).
     """
@@ -183,7 +183,7 @@ class NamedNetwork:
 
         Inputs and outputs of equal names are copied. An unknown feature has weight 0; an unknown
         skill gets the mean score of the known ones. If all features and skills are known, the
-        greedy choice is the old one wherever unknown features are 0 and the best skill is known.
+        greedy choice is the old one if unknown features are 0 and the best skill is known.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ def lookup_network(
     """Return a network that takes a given action at each of some observations of bits.
 
     Each observation has a hidden unit that is 1 there and 0 at all others; the unit scores the
-    action by 1. Where no unit is active all scores are 0.
+    action by 1. If no unit is active, all scores are 0.
 
     Parameters
     ----------

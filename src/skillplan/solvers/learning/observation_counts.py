@@ -26,7 +26,7 @@ class ObservationCounts:
     observations, masks
         By run and index, shapes (runs, size, features) and (runs, size, actions).
     visits
-        How often each action was taken there, shape (runs, size, actions).
+        Number of times that each action was taken there, shape (runs, size, actions).
     """
 
     def __init__(self, runs: int, features: int, actions: int) -> None:

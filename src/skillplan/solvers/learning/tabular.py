@@ -42,7 +42,7 @@ Lengths = NDArray[np.int64]
 
 
 class EpisodicOptions(TabularOptions):
-    """Options of every tabular learner; the defaults are those of the paper."""
+    """Options of every tabular learner; defaults as in the paper."""
 
     episodes: int = Field(default=35_000, ge=1, le=100_000_000, description="episodes to run [-]")
     gamma: float = Field(
@@ -116,7 +116,7 @@ class EpisodicSolver(TabularSolver):
         self,
         env: Environment,
         schedule: Schedule,
-        begun: int,
+        previous: int,
         q: Values,
         stream: Stream,
         lengths: Lengths,
@@ -198,14 +198,14 @@ class SarsaSolver(EpisodicSolver):
         self,
         env: Environment,
         schedule: Schedule,
-        begun: int,
+        previous: int,
         q: Values,
         stream: Stream,
         lengths: Lengths,
     ) -> None:
         """Run episodes with the target r + gamma Q(s', a') of the next action taken."""
         rule = EXPECTED_SARSA if self.options.expected else SARSA
-        episode_kernels.td_episodes(env, schedule, rule, begun, q, stream, lengths)
+        episode_kernels.td_episodes(env, schedule, rule, previous, q, stream, lengths)
 
 
 class QLearningSolver(EpisodicSolver):
@@ -229,22 +229,22 @@ class QLearningSolver(EpisodicSolver):
         self,
         env: Environment,
         schedule: Schedule,
-        begun: int,
+        previous: int,
         q: Values,
         stream: Stream,
         lengths: Lengths,
     ) -> None:
         """Run episodes with the target r + gamma max Q(s', a) over the next actions."""
-        episode_kernels.td_episodes(env, schedule, Q_LEARNING, begun, q, stream, lengths)
+        episode_kernels.td_episodes(env, schedule, Q_LEARNING, previous, q, stream, lengths)
 
 
 class MonteCarloSolver(EpisodicSolver):
     """Learn a policy for all states from whole episodes, first-visit with exploring starts.
 
-    With a mean over all returns, those of the first policies, which wander, would weigh as much
-    as the last ones; with constant exploration, returns would measure how well the robot recovers
-    from random actions. Both keep some states from their best action. Hence updates have a step
-    size, and both rates fall linearly.
+    With a mean over all returns, those of the first policies, which wander, would weigh as much as
+    the last; with constant exploration, returns would depend on recovery from random actions.
+    Both keep some states from their best action. Hence updates have a step size, and both rates
+    fall linearly.
     """
 
     name = "monte-carlo"
@@ -273,7 +273,7 @@ class MonteCarloSolver(EpisodicSolver):
         self,
         env: Environment,
         schedule: Schedule,
-        begun: int,
+        previous: int,
         q: Values,
         stream: Stream,
         lengths: Lengths,
@@ -282,7 +282,7 @@ class MonteCarloSolver(EpisodicSolver):
         episode_kernels.monte_carlo_episodes(
             env,
             schedule,
-            begun,
+            previous,
             q,
             np.full(len(q), -1, dtype=np.int64),
             np.empty(schedule.max_steps, dtype=np.int64),
@@ -341,7 +341,7 @@ class _Record:
         return next((mark for mark in self._marks if mark > done), done + _CHUNK)
 
     def add_point(self, done: int, q: Values) -> None:
-        """Keep the values if there is a point after so many episodes."""
+        """Keep the values if a point is due; `done` is the number of episodes."""
         if done in self._marks and done not in self._episodes:
             self._episodes.append(done)
             for curve, row in self._rows:

@@ -178,7 +178,7 @@ class DqnTraining(NetworkTraining):
         self._due = 0.0
         # Loss and value of every update since the last call of `figures`.
         self._curves: list[NDArray[np.float64]] = []
-        # Whether a run has completed the task, and whether its episode follows the policy.
+        # True for runs that have completed the task, and for episodes that follow the policy.
         self._completed = np.zeros(runs, dtype=np.bool_)
         self._following = [False] * runs
         self._plans: Plans | None = None
@@ -192,7 +192,7 @@ class DqnTraining(NetworkTraining):
         self._observe(observations, infos["action_mask"])
 
     def advance(self, steps: int) -> list[Episode]:
-        """Take so many environment steps in every run; return the episodes that ended."""
+        """Take environment steps in every run; return the episodes that ended."""
         ended: list[Episode] = []
         for _ in range(steps):
             actions, greedy = self._choose()

@@ -47,13 +47,13 @@ class ReplayMemory:
     Attributes
     ----------
     observation, action, next_observation
-        Indices, shape (runs, size); of observations those of `ObservationCounts`.
+        Indices, shape (runs, size); observations by their index in `ObservationCounts`.
     reward
         Rewards.
     end
         End codes of the environment; `GOES_ON` if the episode went on.
     seen, tried
-        How often the transition was seen, and its action taken there; 1 unless distinct.
+        Numbers of times that the transition and its action were taken; 1 unless distinct.
     """
 
     def __init__(self, runs: int, capacity: int, *, distinct: bool = False) -> None:

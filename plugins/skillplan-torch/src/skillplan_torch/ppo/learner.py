@@ -108,7 +108,7 @@ class PpoOptions(NetworkOptions):
         default=True,
         description="evaluate the policy without exploration for an episode after each update; "
         "its steps count, but are not learned from. Never under chance or on several boards, "
-        "where one episode does not suffice [-]",
+        "because one episode does not suffice [-]",
     )
     # Additions
     scale_by_success: bool = Field(
@@ -198,7 +198,7 @@ class PpoTraining(NetworkTraining):
         longest = max(model.task.step_limit for model in env.models)
         self._episode_observations = np.zeros((runs, longest, features), dtype=np.float32)
         self._episode_masks = np.zeros((runs, longest, self._outputs), dtype=np.bool_)
-        # Whether the next episode evaluates the policy.
+        # True if the next episode evaluates the policy.
         self._due = np.zeros(runs, dtype=np.bool_)
         # Typical loss of a step of every run; NaN until steps have shown it.
         self._typical = np.full(runs, np.nan)
@@ -207,7 +207,7 @@ class PpoTraining(NetworkTraining):
         self._observe(observations, infos["action_mask"])
 
     def advance(self, steps: int) -> list[Episode]:
-        """Take so many environment steps in every run; return the episodes that ended."""
+        """Take environment steps in every run; return the episodes that ended."""
         ended: list[Episode] = []
         for _ in range(steps):
             before, actions, novelties = (self._observed, self._allowed), *self._choose()

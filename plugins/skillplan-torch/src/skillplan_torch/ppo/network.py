@@ -95,7 +95,7 @@ class ActorCritic:
             now[run] = then[run]
 
     def policy(self, run: int, actions: int) -> NetworkPolicy:
-        """Return a run's policy for so many actions; raises ValueError if it is not finite."""
+        """Return a run's policy for its actions; raises ValueError if it is not finite."""
         return self._policy.policy(run, actions)
 
     def load(self, run: int, network: NetworkPolicy) -> None:

@@ -46,7 +46,7 @@ class RolloutBuffer:
     actions
         Actions taken.
     drawn
-        Whether the action was drawn from the policy; other steps are not learned from.
+        True for actions drawn from the policy; other steps are not learned from.
     ends
         End codes of the environment.
     step_rewards
@@ -67,7 +67,7 @@ class RolloutBuffer:
 
     @property
     def is_full(self) -> bool:
-        """Whether all steps have been added."""
+        """True if all steps have been added."""
         return self.filled == self.actions.shape[1]
 
     def add(

@@ -244,7 +244,7 @@ class ElementOrder:
     Parameters
     ----------
     before
-        Whether the row's element precedes the column's in every order, shape (n, n); closed.
+        True if the row's element precedes the column's in every order, shape (n, n); closed.
     choices
         Alternatives by element, each as bits of the elements that must precede it and of those
         that must follow it.
@@ -286,7 +286,7 @@ class ElementOrder:
         """Return the precedence that remains after some elements, shape (n, n).
 
         It includes the elements that all remaining alternatives of a choice have in common. If
-        each alternative needs an element, those of the alternative with the fewest are included.
+        each alternative needs an element, the alternative with the fewest is included.
 
         Parameters
         ----------

@@ -65,7 +65,7 @@ class CostToGo:
         Parameters
         ----------
         done
-            Whether each element of the task is done.
+            True for finished elements, shape (elements,).
         graph
             Features of the state.
         """
@@ -347,7 +347,7 @@ class RelationalLearning:
         updates
             Number of updates.
         stop
-            Whether to stop early.
+            Returns True to stop early.
         share
             Begin and end of this round as shares of the training; the learning rate falls.
         """
