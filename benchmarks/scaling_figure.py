@@ -18,7 +18,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from PIL import Image
 from scaling_results import Showing, Size
 
-from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.figure_file import render_figure
 from skillplan.views.figures.figure_style import (
     BLUE,
     FAINT,
@@ -29,10 +29,10 @@ from skillplan.views.figures.figure_style import (
     ORANGE,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
+    darken_colour,
     in_house_style,
-    sheet,
-    text_colour,
 )
 
 # Name, colour and marker of a solver: distinct without colour, too.
@@ -92,14 +92,14 @@ def scaling_figure(
     panel_in = TIMES_IN + SEAM_IN + GAPS_IN + ROW_IN
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + len(densities) * panel_in + BELOW_IN
-    figure = sheet(width_in, height_in, heading)
+    figure = create_sheet(width_in, height_in, heading)
     for row, density in enumerate(densities):
         bottom_in = BELOW_IN + (len(densities) - 1 - row) * panel_in
         for column, count in enumerate(tools):
             left_in = LEFT_IN + column * (WIDE_IN + BETWEEN_IN)
-            times = axes_in(figure, left_in, bottom_in, WIDE_IN, TIMES_IN)
+            times = add_axes_in(figure, left_in, bottom_in, WIDE_IN, TIMES_IN)
             above_in = bottom_in + TIMES_IN + SEAM_IN
-            gaps = axes_in(figure, left_in, above_in, WIDE_IN, GAPS_IN)
+            gaps = add_axes_in(figure, left_in, above_in, WIDE_IN, GAPS_IN)
             _lay_out(times, gaps, parts, limit_s)
             gaps.set_title(
                 f"{COUNTS.get(count, count)} tool{'s' * (count > 1)}, "
@@ -189,7 +189,7 @@ def _draw(
             **{**style, "zorder": 6 + layer},
         )
     n, end = max(line.items())
-    ink = text_colour(colour)
+    ink = darken_colour(colour)
     if end.taken_s is not None:
         labels[times].append((_level_s(end), f"{name} {end.cell()}", ink))
     elif end.gap is None:
@@ -244,7 +244,9 @@ def save(
     path
         Of the file.
     """
-    content = figure_bytes(scaling_figure(found, solvers, limit_s, seeds, by_cpu), path.suffix, DPI)
+    content = render_figure(
+        scaling_figure(found, solvers, limit_s, seeds, by_cpu), path.suffix, DPI
+    )
     if path.suffix == ".png":
         packed = io.BytesIO()
         image = Image.open(io.BytesIO(content)).convert("RGB").quantize(COLOURS)

@@ -14,7 +14,7 @@ from skillplan.errors import NotASequencing
 from skillplan.model import SequencingProblem
 from skillplan.records import make_chart_document
 from skillplan.solvers import AutoSolver, ExactSolver
-from skillplan.views.tables import chart_table
+from skillplan.views.tables import tabulate_chart
 from way_boards import CLOSED, closing, drawer_task
 
 ALONG = ("place(drawer) along +x", "place(drawer) along -x")
@@ -40,7 +40,7 @@ def test_the_chart_prints_the_alternatives():
     """In the table and in the document."""
     task = drawer_task()
     chart = chart_of()
-    table = chart_table(chart, task, ["closing"])
+    table = tabulate_chart(chart, task, ["closing"])
     expected = "place(drawer) leaves a choice: drawer before left, or drawer before right"
     assert expected in table.notes
     assert not any("which no order of parts" in note for note in table.notes)
@@ -65,7 +65,7 @@ def test_a_choice_of_several_skills_is_told_once():
     expected = (
         "pick(drawer) and place(drawer) leave a choice: drawer before left, or drawer before right"
     )
-    assert expected in chart_table(chart, task, ["closing"]).notes
+    assert expected in tabulate_chart(chart, task, ["closing"]).notes
 
 
 def test_what_closes_both_directions_is_a_relation():

@@ -9,7 +9,7 @@ import typer
 from rich.text import Text
 
 from skillplan.cli import COMMANDS, EPILOG, app
-from skillplan.views.figures import RUN_FIGURES, figure_lines
+from skillplan.views.figures import RUN_FIGURES, describe_figures
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 EXACT = ("--solver", "exact")
@@ -257,7 +257,7 @@ class TestHelp:
     def test_the_figures_of_plot_stand_in_a_list(self, cli):
         """Each with its line."""
         words = words_of(cli("plot", "--help").out)
-        lines = figure_lines() | {name: figure.line for name, figure in RUN_FIGURES.items()}
+        lines = describe_figures() | {name: figure.line for name, figure in RUN_FIGURES.items()}
         assert {"gantt", "placement", "success"} <= set(lines)
         for name, line in lines.items():
             assert f"{name} {line}" in words

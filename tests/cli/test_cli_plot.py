@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image as PillowImage
 
-from skillplan.views.figures import figure_names
+from skillplan.views.figures import list_figure_names
 from thinned import slow_case
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -265,7 +265,7 @@ def test_help_lists_all_figures_and_loads_none():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("False False\n")
-    assert all(f"│ {name} " in done.stdout for name in figure_names())
+    assert all(f"│ {name} " in done.stdout for name in list_figure_names())
 
 
 def test_a_missing_matplotlib_is_told(cli, walk, monkeypatch):

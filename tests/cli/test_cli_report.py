@@ -18,7 +18,7 @@ def page(tmp_path):
 
 def test_a_board_is_reported(cli, board, page, monkeypatch):
     """Status, proof, plan, time line, pictures, precedence: all without a script."""
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
     assert (0, f"{page}\n") == (outcome.code, outcome.out)
     text = page.read_text("utf-8")
@@ -33,7 +33,7 @@ def test_a_board_is_reported(cli, board, page, monkeypatch):
 
 def test_without_a_player_a_page_is_written_all_the_same(cli, board, page, monkeypatch):
     """And stderr says how to get one."""
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
     assert 0 == outcome.code
     assert "make web builds it" in outcome.err
@@ -47,7 +47,7 @@ def test_what_no_engine_performs_is_played_along_its_planned_paths(
     """Without forces, and the page says so outside the player, too."""
     pytest.importorskip("skillplan_pinocchio")
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: player)
     words = ["--no-simulation"]
     if hidden == "the engines":
         performing = "skillplan.pipeline.performing.find_performing_engine"
@@ -81,7 +81,7 @@ def one_part(folder: Path) -> str:
 
 def test_where_nothing_plans_paths_the_page_says_how_to_get_it(cli, tmp_path, page, monkeypatch):
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: player)
     for module in ("performing", "setup"):
         monkeypatch.setattr(f"skillplan.pipeline.{module}.SCREEN", "absent")
     words = ["--no-simulation", "--collision", "aabb"]
@@ -119,7 +119,7 @@ def test_the_bench_is_played_by_its_times(cli, tmp_path, page, monkeypatch):
     robots = "robots: {left: {home: C1, goal: C3}, right: {home: C66, goal: C68}}"
     path.write_text(f"kind: swarmitfix\nname: meet\n{robots}\n")
     player = Player("document.title;", "", "")
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: player)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: player)
     assert 0 == cli("report", str(path), "--out", str(page)).code
     text = page.read_text("utf-8")
     data = text.partition('id="playback">')[2].partition("</script>")[0]
@@ -133,7 +133,7 @@ def test_the_bench_is_played_by_its_times(cli, tmp_path, page, monkeypatch):
 
 def test_several_inputs_are_chapters(cli, board, tmp_path, page, monkeypatch):
     """A comparison beside a plan; what the comparison holds is data."""
-    monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
+    monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: None)
     rows = [{"solver": "<script>", "status": "optimal", "cost": 1.0, "stats": {"wall_s": 0.1}}]
     other = tmp_path / "compared.json"
     other.write_text(json.dumps({"schema": "skillplan.comparison/1", "warm": False, "rows": rows}))

@@ -381,7 +381,7 @@ class TestReportOfAFailedSimulation:
         install("physics", "puppet", "puppet_engine:Puppet", broken)
         performing = "skillplan.pipeline.performing.find_performing_engine"
         monkeypatch.setattr(performing, lambda: "puppet")
-        monkeypatch.setattr("skillplan.views.report.page.player", lambda: None)
+        monkeypatch.setattr("skillplan.views.report.page.load_player", lambda: None)
         outcome = cli("report", board, "--out", str(tmp_path / "page.html"))
         assert 0 == outcome.code
         markup = (tmp_path / "page.html").read_text("utf-8").partition("<body")[2]

@@ -16,7 +16,7 @@ from skillplan.errors import SkillplanError
 from skillplan.pipeline import certify
 from skillplan.records import Verdict
 from skillplan.solvers import Stop
-from skillplan.views.tables import csv_files
+from skillplan.views.tables import render_csv_files
 from thinned import release_case
 
 ROOT = Path(__file__).parents[2]
@@ -73,7 +73,7 @@ def changed(document: Any, path: Path_) -> Any:
 def accepted(folder: Path) -> bool:
     """Whether verify finds nothing wrong; proofs of all plans are given up at once."""
     try:
-        found = certify(str(folder), stop=Stop(time_limit_s=1e-3), saved_tables=csv_files)
+        found = certify(str(folder), stop=Stop(time_limit_s=1e-3), saved_tables=render_csv_files)
     except SkillplanError:
         return False
     return found.verdict is not Verdict.REFUTED

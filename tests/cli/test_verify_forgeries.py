@@ -19,7 +19,7 @@ from skillplan.errors import SkillplanError
 from skillplan.judge import LeastCost
 from skillplan.pipeline import certify
 from skillplan.records import Verdict
-from skillplan.views.tables import csv_files
+from skillplan.views.tables import render_csv_files
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs/inverter_board.yaml")
@@ -386,7 +386,7 @@ def test_no_value_in_any_place_ends_in_an_error_or_is_believed(genuine, data):
         holder["extra"] = value
     try:
         path.write_text(json.dumps(forged), "utf-8")
-        verdict = certify(str(genuine), saved_tables=csv_files).verdict
+        verdict = certify(str(genuine), saved_tables=render_csv_files).verdict
     except SkillplanError:
         return
     finally:

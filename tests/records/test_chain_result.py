@@ -15,12 +15,12 @@ from skillplan.pipeline import SearchRequest, describe, grade, solve
 from skillplan.pipeline.solving import search
 from skillplan.records import ChainPart, ChainResult, Result, Status
 from skillplan.task import Task
-from skillplan.views import as_csv, render
+from skillplan.views import render, render_csv
 from skillplan.views.tables import (
-    appendix_tables,
-    chain_comparison_tables,
-    chain_tables,
-    listing_table,
+    tabulate_appendix,
+    tabulate_chain,
+    tabulate_chain_comparison,
+    tabulate_listing,
 )
 from swarm_situations import base_task
 
@@ -224,7 +224,7 @@ class TestFigures:
 
 class TestTables:
     def text(self, *parts: ChainPart, **more: Any) -> str:
-        return render(chain_tables(chain(*parts, **more)), "md", io.StringIO())
+        return render(tabulate_chain(chain(*parts, **more)), "md", io.StringIO())
 
     def test_a_row_says_the_way_with_its_skills(self):
         said = self.text(part(TWO), part(ONE, reused=True))
@@ -238,24 +238,24 @@ class TestTables:
 
     def test_the_domain_s_listings_come_first(self):
         listing = Listing("supports", ("goal", "by"), (("1", "eq34"),), ("a note",))
-        tables = chain_tables(chain(part(TWO), account=Account(listings=(listing,))))
+        tables = tabulate_chain(chain(part(TWO), account=Account(listings=(listing,))))
         assert ["supports", "job"] == [tables[0].title, tables[1].title.partition(":")[0]]
         assert (True, False) == tuple(column.right for column in tables[0].columns)
 
     def test_the_appendix_is_saved_by_name(self):
         account = Account(appendix={"timeline.csv": Listing("steps", ("s",), (("1",),))})
-        (name,) = appendix_tables(chain(part(TWO), account=account))
+        (name,) = tabulate_appendix(chain(part(TWO), account=account))
         assert "timeline.csv" == name
-        assert "s\n1\n" == as_csv(listing_table(account.appendix[name])).replace("\r", "")
+        assert "s\n1\n" == render_csv(tabulate_listing(account.appendix[name])).replace("\r", "")
 
     def test_solvers_stand_side_by_side_sequence_by_sequence(self):
         """As in the paper's Table 3; a solver that failed is not there."""
         good = chain(part(TWO), part(ONE))
         bad = chain(part(TWO, Status.UNSOLVED), expected=2)
-        summary, beside = chain_comparison_tables([good, bad], "title")
+        summary, beside = tabulate_chain_comparison([good, bad], "title")
         assert ["optimal", "unsolved"] == [row[1] for row in summary.rows]
         assert [("C66", "C42", "2"), ("C42", "C29", "1")] == [tuple(r[1:4]) for r in beside.rows]
-        (only,) = chain_comparison_tables([bad], "title")
+        (only,) = tabulate_chain_comparison([bad], "title")
         assert ("made: C66-C42: told",) == tuple(only.notes)
 
     def test_a_graded_attempt_makes_a_part(self):

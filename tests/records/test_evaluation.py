@@ -12,7 +12,7 @@ from skillplan.pipeline import Setup, make_model, solve
 from skillplan.records import Evaluation, Result
 from skillplan.solvers import Plan, Solution, Solver, Stop
 from skillplan.task import Facts, Task
-from skillplan.views.tables import evaluation_table
+from skillplan.views.tables import tabulate_evaluation
 from sop_instances import instance
 
 BARE = Setup()
@@ -44,7 +44,7 @@ def evaluation(task: Task, skill: str, **claim: Any) -> Evaluation:
 def test_an_optimum_gives_a_deviation_and_no_further_words(roads):
     proved = evaluation(roads, "long", found=Plan(("short",)), lower_bound=4.0, proved=True)
     assert (4.0, pytest.approx(1.5)) == (proved.optimum, proved.deviation)
-    notes = "\n".join(evaluation_table(proved).notes)
+    notes = "\n".join(tabulate_evaluation(proved).notes)
     assert "deviation  150.00 % of the proved optimum" in notes
     assert "bound" not in notes
 
@@ -58,7 +58,7 @@ def test_a_bound_gives_a_gap_and_what_was_found_is_told(roads):
         document["bound_method"],
         pytest.approx(document["gap"]),
     )
-    notes = "\n".join(evaluation_table(open_).notes)
+    notes = "\n".join(tabulate_evaluation(open_).notes)
     assert "deviation  unknown: the optimum was not proved in time" in notes
     assert "by counting, gap 70.00 %" in notes
     assert "found      a plan of 4.00000" in notes
@@ -66,7 +66,7 @@ def test_a_bound_gives_a_gap_and_what_was_found_is_told(roads):
 
 def test_a_plan_that_is_no_better_is_not_mentioned(roads):
     open_ = evaluation(roads, "short", found=Plan(("short",)), lower_bound=3.0)
-    notes = evaluation_table(open_).notes
+    notes = tabulate_evaluation(open_).notes
     assert not any(note.startswith("found") for note in notes)
     assert any(note.endswith("gap 25.00 %") for note in notes)
 
@@ -76,7 +76,7 @@ def test_without_a_bound_there_is_no_gap(roads, claim):
     """Whether nothing was asked, or nothing answered."""
     unknown = evaluation(roads, "short", **claim)
     assert (None, None) == (unknown.document()["lower_bound"], unknown.document()["gap"])
-    assert not any(note.startswith("bound") for note in evaluation_table(unknown).notes)
+    assert not any(note.startswith("bound") for note in tabulate_evaluation(unknown).notes)
 
 
 def test_what_nobody_has_proved_nobody_is_named_for():

@@ -12,8 +12,8 @@ import pytest
 from skillplan.cli import as_json, exit_code
 from skillplan.model import Step
 from skillplan.records import Origin, Result, SimulationOutcome, Status, tolerance
-from skillplan.views import number, percent
-from skillplan.views.tables import comparison_table, plan_table
+from skillplan.views import format_number, format_percent
+from skillplan.views.tables import tabulate_comparison, tabulate_plan
 
 STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
 
@@ -144,17 +144,17 @@ def test_a_simulation_of_the_plan_stands_in_the_document(optimal):
 
 def test_the_table_names_what_was_checked_and_what_was_not(optimal, board_task):
     row = replace(optimal, collision="swept", not_checked=("torque limit of joint_3: unknown",))
-    notes = plan_table(row, board_task).notes
+    notes = tabulate_plan(row, board_task).notes
     assert "proved by  kinematic, swept" in notes
     assert "not checked  torque limit of joint_3: unknown" in notes
 
 
 def test_the_table_says_whether_the_plan_was_simulated(optimal, board_task):
-    assert "simulation  not run" in plan_table(optimal, board_task).notes
+    assert "simulation  not run" in tabulate_plan(optimal, board_task).notes
     failed = SimulationOutcome("mujoco", False, 9, "place(gear)", "it rests 6 mm off")
     (note,) = [
         note
-        for note in plan_table(replace(optimal, simulation=failed), board_task).notes
+        for note in tabulate_plan(replace(optimal, simulation=failed), board_task).notes
         if note.startswith("simulation")
     ]
     assert note == "simulation  by mujoco fails at step 9 of 1, place(gear): it rests 6 mm off"
@@ -178,16 +178,16 @@ def test_the_document_says_where_the_task_is_from(optimal):
 def test_the_table_tells_of_bound_choice_and_start(optimal, unsolved, board_task):
     """Each in a line; without a plan the bound says what it means."""
     trace = {"choice": "exact, as the task is small", "start": "from a plan of 3 m"}
-    notes = plan_table(replace(optimal, bound_method="counting", trace=trace), board_task).notes
+    notes = tabulate_plan(replace(optimal, bound_method="counting", trace=trace), board_task).notes
     for line in (
         "bound      2.00000 m by counting",
         "choice     exact, as the task is small",
         "start      from a plan of 3 m",
     ):
         assert line in notes
-    notes = plan_table(replace(unsolved, lower_bound=1.0), board_task).notes
+    notes = tabulate_plan(replace(unsolved, lower_bound=1.0), board_task).notes
     assert "bound      no plan costs less than 1.00000 m, by exact" in notes
-    notes = plan_table(unsolved, board_task).notes
+    notes = tabulate_plan(unsolved, board_task).notes
     assert not [line for line in notes if line.startswith(("bound", "choice", "start"))]
 
 
@@ -212,12 +212,12 @@ def test_the_exit_code_is_that_of_the_most_telling_row(optimal, unsolved):
 
 def test_a_comparison_has_a_row_for_each_result(optimal, unsolved):
     """A dash where there is no figure; reasons stand below."""
-    table = comparison_table([optimal, replace(unsolved, reason="time limit")], "side by side")
+    table = tabulate_comparison([optimal, replace(unsolved, reason="time limit")], "side by side")
     assert ["2.00000", "-"] == [row[2] for row in table.rows]
     assert ["exact: time limit"] == list(table.notes)
 
 
 def test_figures_are_shown_in_fixed_digits():
     """0.0070 is 0.70 %."""
-    assert ("0.70 %", "-") == (percent(0.0070), percent(None))
-    assert ("1.50", "-") == (number(1.5, 2), number(None, 2))
+    assert ("0.70 %", "-") == (format_percent(0.0070), format_percent(None))
+    assert ("1.50", "-") == (format_number(1.5, 2), format_number(None, 2))

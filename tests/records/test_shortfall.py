@@ -12,7 +12,7 @@ from skillplan.pipeline import load_problem
 from skillplan.records import Optimum, Shortfall, TrainingResult, analyse_shortfall
 from skillplan.solvers import End, Episode
 from skillplan.task import Task
-from skillplan.views.tables import training_tables
+from skillplan.views.tables import tabulate_training
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 1_000
@@ -119,7 +119,7 @@ def test_it_is_told_below_the_table_and_in_the_document(board):
     result = TrainingResult(
         board, "runs", "dqn", STEPS, (), Optimum(reason="none"), options, shortfall=found
     )
-    (table,) = training_tables(result)
+    (table,) = tabulate_training(result)
     told = "\n".join(table.notes)
     for words in (
         "short      1 run had at most 1 of 8 goals at the same time, first at step 20 of 1,000",

@@ -28,8 +28,8 @@ from skillplan.records import (
 )
 from skillplan.solvers import Episode, deviation
 from skillplan.task import Task
-from skillplan.views import as_csv, as_markdown
-from skillplan.views.tables import layouts_table, training_tables
+from skillplan.views import render_csv, render_markdown
+from skillplan.views.tables import tabulate_layouts, tabulate_training
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEST = 1.8670860141568904
@@ -226,7 +226,7 @@ class TestPublished:
 
 class TestTable:
     def test_a_row_says_what_table_iii_says_and_the_paper_beside_it(self, board):
-        (table,) = training_tables(a_result(board, a_run(), a_run(1, 1.8801202), a_run(2, None)))
+        (table,) = tabulate_training(a_result(board, a_run(), a_run(1, 1.8801202), a_run(2, None)))
         cells = [dict(zip((c.heading for c in table.columns), r, strict=True)) for r in table.rows]
         assert ["0,1", "0,1", "N/A"] == [row["sequence"] for row in cells]
         assert ["1.86709", "1.88012", "N/A"] == [row["distance [m]"] for row in cells]
@@ -235,12 +235,12 @@ class TestTable:
         assert ["0.70 %", "N/A", "0.00 %"] == [row["paper dev."] for row in cells]
 
     def test_more_runs_than_the_papers_have_nothing_beside_them(self, board):
-        (table,) = training_tables(a_result(board, *(a_run(i) for i in range(12))))
+        (table,) = tabulate_training(a_result(board, *(a_run(i) for i in range(12))))
         assert ("-", "-") == tuple(table.rows[11][-2:])
 
     def test_another_task_has_no_column_of_the_paper(self):
         other = load_problem(CONFIGS / "motor_drive.yaml").task
-        (table,) = training_tables(a_result(other, a_run()))
+        (table,) = tabulate_training(a_result(other, a_run()))
         assert not any("paper" in column.heading for column in table.columns)
         assert not any("Moller" in note for note in table.notes)
 
@@ -254,7 +254,7 @@ class TestTable:
             baseline=RandomBaseline(Tally(1, 100), 1.9, "none"),
             interrupted=True,
         )
-        text = as_markdown(training_tables(result)[0])
+        text = render_markdown(tabulate_training(result)[0])
         for part in (
             "optimum 1.86709 m, proved by auto",
             "2 of 3 complete, 1 at 0.00 % (1 at the optimum itself), 2 within 1 %, 1 failed",
@@ -273,11 +273,11 @@ class TestTable:
         """Its success is that of the last 2,000 steps, or of all if there were fewer."""
         episodes = [an_episode(steps // 2, BEST), an_episode(steps, BEST)]
         run = a_run(training=summarise_training(episodes, steps))
-        text = as_markdown(training_tables(a_result(board, run))[0])
+        text = render_markdown(tabulate_training(a_result(board, run))[0])
         assert f"that ended in the last {shown} steps of a run completed the task" in text
 
     def test_csv_has_a_line_for_every_run(self, board):
-        text = as_csv(training_tables(a_result(board, a_run(), a_run(1)))[0])
+        text = render_csv(tabulate_training(a_result(board, a_run(), a_run(1)))[0])
         assert 3 == len(text.splitlines())
         assert text.startswith("run,seed,sequence,distance [m],deviation,success")
 
@@ -312,19 +312,19 @@ class TestLayouts:
         assert pytest.approx((0.05 + 0.2) / 2) == one.value
 
     def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board):
-        notes = layouts_table(self.a_result((2.0,), training_s=8.0), board).notes
+        notes = tabulate_layouts(self.a_result((2.0,), training_s=8.0), board).notes
         assert any("pays off after 200 layouts" in note for note in notes)
 
     def test_training_does_not_pay_off_where_no_answer_completes(self, board):
-        notes = layouts_table(self.a_result((None, None), training_s=8.0), board).notes
+        notes = tabulate_layouts(self.a_result((None, None), training_s=8.0), board).notes
         assert any("no answer completes" in note for note in notes)
         assert not any("layouts" in note for note in notes if note.startswith("training"))
 
     def test_where_a_proof_is_no_slower_it_is_said(self, board):
         slow = LayoutOutcome("board/0", Optimum(2.0, wall_s=0.01), (a_roll_out(2.0),), (0.02,))
-        notes = layouts_table(LayoutsResult((slow,), 40, 8.0), board).notes
+        notes = tabulate_layouts(LayoutsResult((slow,), 40, 8.0), board).notes
         assert any("never pays off" in note for note in notes)
 
     def test_a_layout_that_no_policy_completes_is_shown(self, board):
-        (row,) = layouts_table(self.a_result((None, None)), board).rows
+        (row,) = tabulate_layouts(self.a_result((None, None)), board).rows
         assert ["board/0", "2.00000", "0.0500", "0 of 2", "N/A", "N/A", "N/A", "0.0100"] == row

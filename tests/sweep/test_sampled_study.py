@@ -34,8 +34,8 @@ from skillplan.sweep import (
     read_space,
 )
 from skillplan.task import Task
-from skillplan.views.figures import sweep_figure
-from skillplan.views.tables import setting_table
+from skillplan.views.figures import draw_sweep
+from skillplan.views.tables import tabulate_settings
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 
@@ -233,7 +233,7 @@ class TestStudy:
 
     def test_the_table_names_the_best_and_says_that_it_cannot_be_repeated(self, walk):
         plan, job = a_study(walk)
-        table = setting_table(do_sampled(plan, job, Listed(self.SETTINGS), 2))
+        table = tabulate_settings(do_sampled(plan, job, Listed(self.SETTINGS), 2))
         notes = "\n".join(table.notes)
         assert "2 trials of 2 runs, chosen by listed" in table.title
         assert "best       trial" in notes
@@ -244,13 +244,13 @@ class TestStudy:
     def test_of_many_trials_the_best_twenty_are_shown(self, walk):
         plan, _ = a_study(walk)
         tried = [TriedSetting(Trial(n, self.SETTINGS[0]), float(n)) for n in range(25)]
-        shown = setting_table(replace_records(plan.with_tried(tried)))
+        shown = tabulate_settings(replace_records(plan.with_tried(tried)))
         assert len(shown.rows) == 20
         assert any("the best 20" in note for note in shown.notes)
 
     def test_a_point_of_the_figure_is_a_trial(self, walk):
         plan, job = a_study(walk)
-        figure = sweep_figure(do_sampled(plan, job, Listed(self.SETTINGS), 2))
+        figure = draw_sweep(do_sampled(plan, job, Listed(self.SETTINGS), 2))
         labels = [axes.get_ylabel() for axes in figure.axes]
         assert [one for one in labels if one] == [
             "arrive [%]",

@@ -48,8 +48,8 @@ from skillplan.sweep import (
     read_values,
     space_evenly,
 )
-from skillplan.views.figures import figure_bytes, sweep_figure
-from skillplan.views.tables import setting_table, start_table
+from skillplan.views.figures import draw_sweep, render_figure
+from skillplan.views.tables import tabulate_settings, tabulate_starts
 from thinned import release_case, slow_case
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
@@ -389,10 +389,10 @@ class TestStudies:
 
     def test_tables_name_what_failed_and_what_is_missing(self):
         result = SweepResult(a_plan(), [SweepRecord(2, 1, error="out of memory")])
-        notes = "\n".join(setting_table(result).notes)
+        notes = "\n".join(tabulate_settings(result).notes)
         assert "gamma = 0.9, alpha = 0.5, seed 1: out of memory" in notes
         assert "5 of the runs have not been done" in notes
-        assert 3 == len(start_table(result).rows)
+        assert 3 == len(tabulate_starts(result).rows)
 
     def test_a_run_that_goes_wrong_says_so_and_raises_nothing(self, board_task):
         _, job = plan_study(board_task, "sarsa", QUICK)
@@ -618,15 +618,15 @@ class TestFigures:
     def test_there_is_a_column_for_every_option(self, walk, design):
         values = [("episodes", "100,200,1000"), ("objective", "cost,reward")]
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design)
-        figure = sweep_figure(do_study(plan, job))
+        figure = draw_sweep(do_study(plan, job))
         assert 6 == len(figure.axes)
         assert ["episodes", "objective"] == [axes.get_xlabel() for axes in figure.axes[4:]]
-        assert figure_bytes(figure, ".svg") == figure_bytes(figure, ".svg")
+        assert render_figure(figure, ".svg") == render_figure(figure, ".svg")
 
     def test_what_cannot_be_drawn_is_said(self):
         nothing = SweepResult(a_plan(axes=(), centre={}), [SweepRecord(0, 0, (OUTCOME,))])
         with pytest.raises(OptionError, match="1 to 6 options that vary, not 0"):
-            sweep_figure(nothing)
+            draw_sweep(nothing)
         starts = tuple(Start(f"C{i}") for i in range(9))
         with pytest.raises(SkillplanError, match="up to 8 starts, not 9"):
-            sweep_figure(SweepResult(a_plan(starts=starts), []))
+            draw_sweep(SweepResult(a_plan(starts=starts), []))

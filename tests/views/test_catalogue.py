@@ -14,9 +14,9 @@ from skillplan.views.figures import (
     TASK_FIGURES,
     CatalogueEntry,
     catalogue,
-    figure_lines,
-    figure_module,
-    figure_names,
+    describe_figures,
+    list_figure_names,
+    load_figure_module,
 )
 
 OF_SOP = CatalogueEntry("the tour", "skillplan.views.figures.learning_figure", "sop")
@@ -38,10 +38,10 @@ def register(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", names("domain"))
-@pytest.mark.parametrize("name", figure_names())
+@pytest.mark.parametrize("name", list_figure_names())
 def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name, kind):
     """``plot`` calls these of a figure's module."""
-    module = figure_module(name, kind)
+    module = load_figure_module(name, kind)
     assert isinstance(module.SOLVER, str)
     assert callable(module.runs)
     assert callable(module.draw)
@@ -51,14 +51,14 @@ def test_a_figure_of_a_task_has_a_solver_its_runs_and_a_drawing(name, kind):
 def test_a_figure_of_runs_has_its_module(name):
     """It holds a function named after the figure."""
     drawing = importlib.import_module(RUN_FIGURES[name].module)
-    assert callable(getattr(drawing, f"{name}_figure"))
+    assert callable(getattr(drawing, f"draw_{name}"))
 
 
 def test_listing_the_figures_imports_nothing_heavy():
     """The help of ``plot`` names them all, and must come at once."""
     code = (
         "import sys, skillplan.views.figures.catalogue as catalogue;"
-        "catalogue.figure_lines();"
+        "catalogue.describe_figures();"
         "print([m for m in ('numpy', 'matplotlib', 'pydantic', 'rich') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -67,23 +67,25 @@ def test_listing_the_figures_imports_nothing_heavy():
 
 def test_an_unknown_figure_is_a_key_error():
     with pytest.raises(KeyError, match="flowers"):
-        figure_module("flowers", "assembly")
+        load_figure_module("flowers", "assembly")
 
 
 def test_a_plugin_adds_a_figure(register):
     register(tour="OF_SOP")
-    assert figure_names() == [*TASK_FIGURES, "tour"]
-    assert figure_lines()["tour"] == "the tour"
-    assert figure_module("tour", "sop").__name__ == OF_SOP.module
-    assert figure_module("tour", "assembly").__name__ == OF_SOP.module, "it refuses in its words"
+    assert list_figure_names() == [*TASK_FIGURES, "tour"]
+    assert describe_figures()["tour"] == "the tour"
+    assert load_figure_module("tour", "sop").__name__ == OF_SOP.module
+    assert load_figure_module("tour", "assembly").__name__ == OF_SOP.module, (
+        "it refuses in its words"
+    )
 
 
 def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register):
     register(gantt="OF_SOP")
-    assert figure_names() == list(TASK_FIGURES)
-    assert figure_lines()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
-    assert figure_module("gantt", "sop").__name__ == OF_SOP.module
-    assert figure_module("gantt", "assembly").__name__ == TASK_FIGURES["gantt"].module
+    assert list_figure_names() == list(TASK_FIGURES)
+    assert describe_figures()["gantt"] == f"{TASK_FIGURES['gantt'].line}; of sop: the tour"
+    assert load_figure_module("gantt", "sop").__name__ == OF_SOP.module
+    assert load_figure_module("gantt", "assembly").__name__ == TASK_FIGURES["gantt"].module
 
 
 @pytest.mark.parametrize(
@@ -93,7 +95,7 @@ def test_a_figure_for_one_kind_replaces_the_figure_for_any_kind(register):
 def test_a_broken_figure_is_listed_with_the_reason(register, value, reason):
     """It breaks neither the help nor the other figures."""
     register(tour=value)
-    assert reason in figure_lines()["tour"]
-    assert figure_module("gantt", "assembly").SOLVER == "exact"
+    assert reason in describe_figures()["tour"]
+    assert load_figure_module("gantt", "assembly").SOLVER == "exact"
     with pytest.raises(PluginError, match=reason):
-        figure_module("tour", "sop")
+        load_figure_module("tour", "sop")

@@ -17,10 +17,10 @@ from skillplan.views import (
     Column,
     ItemList,
     Table,
-    escaped,
-    output_width,
+    escape,
+    get_output_width,
+    lay_out_table,
     render,
-    table_layout,
 )
 
 
@@ -36,12 +36,12 @@ class TestOutputWidth:
     def test_columns_counts_before_all_else(self, monkeypatch, out):
         """On a terminal and in a pipe alike."""
         monkeypatch.setenv("COLUMNS", "77")
-        assert 77 == output_width(out)
+        assert 77 == get_output_width(out)
 
     @pytest.mark.parametrize("columns", ["", "wide", "0", "-5"])
     def test_columns_that_are_no_width_say_nothing(self, monkeypatch, columns):
         monkeypatch.setenv("COLUMNS", columns)
-        assert DEFAULT_WIDTH == output_width(io.StringIO())
+        assert DEFAULT_WIDTH == get_output_width(io.StringIO())
 
     def test_a_terminal_that_knows_its_width_is_believed(self):
         ours, theirs = os.openpty()
@@ -53,17 +53,17 @@ class TestOutputWidth:
                 import termios
 
                 fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 93, 0, 0))
-                assert 93 == output_width(out)
+                assert 93 == get_output_width(out)
         finally:
             os.close(ours)
             os.close(theirs)
 
     def test_a_terminal_of_no_size_is_as_wide_as_a_pipe(self):
-        assert DEFAULT_WIDTH == output_width(Screen())
+        assert DEFAULT_WIDTH == get_output_width(Screen())
 
     def test_nothing_is_narrower_than_the_least(self, monkeypatch):
         monkeypatch.setenv("COLUMNS", "3")
-        assert LEAST_WIDTH == output_width(io.StringIO())
+        assert LEAST_WIDTH == get_output_width(io.StringIO())
 
 
 def a_table(rows: list[tuple[str, ...]], *, below: bool = False) -> Table:
@@ -83,25 +83,25 @@ ROW = ("branch-and-cut", "1.86709", "stopped by the limit of time", "0,1,2,3,4,5
 class TestLayout:
     def test_what_fits_is_as_wide_as_its_cells(self):
         """With all columns in their places, even those that might go below."""
-        layout = table_layout(a_table([ROW], below=True), 120)
+        layout = lay_out_table(a_table([ROW], below=True), 120)
         assert ((14, 8, 28, 25),) == tuple(block.widths for block in layout.blocks)
         assert () == layout.below
 
     def test_what_may_go_below_goes_first(self):
-        layout = table_layout(a_table([ROW], below=True), 60)
+        layout = lay_out_table(a_table([ROW], below=True), 60)
         assert (3,) == layout.below
         assert [(0, 1, 2)] == [block.columns for block in layout.blocks]
 
     def test_words_wrap_before_figures_are_cut(self):
         """The figure keeps its width, the name too; only its heading wraps."""
-        (block,) = table_layout(a_table([ROW]), 62).blocks
+        (block,) = lay_out_table(a_table([ROW]), 62).blocks
         assert (len(ROW[0]), len(ROW[1])) == block.widths[:2]
         assert block.width <= 62
 
     def test_what_does_not_fit_side_by_side_is_cut_into_blocks(self):
         """Each begins with the column that tells rows apart."""
         other = ("exact", *ROW[1:])
-        blocks = table_layout(a_table([ROW, other]), 40).blocks
+        blocks = lay_out_table(a_table([ROW, other]), 40).blocks
         assert len(blocks) > 1
         assert {0} == {block.columns[0] for block in blocks}
         assert [1, 2, 3] == [index for block in blocks for index in block.columns[1:]]
@@ -110,13 +110,13 @@ class TestLayout:
         """Where the first alone does not tell rows apart."""
         columns = [Column(heading) for heading in ("kind", "name", "what it does", "why")]
         rows = [("solver", name, "a sentence of words", "x" * 30) for name in ("exact", "auto")]
-        blocks = table_layout(Table("t", columns, rows), 50).blocks
+        blocks = lay_out_table(Table("t", columns, rows), 50).blocks
         assert len(blocks) > 1
         assert {(0, 1)} == {block.columns[:2] for block in blocks}
 
     def test_a_listed_column_is_none_on_a_terminal(self):
         table = Table("t", [Column("a"), Column("b", listed=True)], [("1", "2" * 500)])
-        assert [(0,)] == [block.columns for block in table_layout(table, 80).blocks]
+        assert [(0,)] == [block.columns for block in lay_out_table(table, 80).blocks]
 
 
 CELL = st.one_of(
@@ -169,4 +169,4 @@ def test_nothing_but_blanks_is_lost(table, width):
     for row in table.rows:
         for i in shown:
             if row[i] not in ("-", ""):
-                assert not set(re.sub(r"\s", "", escaped(row[i]))) - set(text)
+                assert not set(re.sub(r"\s", "", escape(row[i]))) - set(text)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from skillplan.views import Column, Table, escaped, render
-from skillplan.views.figures import figure_bytes
+from skillplan.views import Column, Table, escape, render
+from skillplan.views.figures import render_figure
 
 HOSTILE = "\x1b[2J\x9b31m\x7f\r\N{RIGHT-TO-LEFT OVERRIDE}\N{ZERO WIDTH SPACE}\N{LINE SEPARATOR}"
 WRITTEN_OUT = r"\x1b[2J\x9b31m\x7f\x0d\u202e\u200b\u2028"
@@ -26,21 +26,21 @@ def test_every_control_and_format_character_is_written_out():
         for code in range(sys.maxunicode + 1)
         if unicodedata.category(chr(code)) in ("Cc", "Cf", "Cs", "Zl", "Zp")
     ]
-    raw = [one for one in hidden if escaped(one) == one]
+    raw = [one for one in hidden if escape(one) == one]
     assert ["\t", "\n"] == raw
-    assert "".join(map(escaped, hidden)).isascii()
+    assert "".join(map(escape, hidden)).isascii()
 
 
 def test_what_is_read_stays():
     """Letters of all scripts, wide characters, accents, and a symbol with its selector."""
     text = "p\u00f6\u4e00 e\u0301 \u05e9\u05dc\u05d5\u05dd \N{PILE OF POO} \u2764\ufe0f \u2500"
-    assert text == escaped(text)
+    assert text == escape(text)
 
 
 @given(st.text())
 def test_a_text_that_was_escaped_stays(text):
     """Nothing is written out twice."""
-    assert escaped(text) == escaped(escaped(text))
+    assert escape(text) == escape(escape(text))
 
 
 class Screen(io.StringIO):
@@ -67,5 +67,5 @@ def test_a_figure_names_them():
     """In an SVG as text, where it would be taken up by whoever copies it."""
     figure = Figure()
     figure.suptitle("a\N{RIGHT-TO-LEFT OVERRIDE}b\x1b")
-    figure_bytes(figure, ".svg")
+    render_figure(figure, ".svg")
     assert [r"a\u202eb\x1b"] == [text.get_text() for text in figure.texts]

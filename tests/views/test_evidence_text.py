@@ -2,7 +2,7 @@
 
 import pytest
 
-from skillplan.views import evidence_text
+from skillplan.views import format_evidence
 
 
 @pytest.mark.parametrize(
@@ -21,4 +21,4 @@ from skillplan.views import evidence_text
 )
 def test_it_reads_well(evidence, text):
     """Figures of four digits, lists with blanks, what belongs to one thing in brackets."""
-    assert text == evidence_text(evidence)
+    assert text == format_evidence(evidence)

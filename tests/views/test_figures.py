@@ -29,32 +29,32 @@ from skillplan.views.figures import (
     RewardStep,
     Run,
     StateValues,
-    checked_path,
-    figure_bytes,
-    learning_figure,
-    look,
-    q_values_figure,
-    rewards_figure,
+    check_path,
+    choose_look,
+    create_sheet,
+    darken_colour,
+    draw_learning,
+    draw_q_values,
+    draw_rewards,
+    measure_text_in,
+    render_figure,
     save_figure,
-    sheet,
-    text_colour,
-    text_width_in,
 )
 from skillplan_swarmitfix import (
     Bar,
     BaseGoal,
     Bench,
     HeadMark,
-    bench_canvas,
-    colours_of,
-    fleet_figure,
-    gantt_figure,
-    links_m,
-    paths_of,
-    placement_figure,
-    policy_figure,
-    ranges_text,
-    steps_to,
+    assign_colours,
+    count_steps_to,
+    draw_fleet,
+    draw_gantt,
+    draw_placement,
+    draw_policy,
+    find_links_m,
+    find_paths,
+    format_ranges,
+    open_bench_canvas,
 )
 from thinned import slow_case
 
@@ -77,7 +77,7 @@ def greedy(bench: Bench, goal: int) -> dict[int, int]:
 
 
 def a_policy(bench: Bench = BENCH, goal: int = GOAL, start: int | None = START) -> Figure:
-    return policy_figure(bench, greedy(bench, goal), goal, HEADING, start=start)
+    return draw_policy(bench, greedy(bench, goal), goal, HEADING, start=start)
 
 
 def a_placement(*, closed: bool = True) -> Figure:
@@ -90,7 +90,7 @@ def a_placement(*, closed: bool = True) -> Figure:
     ]
     ways = [["C66", "C54", "C42", "C44"], ["C44"], ["C44", "C33"]]
     named = [[BENCH.position(name) for name in way] for way in ways]
-    return placement_figure(BENCH, corners, heads, goals, named, HEADING, closed=closed)
+    return draw_placement(BENCH, corners, heads, goals, named, HEADING, closed=closed)
 
 
 def a_gantt(sequences: int = 3) -> Figure:
@@ -101,26 +101,26 @@ def a_gantt(sequences: int = 3) -> Figure:
             labels = {"base": f"B2: C66 to C{number}"} if step == "swing" else {}
             bars.append(Bar(number, step, agents, now_s, now_s + takes_s, labels))
             now_s += takes_s
-    return gantt_figure(bars, HEADING)
+    return draw_gantt(bars, HEADING)
 
 
 def some_rewards(count: int = 4) -> Figure:
     steps = [
         RewardStep(f"base-{i // 2 + 1}", f"B{i % 3}", f"C{i + 1}", i - 1.5) for i in range(count)
     ]
-    return rewards_figure(steps, ["B0", "B1", "B2"], HEADING)
+    return draw_rewards(steps, ["B0", "B1", "B2"], HEADING)
 
 
 def some_learning() -> Figure:
     episodes = np.arange(10.0, 1001.0, 10.0)
     steps = np.stack([400 / np.sqrt(episodes), 500 / np.sqrt(episodes)])
     curves = (LearningCurve("set 1", episodes, steps), LearningCurve("set 2", episodes, steps * 2))
-    return learning_figure([LearningPanel("base-1", curves, 3.4)], HEADING)
+    return draw_learning([LearningPanel("base-1", curves, 3.4)], HEADING)
 
 
 def some_values() -> Figure:
     values = {f"B{i}": np.linspace(0.0, -i, 50).tolist() for i in range(11)}
-    return q_values_figure(
+    return draw_q_values(
         list(range(1, 51)),
         [StateValues("C66", values), StateValues("C13", {"B5": [0.5] * 50})],
         HEADING,
@@ -134,7 +134,7 @@ def a_fleet() -> Figure:
         [("r1", BENCH.position("C15")), ("r2", BENCH.position("C76"))],
         [("r1", BENCH.position("C28"))],
     ]
-    return fleet_figure(BENCH, starts, schedule, HEADING)
+    return draw_fleet(BENCH, starts, schedule, HEADING)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
@@ -151,12 +151,12 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 @cache
 def svg(name: str) -> bytes:
     """Return a figure as SVG; drawn once."""
-    return figure_bytes(FIGURES[name](), ".svg")
+    return render_figure(FIGURES[name](), ".svg")
 
 
 def texts(figure: Figure | bytes) -> list[str]:
     """Return the texts of a figure's SVG."""
-    content = figure if isinstance(figure, bytes) else figure_bytes(figure, ".svg")
+    content = figure if isinstance(figure, bytes) else render_figure(figure, ".svg")
     root = ElementTree.fromstring(content)
     found = [element.text or "" for element in root.iter("{http://www.w3.org/2000/svg}text")]
     return [text.strip() for text in found]
@@ -179,12 +179,12 @@ class TestFiles:
     )
     def test_equal_figures_are_equal_files(self, name):
         """Neither the time nor anything random is in them."""
-        assert svg(name) == figure_bytes(FIGURES[name](), ".svg")
+        assert svg(name) == render_figure(FIGURES[name](), ".svg")
 
     def test_equal_figures_are_equal_pictures(self):
         """In dots, too; and the file does not name the program that wrote it."""
-        content = figure_bytes(some_rewards(), ".png", 40)
-        assert content == figure_bytes(some_rewards(), ".png", 40)
+        content = render_figure(some_rewards(), ".png", 40)
+        assert content == render_figure(some_rewards(), ".png", 40)
         assert b"tEXt" not in content
 
     @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ class TestFiles:
     def test_a_png_has_the_size_of_its_figure(self, name):
         """In dots: inches times dots per inch."""
         figure = FIGURES[name]()
-        content = figure_bytes(figure, ".png", 50)
+        content = render_figure(figure, ".png", 50)
         assert content.startswith(b"\x89PNG")
         height, width = imread(io.BytesIO(content)).shape[:2]
         assert figure.get_size_inches() * 50 == pytest.approx([width, height], abs=1.0)
@@ -216,7 +216,7 @@ class TestFiles:
     def test_the_users_own_style_changes_nothing(self):
         """A matplotlibrc is for the user's own figures."""
         with rc_context({"font.size": 30, "svg.fonttype": "path", "axes.grid": True}):
-            assert svg("rewards") == figure_bytes(some_rewards(), ".svg")
+            assert svg("rewards") == render_figure(some_rewards(), ".svg")
 
     def test_what_was_there_is_replaced_whole(self, tmp_path):
         """And nothing is left beside it."""
@@ -248,19 +248,19 @@ class TestFiles:
         """Before anything is solved."""
         (tmp_path / "d.png").mkdir()
         with pytest.raises(OptionError, match=message):
-            checked_path(str(tmp_path / name))
+            check_path(str(tmp_path / name))
 
     def test_other_formats_are_refused(self):
         """By the writer, too."""
         with pytest.raises(ValueError, match=r"not '\.pdf'"):
-            figure_bytes(some_rewards(), ".pdf")
+            render_figure(some_rewards(), ".pdf")
 
 
 class TestStyle:
     @pytest.mark.parametrize("colour", PALETTE)
     def test_text_in_a_colour_can_be_read_on_white(self, colour):
         """A contrast of at least 3 to 1 (WCAG, large or bold text)."""
-        channels = [int(text_colour(colour)[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        channels = [int(darken_colour(colour)[i : i + 2], 16) / 255 for i in (1, 3, 5)]
         linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
         light = float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
         assert 3.0 <= 1.05 / (light + 0.05)
@@ -271,20 +271,20 @@ class TestStyle:
         lines = Heading("t", details).lines(width_in)
         assert details.split() == [word for line in lines for word in line.split()]
         for line in lines:
-            assert text_width_in(line, 8.0) <= width_in + 1e-6 or len(line.split()) == 1
+            assert measure_text_in(line, 8.0) <= width_in + 1e-6 or len(line.split()) == 1
 
     @pytest.mark.parametrize("size_in", [(0.0, 1.0), (1.0, math.nan)])
     def test_a_sheet_has_a_size(self, size_in):
         """Nothing can be drawn on nothing."""
         with pytest.raises(ValueError, match="cannot be"):
-            sheet(*size_in, HEADING)
+            create_sheet(*size_in, HEADING)
 
 
 class TestBenchCanvas:
     @pytest.mark.parametrize("shape", [(1, 1), (2, 13), (6, 13), (12, 25), (40, 3), (3, 101)])
     def test_a_bench_of_any_shape_is_to_scale(self, shape):
         """A metre is as long up as along, and the sheet stays of a size for a screen."""
-        canvas = bench_canvas(Bench(*shape, 0.34), HEADING)
+        canvas = open_bench_canvas(Bench(*shape, 0.34), HEADING)
         place = canvas.axes.get_window_extent()
         (x0, x1), (y0, y1) = canvas.axes.get_xlim(), canvas.axes.get_ylim()
         assert place.width / (x1 - x0) == pytest.approx(place.height / (y1 - y0))
@@ -298,12 +298,12 @@ class TestBenchCanvas:
 
     def test_points_beside_the_bench_are_on_paper(self):
         """A trajectory may leave the bench."""
-        canvas = bench_canvas(BENCH, HEADING, around_m=np.array([[-1.0, 4.0]]))
+        canvas = open_bench_canvas(BENCH, HEADING, around_m=np.array([[-1.0, 4.0]]))
         assert canvas.axes.get_xlim()[0] < -1.0
         assert canvas.axes.get_ylim()[1] > 4.0
 
 
-_CANVAS = bench_canvas(BENCH, HEADING)
+_CANVAS = open_bench_canvas(BENCH, HEADING)
 
 
 class TestPolicy:
@@ -317,7 +317,7 @@ class TestPolicy:
 
     def test_an_arrow_points_to_where_the_action_leads(self):
         """Of C66, B2 leads to C54."""
-        figure = policy_figure(BENCH, {START: 2}, GOAL, HEADING)
+        figure = draw_policy(BENCH, {START: 2}, GOAL, HEADING)
         arrows = collection(figure, "policy-arrows")
         along = BENCH.centroids_m[BENCH.position("C54")] - BENCH.centroids_m[START]
         drawn = np.array([arrows.U[0], arrows.V[0]])  # type: ignore[attr-defined]
@@ -341,7 +341,7 @@ class TestPolicy:
     def test_staying_where_the_goal_is_not_is_shown(self):
         """As a ring, and as never getting to the goal."""
         recommended = greedy(BENCH, GOAL) | {0: 0}
-        figure = policy_figure(BENCH, recommended, GOAL, HEADING, start=0)
+        figure = draw_policy(BENCH, recommended, GOAL, HEADING, start=0)
         assert 1 == len(collection(figure, "policy-stays").get_offsets())
         assert {"B0: stay", "never gets to the goal"} <= set(texts(figure))
         assert "path from the start" not in texts(figure)
@@ -357,12 +357,12 @@ class TestPolicy:
     def test_a_policy_must_be_one_of_the_bench(self, recommended, message):
         """What does not exist is not drawn."""
         with pytest.raises(ValueError, match=message):
-            policy_figure(BENCH, recommended, GOAL, HEADING)
+            draw_policy(BENCH, recommended, GOAL, HEADING)
 
     def test_a_shortest_policy_takes_the_fewest_swings(self):
         """What the shades show is what the bench counts."""
         ends = {here: int(BENCH.successors[here, a]) for here, a in greedy(BENCH, GOAL).items()}
-        assert BENCH.distances(GOAL).tolist() == steps_to(GOAL, ends, 78).tolist()
+        assert BENCH.distances(GOAL).tolist() == count_steps_to(GOAL, ends, 78).tolist()
 
 
 class TestPlacement:
@@ -390,7 +390,7 @@ class TestPlacement:
     def test_lines_join_the_circles_and_their_supports(self):
         """One for each base and support, from the edge of the circle."""
         goals = [BaseGoal(GOAL, ((1.0, 1.0), (0.2, 0.2))), BaseGoal(GOAL, ((1.0, 1.0),))]
-        lines = links_m(BENCH, goals)
+        lines = find_links_m(BENCH, goals)
         assert [(1.0, 1.0), (0.2, 0.2)] == [end for _, end in lines]
         for edge, _ in lines:
             assert math.dist(edge, BENCH.centroids_m[GOAL]) == pytest.approx(0.2 * 0.34)
@@ -398,7 +398,7 @@ class TestPlacement:
     def test_bases_beside_each_other_differ_in_colour(self):
         """Where there are more of them than colours, two of one are far from each other."""
         row = [BENCH.position(f"C{number}") for number in range(1, 13)]
-        colours = colours_of(BENCH, [BaseGoal(position, ()) for position in row])
+        colours = assign_colours(BENCH, [BaseGoal(position, ()) for position in row])
         assert 6 == len(set(colours.values()))
         assert all(colours[a] != colours[b] for a, b in pairwise(row))
 
@@ -414,7 +414,7 @@ class TestPlacement:
     def test_names_of_positions_do_not_overlap(self):
         """Nor do those of heads and goals."""
         figure = a_placement()
-        figure_bytes(figure, ".png", 100)
+        render_figure(figure, ".png", 100)
         boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text()]
         pairs = [(a, b) for i, a in enumerate(boxes) for b in boxes[:i]]
         assert not any(a.overlaps(b) for a, b in pairs)
@@ -425,14 +425,14 @@ class TestPlacement:
     )
     def test_numbers_in_a_row_are_a_range(self, numbers, text):
         """As people write them."""
-        assert text == ranges_text(numbers)
+        assert text == format_ranges(numbers)
 
     def test_what_cannot_be_placed_is_refused(self):
         """A trajectory of one point, ways without goals, a head without a size."""
         with pytest.raises(ValueError, match="at least two points"):
-            placement_figure(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
+            draw_placement(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
         with pytest.raises(ValueError, match="0 goals need as many paths"):
-            placement_figure(BENCH, [(0, 0), (1, 1)], [], [], [[1]], HEADING, closed=False)
+            draw_placement(BENCH, [(0, 0), (1, 1)], [], [], [[1]], HEADING, closed=False)
         with pytest.raises(ValueError, match="side must be > 0"):
             HeadMark((0.0, 0.0), 0.0, 0.0, True)
 
@@ -496,7 +496,7 @@ class TestGantt:
     def test_nothing_is_no_chart(self):
         """There is no time to draw."""
         with pytest.raises(ValueError, match="at least one step"):
-            gantt_figure([], HEADING)
+            draw_gantt([], HEADING)
 
 
 class TestRewards:
@@ -516,15 +516,15 @@ class TestRewards:
     def test_what_cannot_be_drawn_is_refused(self):
         """No step, or an action that nobody knows."""
         with pytest.raises(ValueError, match="no step"):
-            rewards_figure([], ["B0"], HEADING)
+            draw_rewards([], ["B0"], HEADING)
         with pytest.raises(ValueError, match="'B9' is none"):
-            rewards_figure([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
+            draw_rewards([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
 
     def test_small_rewards_are_seen_beside_a_large_one(self):
         """On a logarithmic axis each bar is as high as a twentieth of it at least."""
         rewards = [-0.0038, -0.014, -0.021, 10.0]
         steps = [RewardStep("t", "B0", "", reward) for reward in rewards]
-        axes = rewards_figure(steps, ["B0"], HEADING).axes[0]
+        axes = draw_rewards(steps, ["B0"], HEADING).axes[0]
         assert "reward [-], log scale" == axes.get_ylabel()
         heights = [bar.get_window_extent().height for bar in axes.patches]
         assert min(heights) > axes.get_window_extent().height / 20
@@ -539,7 +539,7 @@ class TestLearning:
         """Between powers of ten too, and never by a formula."""
         episodes = np.arange(1.0, 50.0)
         curve = LearningCurve("set 1", episodes, np.linspace(most, 5.5, 98).reshape(2, 49))
-        written = set(texts(learning_figure([LearningPanel("board", (curve,))], HEADING)))
+        written = set(texts(draw_learning([LearningPanel("board", (curve,))], HEADING)))
         assert shown <= written
         assert not any("mathdefault" in text or "$" in text for text in written)
 
@@ -578,7 +578,7 @@ class TestLearning:
         with pytest.raises(ValueError, match="1 to 2 curves, not 0"):
             LearningPanel("p", ())
         with pytest.raises(ValueError, match="no learning curve"):
-            learning_figure([], HEADING)
+            draw_learning([], HEADING)
 
 
 class TestQValues:
@@ -590,7 +590,7 @@ class TestQValues:
 
     def test_no_two_actions_look_alike(self):
         """Told apart by colour and marker together, up to 24 of them."""
-        assert 24 == len({look(number) for number in range(24)})
+        assert 24 == len({choose_look(number) for number in range(24)})
 
     def test_values_must_be_there_for_every_episode(self):
         """Of every action."""
@@ -599,9 +599,9 @@ class TestQValues:
         with pytest.raises(ValueError, match="all of them as many"):
             StateValues("C1", {})
         with pytest.raises(ValueError, match="not a value for each"):
-            q_values_figure([1, 2], [StateValues("C1", {"B0": [0.0]})], HEADING)
+            draw_q_values([1, 2], [StateValues("C1", {"B0": [0.0]})], HEADING)
         with pytest.raises(ValueError, match="no state"):
-            q_values_figure([1], [], HEADING)
+            draw_q_values([1], [], HEADING)
 
 
 class TestFleet:
@@ -614,15 +614,15 @@ class TestFleet:
 
     def test_a_path_says_when_a_robot_is_where(self):
         """A robot that waits has no entry for that step."""
-        paths = paths_of({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
+        paths = find_paths({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
         assert {"a": [(0, 1), (1, 2), (2, 3)], "b": [(0, 5), (2, 6)]} == paths
 
     def test_robots_must_be_known(self):
         """By where they start."""
         with pytest.raises(ValueError, match="at least one robot"):
-            paths_of({}, [])
+            find_paths({}, [])
         with pytest.raises(ValueError, match="'b' moves"):
-            paths_of({"a": 1}, [[("b", 2)]])
+            find_paths({"a": 1}, [[("b", 2)]])
 
 
 def test_a_run_has_a_seed():

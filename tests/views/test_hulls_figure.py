@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from skillplan.collision import Hull, HullRole, HullScene
 from skillplan.task import Point
-from skillplan.views.figures import Heading, figure_image, hulls_figure
+from skillplan.views.figures import Heading, draw_hulls, render_image
 
 HEADING = Heading("swept: place(lid)", "runs into box")
 FACES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
@@ -38,7 +38,7 @@ def figure():
         ],
         [(0.06, 0.01, 0.01)],
     )
-    return hulls_figure(scene, HEADING)
+    return draw_hulls(scene, HEADING)
 
 
 def gids(figure: Figure) -> set[str]:
@@ -67,7 +67,7 @@ def test_the_bodies_of_a_verdict_and_no_others_are_named():
         reason="lid would tip off box",
         subjects=frozenset({"lid", "box"}),
     )
-    (axes,) = hulls_figure(scene, HEADING).axes
+    (axes,) = draw_hulls(scene, HEADING).axes
     assert [text.get_text() for text in axes.texts] == ["lid", "box"]
 
 
@@ -77,7 +77,7 @@ def test_names_stand_before_all_hulls_and_not_across_each_other():
         [tetrahedron("the hand", HullRole.MOVING)]
         + [tetrahedron(name, HullRole.STANDING) for name in ("case", "cover", "board")]
     )
-    drawn = hulls_figure(scene, HEADING)
+    drawn = draw_hulls(scene, HEADING)
     drawn.canvas.draw()
     (axes,) = drawn.axes
     assert min(text.zorder for text in axes.texts) > max(one.zorder for one in axes.collections)
@@ -90,20 +90,20 @@ def test_what_stands_far_off_is_not_drawn_beyond_the_axes():
     scene = HullScene(
         [tetrahedron("the hand", HullRole.MOVING), tetrahedron("far", HullRole.STANDING, 0.5)]
     )
-    drawn = hulls_figure(scene, HEADING)
+    drawn = draw_hulls(scene, HEADING)
     assert "standing far" not in gids(drawn)
     assert "far" not in {text.get_text() for text in drawn.axes[0].texts}
 
 
 def test_the_legend_holds_only_what_there_is():
     scene = HullScene([tetrahedron("the hand", HullRole.MOVING)])
-    (legend,) = hulls_figure(scene, HEADING).legends
+    (legend,) = draw_hulls(scene, HEADING).legends
     assert ["swept by hand, load and arm"] == [text.get_text() for text in legend.get_texts()]
 
 
 def test_no_hull_is_no_figure():
     with pytest.raises(ValueError, match="no hull"):
-        hulls_figure(HullScene([]), HEADING)
+        draw_hulls(HullScene([]), HEADING)
 
 
 def test_a_triangle_needs_its_corners():
@@ -114,7 +114,7 @@ def test_a_triangle_needs_its_corners():
 def test_a_figure_becomes_a_picture_of_its_size(figure):
     """In pixels, as the dots per inch have it."""
     wide_in, tall_in = figure.get_size_inches()
-    image = figure_image(figure, dpi=50)
+    image = render_image(figure, dpi=50)
     assert image.width == pytest.approx(50 * wide_in, abs=1)
     assert image.height == pytest.approx(50 * tall_in, abs=1)
     assert 2 < len(set(image.rgb))

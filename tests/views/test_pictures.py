@@ -22,19 +22,19 @@ from skillplan.views.figures import (
     Picture,
     PlanBar,
     SolidPainter,
-    assembly_film,
-    exploded_picture,
-    gantt_picture,
-    hull,
-    layers_of,
-    layout_picture,
-    number_rows,
-    plan_bars,
-    precedence_graph,
-    precedence_picture,
-    shortened,
+    arrange_layers,
+    build_precedence_graph,
+    draw_exploded_view,
+    draw_gantt_picture,
+    draw_layout,
+    draw_precedence,
+    film_assembly,
+    find_hull,
+    list_plan_bars,
+    place_number_rows,
+    shorten,
 )
-from skillplan.views.report import picture_svg
+from skillplan.views.report import embed_picture
 
 PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
 
@@ -58,7 +58,7 @@ def labels(picture: Picture) -> list[str]:
 
 def paths(picture: Picture, classes: str) -> list[ElementTree.Element]:
     """Return the shapes of a picture in a page that have some classes."""
-    root = ElementTree.fromstring(picture_svg(picture, "p"))
+    root = ElementTree.fromstring(embed_picture(picture, "p"))
     return [path for path in root.iter("path") if path.get("class") == classes]
 
 
@@ -74,25 +74,25 @@ def chart(*relations: Relation, either: tuple[Alternatives, ...] = ()) -> Derive
 
 def test_a_layout_numbers_every_step_that_moves_the_arm(board, plan):
     """Steps that end at one place share a label."""
-    shown = ", ".join(labels(layout_picture(board, plan)))
+    shown = ", ".join(labels(draw_layout(board, plan)))
     assert set(range(1, 16)) <= {int(number) for number in re.findall(r"\b\d+\b", shown)}
     assert "8, 10" in shown
 
 
 def test_a_layout_without_a_plan_shows_the_cell(board):
-    assert {"pcb", "brace"} <= set(labels(layout_picture(board, [])))
+    assert {"pcb", "brace"} <= set(labels(draw_layout(board, [])))
 
 
 def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(board, plan):
     """The board first, the screws last; each has a number and a name."""
-    found = labels(exploded_picture(board, plan))
+    found = labels(draw_exploded_view(board, plan))
     named = dict(zip(found[1::2], map(int, found[::2]), strict=True))
     assert {"pcb": 1, "switch_1": 2, "brace": 5, "screw_2": 8}.items() <= named.items()
 
 
 def test_a_film_brings_part_after_part_along_its_way(board, plan):
     """The first comes from above, gently, and then rests."""
-    first = [image.rgb for image in islice(assembly_film(board, plan, width_px=300.0), 14)]
+    first = [image.rgb for image in islice(film_assembly(board, plan, width_px=300.0), 14)]
     assert len(set(first[:10])) == 10
     assert len(set(first[10:])) == 1
     wide, blue = 3 * 300, bytes.fromhex(COLOURS["blue"].removeprefix("#"))[2]
@@ -111,7 +111,7 @@ def test_a_film_brings_part_after_part_along_its_way(board, plan):
 
 def test_a_time_line_has_a_row_for_each_tool(board, plan):
     """A change of tools has its own."""
-    bars = plan_bars(board, plan, [1.0] * len(plan))
+    bars = list_plan_bars(board, plan, [1.0] * len(plan))
     assert ["panda, gripper", "panda, tool change", "panda, screwdriver"] == list(
         dict.fromkeys(bar.row for bar in bars)
     )
@@ -120,13 +120,13 @@ def test_a_time_line_has_a_row_for_each_tool(board, plan):
 
 def test_measured_times_go_before_planned_ones(board, plan):
     times = {k: (2.0 * k, 2.0 * k + 1.5) for k in range(len(plan))}
-    bars = plan_bars(board, plan, [1.0] * len(plan), times)
+    bars = list_plan_bars(board, plan, [1.0] * len(plan), times)
     assert [(28.0, 29.5)] == [(bar.start_s, bar.end_s) for bar in bars[-1:]]
 
 
 def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(board, plan):
     times = {0: (0.5, 2.0), 1: (2.0, 5.0)}
-    bars = plan_bars(board, plan, [1.0] * len(plan), times, failed=1)
+    bars = list_plan_bars(board, plan, [1.0] * len(plan), times, failed=1)
     assert ["", FAILED] + [NOT_SIMULATED] * (len(plan) - 2) == [bar.mark for bar in bars]
     assert [(0.5, 2.0), (2.0, 5.0), (5.0, 6.0), (6.0, 7.0)] == [
         (bar.start_s, bar.end_s) for bar in bars[:4]
@@ -135,9 +135,9 @@ def test_after_a_failed_step_bars_follow_as_planned_and_are_marked(board, plan):
 
 
 def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(board, plan):
-    bars = plan_bars(board, plan, [1.0] * len(plan), {0: (0.0, 2.0)}, failed=0)
-    whole = gantt_picture(plan_bars(board, plan, [1.0] * len(plan)), "Times")
-    marked = gantt_picture(bars, "Times")
+    bars = list_plan_bars(board, plan, [1.0] * len(plan), {0: (0.0, 2.0)}, failed=0)
+    whole = draw_gantt_picture(list_plan_bars(board, plan, [1.0] * len(plan)), "Times")
+    marked = draw_gantt_picture(bars, "Times")
     added = {*labels(marked)} - {*labels(whole)}
     assert {FAILED, NOT_SIMULATED} <= added
     (line,) = paths(marked, "no-fill s-red")
@@ -147,7 +147,7 @@ def test_a_time_line_marks_the_failure_across_all_rows_and_explains_its_marks(bo
 
 def test_a_time_line_needs_a_bar():
     with pytest.raises(ValueError, match="at least one bar"):
-        gantt_picture([], "nothing")
+        draw_gantt_picture([], "nothing")
 
 
 def test_a_bar_does_not_end_before_it_begins():
@@ -157,7 +157,9 @@ def test_a_bar_does_not_end_before_it_begins():
 
 def test_pairs_that_follow_from_others_are_not_drawn(board):
     """The hand-made chart and the derived one are laid over each other."""
-    graph = precedence_graph(board, chart(relation("pcb", "clock"), relation("clock", "brace")))
+    graph = build_precedence_graph(
+        board, chart(relation("pcb", "clock"), relation("clock", "brace"))
+    )
     pairs = {(edge.before, edge.after): edge for edge in graph.edges}
     assert ("pcb", "brace") not in pairs
     assert (True, True) == (pairs["pcb", "clock"].derived, pairs["pcb", "clock"].drawn)
@@ -167,7 +169,7 @@ def test_pairs_that_follow_from_others_are_not_drawn(board):
 
 
 def test_layers_follow_the_longest_chain(board):
-    graph = precedence_graph(board, None)
+    graph = build_precedence_graph(board, None)
     depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
     assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
 
@@ -175,7 +177,7 @@ def test_layers_follow_the_longest_chain(board):
 def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there():
     """So that it runs through no node of that layer."""
     edges = [("a", "b"), ("b", "c"), ("a", "d"), ("d", "c"), ("e", "c"), ("c", "f"), ("a", "f")]
-    placed = layers_of("abcdef", edges)
+    placed = arrange_layers("abcdef", edges)
     assert [Bend(("e", "c"), 1)] == list(placed.bends["e", "c"])
     assert [Bend(("a", "f"), 1), Bend(("a", "f"), 2)] == list(placed.bends["a", "f"])
     assert ("a", "b") not in placed.bends
@@ -185,7 +187,7 @@ def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there():
 def test_numbers_of_steps_cover_no_others():
     """Where places are near each other the longer row goes aside, with a line to its place."""
     ends = {(100.0, 50.0): [1], (112.0, 50.0): [2, 4, 6, 8, 10], (118.0, 52.0): [3, 5, 7]}
-    rows = number_rows(ends, (300.0, 300.0))
+    rows = place_number_rows(ends, (300.0, 300.0))
     assert [(1,), (3, 5, 7), (2, 4, 6, 8, 10)] == [row.numbers for row in rows]
     assert rows[0].at == rows[0].centre
     for one, other in combinations(rows, 2):
@@ -198,17 +200,19 @@ def test_names_stand_where_they_do_in_every_process(board, plan):
     """They are placed in the order of the bodies, the same whatever the seed of hashes is."""
     names = [body.name for body in board.scene.bodies]
     starts = board.scene.at(board.initial)
-    placed = [text for text in labels(layout_picture(board, plan)) if text in names]
+    placed = [text for text in labels(draw_layout(board, plan)) if text in names]
     assert placed == sorted(placed, key=lambda name: (name not in starts, names.index(name)))
 
 
 def test_a_circle_is_drawn_all_the_same(board):
     """No order exists, and the picture says so; the other pairs are in layers as ever."""
-    graph = precedence_graph(board, chart(relation("clock", "pcb"), relation("clock", "brace")))
+    graph = build_precedence_graph(
+        board, chart(relation("clock", "pcb"), relation("clock", "brace"))
+    )
     assert [("clock", "pcb")] == [(e.before, e.after) for e in graph.edges if e.closing]
     depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
     assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
-    assert any("closes a cycle" in text for text in labels(precedence_picture(graph, "circle")))
+    assert any("closes a cycle" in text for text in labels(draw_precedence(graph, "circle")))
 
 
 def test_alternatives_stand_below_the_graph(board):
@@ -216,7 +220,7 @@ def test_alternatives_stand_below_the_graph(board):
     either = tuple(
         Alternatives("clock", skill, groups) for skill in ("pick(clock)", "place(clock)")
     )
-    picture = precedence_picture(precedence_graph(board, chart(either=either)), "or")
+    picture = draw_precedence(build_precedence_graph(board, chart(either=either)), "or")
     words = [text for text in labels(picture) if "before" in text]
     assert ["pick(clock), place(clock): clock before brace or clock before switch_1"] == words
     assert 1 == labels(picture).count("or")
@@ -224,28 +228,28 @@ def test_alternatives_stand_below_the_graph(board):
 
 def test_a_picture_of_a_page_has_no_style_attribute(board, plan):
     """The policy of the page forbids them; a title says what an arrow means."""
-    graph = precedence_graph(board, None)
-    text = picture_svg(precedence_picture(graph, "Precedence"), "p")
+    graph = build_precedence_graph(board, None)
+    text = embed_picture(draw_precedence(graph, "Precedence"), "p")
     root = ElementTree.fromstring(text)
     assert not [one for one in root.iter() if "style" in one.attrib]
     assert any("pcb before" in (one.text or "") for one in root.iter("title"))
 
 
 def test_a_bar_of_a_page_says_where_it_leads(board, plan):
-    bars = plan_bars(board, plan, [1.0] * 15)
-    text = picture_svg(gantt_picture(bars, "Times", seeks=True), "g")
+    bars = list_plan_bars(board, plan, [1.0] * 15)
+    text = embed_picture(draw_gantt_picture(bars, "Times", seeks=True), "g")
     assert 'id="gantt-cursor"' in text
     assert 'data-seek-s="3.000" tabindex="0" role="button"' in text
-    assert "data-seek-s" not in picture_svg(gantt_picture(bars, "Times"), "g")
+    assert "data-seek-s" not in embed_picture(draw_gantt_picture(bars, "Times"), "g")
 
 
 def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(board, plan):
     """And the picture says so; no name is cut to a few letters."""
     names = {"pcb", "switch_1", "switch_2", "transformer", "brace", "clock"}
-    wide = labels(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"))
+    wide = labels(draw_gantt_picture(list_plan_bars(board, plan, [1.0] * 15), "Times"))
     assert names <= set(wide)
     assert not any("a number: the step" in text for text in wide)
-    narrow = labels(gantt_picture(plan_bars(board, plan, [1.0] * 14 + [20.0]), "Times"))
+    narrow = labels(draw_gantt_picture(list_plan_bars(board, plan, [1.0] * 14 + [20.0]), "Times"))
     assert {"4", "7", "11", "14"} <= set(narrow)
     assert any("a number: the step" in text for text in narrow)
     assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in narrow)
@@ -255,7 +259,7 @@ def test_names_of_others_are_no_markup():
     picture = Picture(10, 10, "<b>")
     picture.line(((0, 0), (1, 1)), "ink", note=Note("</title><script>"))
     picture.label((1, 1), '"><img src=x>\x1b[31m')
-    text = picture_svg(picture, "x")
+    text = embed_picture(picture, "x")
     assert not {"<script", "<img", "<b>", "\x1b"} & set(re.findall(r"<\w+>?|\x1b", text))
     assert "\\x1b[31m" in text
 
@@ -266,7 +270,7 @@ def test_a_page_colours_a_picture_by_roles():
     square = [(0.0, 0.0), (48.0, 0.0), (48.0, 48.0)]
     picture.polygon(square, "blue", "red", 2.0, dashed=True, opacity=0.5)
     picture.label((8.0, 8.0), "name", "muted", bold=True)
-    root = ElementTree.fromstring(picture_svg(picture, "p"))
+    root = ElementTree.fromstring(embed_picture(picture, "p"))
     (shape,), (text,) = root.iter("path"), root.iter("text")
     assert {"f-blue", "s-red"} == set(shape.get("class", "").split())
     assert ("0.5", "1.5") == (shape.get("fill-opacity"), shape.get("stroke-width"))
@@ -288,7 +292,7 @@ def test_a_picture_has_an_extent():
 
 def test_equal_pictures_are_equal_markup(board, plan):
     """Also of solids."""
-    first, second = (picture_svg(exploded_picture(board, plan), "e") for _ in range(2))
+    first, second = (embed_picture(draw_exploded_view(board, plan), "e") for _ in range(2))
     assert first == second
 
 
@@ -310,10 +314,10 @@ def test_the_nearer_of_two_solids_is_seen(board):
 
 def test_a_hull_leaves_out_what_is_inside():
     square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-    assert set(square) == set(hull([*square, (0.5, 0.5), (0.5, 0.0)]))
+    assert set(square) == set(find_hull([*square, (0.5, 0.5), (0.5, 0.0)]))
 
 
 def test_long_names_are_shortened_to_their_room():
-    assert "ab" == shortened("ab", 100)
-    assert shortened("a very long name of a part", 60).endswith("\N{HORIZONTAL ELLIPSIS}")
-    assert "" == shortened("abc", 1)
+    assert "ab" == shorten("ab", 100)
+    assert shorten("a very long name of a part", 60).endswith("\N{HORIZONTAL ELLIPSIS}")
+    assert "" == shorten("abc", 1)

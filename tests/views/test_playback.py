@@ -17,16 +17,16 @@ from skillplan.task import Pose
 from skillplan.views import (
     Playback,
     Tracks,
-    box,
-    coarser,
-    contact_entries,
-    hull_mesh,
-    link_frames,
+    build_hull_mesh,
+    coarsen,
+    compute_link_frames,
+    list_contacts,
+    make_box,
+    make_rows,
     read_obj,
-    rows_of,
-    upright_along,
+    turn_along,
 )
-from skillplan_swarmitfix import Bench, base_rows, turning
+from skillplan_swarmitfix import Bench, compute_base_rows, make_turning
 
 Numbers = Any
 
@@ -108,7 +108,7 @@ def test_a_motion_has_a_row_for_each_frame_and_a_pose(rows):
 def test_the_flange_is_where_the_arm_puts_it():
     """At its home posture the Panda's flange is 0.3069 m ahead and points down."""
     joints = np.array([PANDA.home_rad, PANDA.home_rad])
-    flange = link_frames(PANDA, Pose((0.1, 0.0, 0.0)), joints)[-1]
+    flange = compute_link_frames(PANDA, Pose((0.1, 0.0, 0.0)), joints)[-1]
     assert np.allclose((0.4069, 0.0, 0.5903), flange[1, :3, 3], atol=1e-3)
     assert np.allclose((0.0, 0.0, -1.0), flange[0, :3, 2], atol=1e-9)
 
@@ -122,7 +122,7 @@ def test_quaternions_of_neighbours_are_near_each_other():
         pose[:, axis, axis] = pose[:, 3, 3] = 1
         pose[:, j, j] = pose[:, k, k] = np.cos(angles)
         pose[:, k, j], pose[:, j, k] = np.sin(angles), -np.sin(angles)
-        quaternions = rows_of(pose)[:, 3:]
+        quaternions = make_rows(pose)[:, 3:]
         assert 0.1 > np.abs(np.diff(quaternions, axis=0)).max()
         assert np.allclose(np.abs(quaternions[:, axis]), np.abs(np.sin(angles / 2)), atol=1e-9)
 
@@ -131,7 +131,7 @@ def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path):
     import trimesh
 
     ball = trimesh.creation.icosphere(3, 0.1)
-    points, triangles = coarser(np.array(ball.vertices), np.array(ball.faces), 0.02)
+    points, triangles = coarsen(np.array(ball.vertices), np.array(ball.faces), 0.02)
     assert len(triangles) < 0.5 * len(ball.faces)
     assert np.allclose(0.1, np.abs(points).max(axis=0), atol=0.02)
     path = tmp_path / "ball.obj"
@@ -141,11 +141,11 @@ def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path):
 
 def test_a_document_holds_what_stands_and_what_moves():
     playback = Playback("t", 600)
-    playback.add_body("table", "environment", [box((1, 1, 0.1))])
+    playback.add_body("table", "environment", [make_box((1, 1, 0.1))])
     playback.add_body(
         "part",
         "part",
-        [playback.mesh(*hull_mesh([*np.eye(3).tolist(), [0, 0, 0]]))],
+        [playback.mesh(*build_hull_mesh([*np.eye(3).tolist(), [0, 0, 0]]))],
         rows=a_motion(),
         goal=Pose((1, 2, 3)),
     )
@@ -159,7 +159,7 @@ def test_a_document_holds_what_stands_and_what_moves():
 
 @pytest.mark.parametrize("along", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0, -0.8)])
 def test_a_cylinder_lies_along_its_axis(along):
-    assert np.allclose(along, upright_along((0, 0, 0), along).rotate((0, 0, 1)), atol=1e-9)
+    assert np.allclose(along, turn_along((0, 0, 0), along).rotate((0, 0, 1)), atol=1e-9)
 
 
 def test_a_base_ends_a_swing_where_the_lattice_has_it():
@@ -167,11 +167,11 @@ def test_a_base_ends_a_swing_where_the_lattice_has_it():
     bench = Bench(6, 13, 0.34, 11)
     start = bench.position("C41")
     for action in range(1, 11):
-        swing, made = bench.swing(start, action), turning(bench, start, action, 1.0, 3.0)
+        swing, made = bench.swing(start, action), make_turning(bench, start, action, 1.0, 3.0)
         assert (swing is None) == (made is None)
         if swing is None or made is None:
             continue  # it would leave the bench
-        xs, ys, _ = base_rows(bench, start, [made], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
+        xs, ys, _ = compute_base_rows(bench, start, [made], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
         assert np.allclose(bench.centroids_m[start], (xs[0], ys[0]), atol=1e-12)
         assert np.allclose(bench.centroids_m[swing.end], (xs[-1], ys[-1]), atol=1e-12)
 
@@ -196,29 +196,29 @@ def pressed(forces_n: list[float], place_m: float = 0.0) -> list[Sample]:
 
 
 def test_a_steady_contact_is_one_entry_as_strong_as_its_peak():
-    (entry,) = contact_entries(pressed([20.0, 21.0, 20.0, 19.0] * 100))
+    (entry,) = list_contacts(pressed([20.0, 21.0, 20.0, 19.0] * 100))
     assert (0.0, 6.65, -21.0) == (entry["time_s"], entry["until_s"], entry["force_n"][2])
     assert ["peg", "block"] == entry["bodies"]
 
 
 def test_a_blow_is_an_entry_beside_the_steady_contact():
-    entries = contact_entries(pressed([20.0] * 30 + [80.0] + [20.0] * 30))
+    entries = list_contacts(pressed([20.0] * 30 + [80.0] + [20.0] * 30))
     assert [-20.0, -80.0, -20.0] == [entry["force_n"][2] for entry in entries]
     assert entries[1]["time_s"] == entries[1]["until_s"] == 0.5
 
 
 def test_contacts_that_cannot_be_seen_are_left_out():
-    assert [] == contact_entries(pressed([0.5] * 10))
+    assert [] == list_contacts(pressed([0.5] * 10))
 
 
 def test_a_contact_that_travels_stays_with_its_bodies():
     """An entry stands where it began."""
-    entries = contact_entries(pressed([20.0] * 61, place_m=0.005))
+    entries = list_contacts(pressed([20.0] * 61, place_m=0.005))
     assert 0.021 > max(entry["until_s"] * 60 * 0.005 - entry["position_m"][0] for entry in entries)
 
 
 def test_no_trace_has_more_contacts_than_a_page_can_hold():
-    entries = contact_entries(pressed([5.0, 90.0, 300.0, 20.0] * 400), most=50)
+    entries = list_contacts(pressed([5.0, 90.0, 300.0, 20.0] * 400), most=50)
     assert len(entries) <= 50
     assert -300.0 == min(entry["force_n"][2] for entry in entries)
 
@@ -227,8 +227,8 @@ def test_meshes_of_a_page_load_no_trimesh():
     """It takes as long to import as a page without it."""
     code = (
         "import sys\n"
-        "from skillplan.views import hull_mesh\n"
-        "hull_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])\n"
+        "from skillplan.views import build_hull_mesh\n"
+        "build_hull_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])\n"
         "print('trimesh' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -15,13 +15,13 @@ from skillplan.views.report import (
     Markup,
     Player,
     Section,
-    comparison_chapter,
-    json_in_page,
-    lead,
+    build_comparison_chapter,
+    build_lead,
+    embed_json,
     number,
     numbers,
-    page_html,
-    page_style,
+    read_page_style,
+    render_page,
     seconds,
     share,
     table,
@@ -65,7 +65,7 @@ def chapter(words: str = "calm") -> Chapter:
 def a_page(words: str = "calm", playing: bool = True) -> str:
     """Return a page with a player."""
     playback = {"title": words, "duration_s": 1.0} if playing else None
-    return page_html(words, [chapter(words)], playback, PLAYER)
+    return render_page(words, [chapter(words)], playback, PLAYER)
 
 
 def test_names_of_others_are_text_and_no_markup():
@@ -111,7 +111,7 @@ def test_without_a_playback_there_is_no_script():
 
 def test_numbers_that_are_none_are_no_json():
     with pytest.raises(ValueError, match="JSON"):
-        json_in_page({"x": float("nan")})
+        embed_json({"x": float("nan")})
 
 
 def test_a_page_has_landmarks_and_says_what_tables_show():
@@ -128,7 +128,7 @@ def test_a_page_has_landmarks_and_says_what_tables_show():
 
 
 def test_the_page_serves_dark_rooms_narrow_screens_and_paper():
-    style = page_style()
+    style = read_page_style()
     assert {"prefers-color-scheme:dark", "max-width:560px", "@media print"} <= {
         one
         for one in ("prefers-color-scheme:dark", "max-width:560px", "@media print")
@@ -144,12 +144,12 @@ def test_a_comparison_from_elsewhere_is_data():
         {"solver": "exact", "status": "optimal", "cost": 1.5, "stats": {"wall_s": 0.2}},
         "no row",
     ]
-    made = comparison_chapter({"rows": rows, "warm": False}, "c1")
-    page = page_html("t", [made])
+    made = build_comparison_chapter({"rows": rows, "warm": False}, "c1")
+    page = render_page("t", [made])
     assert "<script" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "1.5" in page
-    assert "No" not in comparison_chapter({"rows": 7}, "c1").heading
+    assert "No" not in build_comparison_chapter({"rows": 7}, "c1").heading
 
 
 def test_texts_are_escaped_once():
@@ -186,7 +186,7 @@ def test_numbers_of_a_column_have_the_same_decimals():
 def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures():
     """Each reason is a sentence of its own."""
     why = "pcb before clock before pcb: clock belongs on pcb\nwith another start it has an order"
-    said = str(lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"}))
+    said = str(build_lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"}))
     assert [
         "Proved: there is no plan.",
         "pcb before clock before pcb: clock belongs on pcb.",
@@ -212,7 +212,7 @@ FAILURE = {
 
 
 def leads(document: dict[str, object]) -> list[str]:
-    return re.findall(r'<p class="lead">(.*?)</p>', str(lead(document)))
+    return re.findall(r'<p class="lead">(.*?)</p>', str(build_lead(document)))
 
 
 class TestTheHeadline:
@@ -228,7 +228,7 @@ class TestTheHeadline:
             "Proved by geometry (kinematic, swept, precedence); the simulation by mujoco fails at "
             "step 9 of 30, place(gear): it rests 6 mm off."
         ]
-        figures = str(lead({**OPTIMAL, "simulation": FAILURE}))
+        figures = str(build_lead({**OPTIMAL, "simulation": FAILURE}))
         assert '<span class="chip bad">fails</span><small>at step 9 of 30</small>' in figures
         assert '<span class="chip good">optimal</span>' in figures, "the status stays"
 
@@ -265,5 +265,5 @@ class TestTheHeadline:
 )
 def test_the_time_of_a_plan_says_whose_it_is(measured_s, played_s, expected):
     """A task's figures, paths and simulation differ, and a reader sees which is which."""
-    said = lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
+    said = build_lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
     assert expected in str(said)

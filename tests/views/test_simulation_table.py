@@ -12,7 +12,7 @@ from skillplan.physics import Arrival, Performance, PerformedSkill
 from skillplan.records import PlannedTimes, Simulation
 from skillplan.task import Pose, Verdict
 from skillplan.views import render
-from skillplan.views.tables import simulation_tables
+from skillplan.views.tables import tabulate_simulation
 
 FIGURES = {
     "sensed": {"held": "transformer", "jaw_width_m": 0.0441},
@@ -43,12 +43,12 @@ def simulation(board_task):
 def test_no_line_is_wider_than_the_output(simulation, monkeypatch, width):
     """Though every skill comes with all that was measured."""
     monkeypatch.setenv("COLUMNS", str(width))
-    text = render(simulation_tables(simulation), "table", io.StringIO())
+    text = render(tabulate_simulation(simulation), "table", io.StringIO())
     assert max(map(cell_len, text.splitlines())) <= width
 
 
 def test_the_failure_is_told_with_its_step(simulation):
-    notes = simulation_tables(simulation)[-1].notes
+    notes = tabulate_simulation(simulation)[-1].notes
     assert [
         "failure    at step 3 (pick(switch_1)): the jaws closed on nothing, at the place where "
         "switch_1 was to be"
@@ -57,7 +57,7 @@ def test_the_failure_is_told_with_its_step(simulation):
 
 def test_arrivals_have_a_table_of_their_own(simulation):
     """Before that of the skills, which CSV holds."""
-    first, last = simulation_tables(simulation)
+    first, last = tabulate_simulation(simulation)
     assert [("pcb", "0.120", "0.057", "0.4890 0.0000 0.0000")] == list(first.rows)
     assert 3 == len(last.rows)
 
@@ -74,7 +74,7 @@ def timed(simulation: Simulation, timed_by: str, *acting_s: float | None) -> Sim
 
 
 def times_note(simulation: Simulation) -> str:
-    (note,) = (n for n in simulation_tables(simulation)[-1].notes if n.startswith("times"))
+    (note,) = (n for n in tabulate_simulation(simulation)[-1].notes if n.startswith("times"))
     return note
 
 
@@ -88,7 +88,7 @@ def test_the_difference_from_the_planned_time_is_told_with_its_reasons(simulatio
     times = made.document()["times"]
     shares = (times["settling_s"], times["acting_s"], times["moving_s"])
     assert sum(shares) == pytest.approx(times["difference_s"])
-    planned = [column.heading for column in simulation_tables(made)[-1].columns]
+    planned = [column.heading for column in tabulate_simulation(made)[-1].columns]
     assert "planned [s]" in planned
 
 

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from skillplan.views import Column, Table, as_csv, as_markdown, render
+from skillplan.views import Column, Table, render, render_csv, render_markdown
 
 AWKWARD = ["a,b", 'say "so"', "two\nlines", "a | b", "[bold]x[/bold]", "`code`", "back\\slash"]
 
@@ -49,7 +49,7 @@ def test_a_row_has_a_cell_for_each_column():
 
 def test_csv_gives_back_what_was_put_in(awkward_table):
     """Commas, quotes and line breaks survive a CSV reader."""
-    rows = list(csv.reader(io.StringIO(as_csv(awkward_table)), strict=True))
+    rows = list(csv.reader(io.StringIO(render_csv(awkward_table)), strict=True))
     assert ["cell", "length [-]"] == rows[0]
     assert AWKWARD == [row[0] for row in rows[1:]]
 
@@ -62,7 +62,7 @@ def test_csv_of_several_tables_holds_the_last():
 
 def test_markdown_has_one_line_a_row(awkward_table):
     """Line breaks go, bars and code marks are escaped, brackets stay."""
-    lines = as_markdown(awkward_table).splitlines()
+    lines = render_markdown(awkward_table).splitlines()
     assert r"**of | odd \*cells\***" == lines[0]
     assert "|---|--:|" == lines[3]
     cells = [line[2 : line.rindex(" | ")] for line in lines[4 : 4 + len(AWKWARD)]]

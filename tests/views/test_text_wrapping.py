@@ -2,7 +2,7 @@
 
 import pytest
 
-from skillplan.views import printable, wrapped, wrapped_note
+from skillplan.views import make_printable, wrap, wrap_note
 
 
 @pytest.mark.parametrize(
@@ -20,24 +20,24 @@ from skillplan.views import printable, wrapped, wrapped_note
 )
 def test_a_text_is_broken_where_it_reads_best(text, width, lines):
     """Words whole as long as they fit a line."""
-    assert lines == wrapped(text, width)
+    assert lines == wrap(text, width)
 
 
 def test_further_lines_hang():
-    assert ["one two", "  three", "  four"] == wrapped("one two three four", 7, 2)
+    assert ["one two", "  three", "  four"] == wrap("one two three four", 7, 2)
 
 
 def test_a_note_hangs_under_its_text():
     """Behind the label and the blanks that follow it."""
-    assert ["cost   one two", "       three"] == wrapped_note("cost   one two three", 15)
+    assert ["cost   one two", "       three"] == wrap_note("cost   one two three", 15)
 
 
 def test_wide_characters_take_two_columns():
-    assert ["\N{CJK UNIFIED IDEOGRAPH-4E00}" * 2] * 2 == wrapped(
+    assert ["\N{CJK UNIFIED IDEOGRAPH-4E00}" * 2] * 2 == wrap(
         "\N{CJK UNIFIED IDEOGRAPH-4E00}" * 4, 4
     )
 
 
 def test_nothing_moves_the_cursor():
     """A name in a task file cannot colour or overwrite what is printed."""
-    assert r"\x1b[31mred bell\x07\x0d" == printable("\x1b[31mred\tbell\x07\r")
+    assert r"\x1b[31mred bell\x07\x0d" == make_printable("\x1b[31mred\tbell\x07\r")

@@ -14,10 +14,10 @@ from skillplan.task import Metric
 from skillplan.views.figures import (
     Heading,
     RunCurve,
-    distances_figure,
-    figure_bytes,
-    over_runs,
-    success_figure,
+    average_runs,
+    draw_distances,
+    draw_success,
+    render_figure,
 )
 from thinned import slow_case
 
@@ -84,7 +84,7 @@ class TestCurve:
 
     def test_mean_and_deviation_are_of_the_runs_that_have_got_so_far(self):
         curves = [a_curve([1, 1]), a_curve([0, 0], run=1), a_curve([0], run=2)]
-        _, mean, spread = over_runs(curves, np.array([1.0, 2.0, 3.0]), "episodes")
+        _, mean, spread = average_runs(curves, np.array([1.0, 2.0, 3.0]), "episodes")
         np.testing.assert_allclose([1 / 3, 0.5, np.nan], mean)
         np.testing.assert_allclose([np.sqrt(2 / 9), 0.5, np.nan], spread)
 
@@ -98,17 +98,17 @@ class TestCurve:
 
 class TestSuccess:
     def test_the_thick_line_is_the_mean_over_runs(self):
-        figure = success_figure([a_curve([1] * 200), a_curve([0] * 200, run=1)], HEADING)
+        figure = draw_success([a_curve([1] * 200), a_curve([0] * 200, run=1)], HEADING)
         heights = line(figure, "mean").get_ydata()
         np.testing.assert_allclose(50.0, heights[np.isfinite(heights)])
 
     def test_the_paper_is_a_line_with_a_name_where_it_is_asked_for(self):
         curves = [a_curve([0, 1] * 50)]
-        label = line(success_figure(curves, HEADING, published=0.4), "published").get_text()
+        label = line(draw_success(curves, HEADING, published=0.4), "published").get_text()
         assert "Moller et al.: about 40 %" == label
         assert not [
             one
-            for one in success_figure(curves, HEADING).axes[0].get_children()
+            for one in draw_success(curves, HEADING).axes[0].get_children()
             if one.get_gid() == "published"
         ]
 
@@ -116,25 +116,25 @@ class TestSuccess:
         ("against", "label"), [("steps", "environment step [-]"), ("episodes", "episode [-]")]
     )
     def test_the_axis_says_what_it_counts(self, against, label):
-        axes = success_figure([a_curve([0, 1])], HEADING, against=against).axes[0]
+        axes = draw_success([a_curve([0, 1])], HEADING, against=against).axes[0]
         assert label == axes.get_xlabel()
 
     def test_where_runs_end_early_a_line_says_so(self):
         curves = [a_curve([1] * 20), a_curve([1] * 40, run=1)]
-        texts = [one.get_text() for one in success_figure(curves, HEADING).axes[0].texts]
+        texts = [one.get_text() for one in draw_success(curves, HEADING).axes[0].texts]
         assert ["beyond, of the runs that went on"] == texts
-        assert not success_figure([curves[0], curves[0]], HEADING).axes[0].texts
+        assert not draw_success([curves[0], curves[0]], HEADING).axes[0].texts
 
     def test_without_an_episode_there_is_nothing_to_draw(self):
         with pytest.raises(ValueError, match="no episode"):
-            success_figure([a_curve([], done=100)], HEADING)
+            draw_success([a_curve([], done=100)], HEADING)
 
 
 class TestDistances:
     def test_every_run_has_a_look_of_its_own(self):
         """A colour, and from the ninth on a dash."""
         curves = [a_curve([1] * 5, run=run) for run in range(20)]
-        legend = distances_figure(curves, METRIC, HEADING).legends[0]
+        legend = draw_distances(curves, METRIC, HEADING).legends[0]
         looks = {
             (one.get_color(), str(one.get_linestyle()), str(getattr(one, "_dash_pattern", "")))
             for one in legend.get_lines()
@@ -144,18 +144,18 @@ class TestDistances:
 
     def test_a_run_that_never_completes_is_named_as_such(self):
         curves = [a_curve([1, 1]), a_curve([0, 0], run=1)]
-        legend = distances_figure(curves, METRIC, HEADING).legends[0]
+        legend = draw_distances(curves, METRIC, HEADING).legends[0]
         assert ["run 0, seed 0", "run 1, seed 1: none"] == [
             one.get_text() for one in legend.get_texts()
         ]
 
     def test_the_line_is_the_mean_of_the_last_100_sequences(self):
-        figure = distances_figure([a_curve([1] * 150)], METRIC, HEADING)
+        figure = draw_distances([a_curve([1] * 150)], METRIC, HEADING)
         smooth = line(figure, "smoothed run 0").get_ydata()
         assert pytest.approx(2.0 + 0.01 * np.mean(range(50, 150))) == smooth[-1]
 
     def test_the_optimum_is_a_line_in_sight(self):
-        figure = distances_figure([a_curve([1, 1])], METRIC, HEADING, optimum=1.5)
+        figure = draw_distances([a_curve([1, 1])], METRIC, HEADING, optimum=1.5)
         assert {1.5} == set(line(figure, "optimum").get_ydata())
         low, _ = figure.axes[0].get_ylim()
         assert low < 1.5
@@ -163,7 +163,7 @@ class TestDistances:
 
     def test_without_a_completed_sequence_there_is_nothing_to_draw(self):
         with pytest.raises(ValueError, match="no completed sequence"):
-            distances_figure([a_curve([0, 0])], METRIC, HEADING)
+            draw_distances([a_curve([0, 0])], METRIC, HEADING)
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ class TestDistances:
 def test_equal_figures_are_equal_files(suffix):
     curves = [a_curve([0, 1, 1] * 50, run=run) for run in range(3)]
     for draw in (
-        lambda: success_figure(curves, HEADING, published=0.4),
-        lambda: distances_figure(curves, METRIC, HEADING, optimum=2.0),
+        lambda: draw_success(curves, HEADING, published=0.4),
+        lambda: draw_distances(curves, METRIC, HEADING, optimum=2.0),
     ):
-        assert figure_bytes(draw(), suffix) == figure_bytes(draw(), suffix)
+        assert render_figure(draw(), suffix) == render_figure(draw(), suffix)

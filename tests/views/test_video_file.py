@@ -12,7 +12,7 @@ from PIL import Image as PillowImage
 from example_count import examples
 from skillplan.errors import OptionError
 from skillplan.physics import Image
-from skillplan.views import save_picture, video_file
+from skillplan.views import open_video, save_picture
 
 
 def plain(colour: int, width: int = 6, height: int = 4) -> Image:
@@ -35,7 +35,7 @@ def shown(path: Path) -> list[tuple[bytes, int]]:
 def test_a_gif_shows_every_picture_as_long_as_it_lasts(tmp_path_factory, colours, frames_per_s):
     """Equal ones in a row are one; the whole lasts as long as all, to a fiftieth of a second."""
     path = tmp_path_factory.mktemp("gif") / "video.gif"
-    with video_file(path, frames_per_s, "--video") as video:
+    with open_video(path, frames_per_s, "--video") as video:
         for colour in colours:
             video.add(plain(colour))
     distinct = [
@@ -55,10 +55,10 @@ def test_only_what_changes_is_kept(tmp_path):
     for index in range(10):
         pixels[3000 + 30 * index : 3012 + 30 * index] = b"\xff" * 12
         pictures.append(bytes(pixels))
-    with video_file(path, 10, "--video") as video:
+    with open_video(path, 10, "--video") as video:
         video.add(Image(160, 160, pictures[0]))
     alone = path.stat().st_size
-    with video_file(path, 10, "--video") as video:
+    with open_video(path, 10, "--video") as video:
         for picture in pictures:
             video.add(Image(160, 160, picture))
     assert pictures == [picture for picture, _ in shown(path)]
@@ -72,7 +72,7 @@ def test_equal_pictures_make_equal_files(tmp_path, suffix):
     made = []
     for name in ("one", "other"):
         path = tmp_path / f"{name}{suffix}"
-        with video_file(path, 10, "--video") as video:
+        with open_video(path, 10, "--video") as video:
             for colour in range(0, 250, 25):
                 video.add(plain(colour, 32, 32))
         made.append(path.read_bytes())
@@ -86,7 +86,7 @@ def test_what_breaks_off_leaves_what_was_there(tmp_path, suffix):
     path.write_text("precious")
 
     def broken() -> None:
-        with video_file(path, 10, "--video") as video:
+        with open_video(path, 10, "--video") as video:
             video.add(plain(1, 32, 32))
             raise RuntimeError
 
@@ -99,7 +99,7 @@ def test_what_breaks_off_leaves_what_was_there(tmp_path, suffix):
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_without_a_picture_nothing_is_written(tmp_path, suffix):
     """Not even an empty file."""
-    with video_file(tmp_path / f"video{suffix}", 10, "--video"):
+    with open_video(tmp_path / f"video{suffix}", 10, "--video"):
         pass
     assert not list(tmp_path.iterdir())
 
@@ -109,7 +109,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path, suffix):
     """In one message, with the option."""
     path = tmp_path / "gone" / f"video{suffix}"
     with pytest.raises(OptionError) as raised:  # noqa: SIM117
-        with video_file(path, 10, "--video") as video:
+        with open_video(path, 10, "--video") as video:
             video.add(plain(1, 32, 32))
     assert str(raised.value).startswith(f"--video {path}: cannot be written: ")
 
@@ -119,7 +119,7 @@ def test_mp4_without_its_library_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with (
         pytest.raises(OptionError, match=r"'skillplan\[video\]', or end the name in \.gif"),
-        video_file(tmp_path / "video.mp4", 10, "--video"),
+        open_video(tmp_path / "video.mp4", 10, "--video"),
     ):
         pass
 

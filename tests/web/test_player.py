@@ -10,8 +10,8 @@ import pytest
 from browser import Page, executable
 from playback_pages import part_at, playback, tip_at, with_keys, write_page
 from skillplan import load_problem
-from skillplan.views import FRAMES_PER_S, PLANNED, arm_playback
-from skillplan.views.report import page_style
+from skillplan.views import FRAMES_PER_S, PLANNED, build_arm_playback
+from skillplan.views.report import read_page_style
 
 PLAYER = resources.files("skillplan") / "views" / "report" / "player" / "player.js"
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
@@ -67,7 +67,7 @@ def test_a_planned_motion_is_played_within_a_tenth_of_a_millimetre(tmp_path):
     task = load_problem(str(BOARD)).task
     skills = task.parse_sequence("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
     motion = swept.SweptDetector(task).planned_motion(skills, FRAMES_PER_S)
-    document = arm_playback(task, motion.skills, motion.samples, note=PLANNED).document()
+    document = build_arm_playback(task, motion.skills, motion.samples, note=PLANNED).document()
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", document))
     assert PLANNED in page.evaluate("document.getElementById('playback-root').textContent")
@@ -176,7 +176,7 @@ def test_the_page_takes_the_theme_of_its_button_and_is_printed_light(tmp_path):
     ink = "getComputedStyle(document.querySelector('.player')).getPropertyValue('--player-text')"
     page = Page(tmp_path / "browser")
     try:
-        page.open(write_page(tmp_path / "page.html", playback(), style=page_style()))
+        page.open(write_page(tmp_path / "page.html", playback(), style=read_page_style()))
         light = page.evaluate(back), page.evaluate(ink)
         page.evaluate("document.documentElement.dataset.theme = 'dark'")
         dark = page.evaluate(back), page.evaluate(ink)

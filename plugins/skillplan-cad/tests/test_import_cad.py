@@ -13,7 +13,7 @@ from PIL import Image as PillowImage
 from cad_products import FIXTURES, file
 from skillplan.cli import run
 from skillplan.plugins import installed
-from skillplan.views.figures import exploded_png
+from skillplan.views.figures import render_exploded_png
 from skillplan_cad import read_relation
 from skillplan_cad.importing import import_cad
 from thinned import slow_case
@@ -38,7 +38,9 @@ def registered(monkeypatch, tmp_path):
 def made(tmp_path_factory):
     """Return what an import wrote, once for all that only look at it."""
     folder = tmp_path_factory.mktemp("imported") / "product"
-    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None, exploded_png)
+    import_cad.import_cad(
+        SOURCE, str(folder), {"keep": False}, lambda line: None, render_exploded_png
+    )
     return folder
 
 

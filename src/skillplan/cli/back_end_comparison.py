@@ -26,7 +26,7 @@ from skillplan.records.execution.comparisons import make_agreement_document, mak
 from skillplan.task.task import Task
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
-from skillplan.views.tables.trials import agreement_tables, detectors_tables
+from skillplan.views.tables.trials import tabulate_agreement, tabulate_detectors
 
 # Queries per process and batch.
 _AT_ONCE = 8
@@ -92,7 +92,7 @@ def compare_physics(
             stopped=stopped,
         )
     drawn = [] if folder is None else _draw_contradictions(agreement, checks, folder)
-    emit(style, make_agreement_document(agreement, drawn), agreement_tables(agreement, drawn))
+    emit(style, make_agreement_document(agreement, drawn), tabulate_agreement(agreement, drawn))
     return exit_code(interrupted=count.interrupted)
 
 
@@ -169,5 +169,5 @@ def compare_detectors(
 
         trials = try_detectors(task, setup.back_ends, staged, note=count.one_more, stopped=stopped)
     document = make_detectors_document(trials, time.monotonic() - begin_s)
-    emit(style, document, detectors_tables(trials))
+    emit(style, document, tabulate_detectors(trials))
     return exit_code(interrupted=count.interrupted)

@@ -21,7 +21,7 @@ from typing import Any, NoReturn, TypeVar
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError, SearchStopped
 from skillplan.plugins.blame import Interrupted
-from skillplan.views.text.wording import escaped
+from skillplan.views.text.wording import escape
 from skillplan.workers import supervised
 from skillplan.workers.processes import measure_resident_bytes
 from skillplan.workers.supervised import get_command_age_s, limit_command
@@ -137,7 +137,7 @@ class Count:
             console=Console(stderr=True),
             transient=True,
         )
-        self._line = self._bar.add_task(escaped(label), total=total)
+        self._line = self._bar.add_task(escape(label), total=total)
 
     def __enter__(self) -> Count:
         if self._bar is not None:

@@ -33,17 +33,17 @@ from skillplan.records.execution.simulation import summarise_simulation
 from skillplan.records.stored.result_folder import find_result_path, find_run_folder, is_result
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
-from skillplan.views.figures.precedence_graph import PrecedenceGraph, precedence_graph
-from skillplan.views.playback.arm_playback import PLANNED, arm_playback
+from skillplan.views.figures.precedence_graph import PrecedenceGraph, build_precedence_graph
+from skillplan.views.playback.arm_playback import PLANNED, build_arm_playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.chapters import (
     PlanInput,
-    chain_chapter,
-    chain_input,
-    plan_chapter,
+    build_chain_chapter,
+    build_plan_chapter,
+    prepare_chain_input,
 )
 from skillplan.views.report.page import Chapter
-from skillplan.views.report.solver_chapters import comparison_chapter
+from skillplan.views.report.solver_chapters import build_comparison_chapter
 
 _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
@@ -101,7 +101,7 @@ class Reporter:
         if not is_result(path):
             return self._of_task(path, name, self.deadline.share_s(_SEARCH_SHARE * share))
         if _schema(find_result_path(path)) == schemas.COMPARISON:
-            return comparison_chapter(
+            return build_comparison_chapter(
                 read_document(find_result_path(path), schemas.COMPARISON, _REMEDY), name
             )
         return self._of_result(path, name)
@@ -150,7 +150,7 @@ class Reporter:
         description = str(getattr(problem.config, "description", "") or "")
         if problem.is_chain and part is None:
             document = {**document, "simulation": None}
-            given = chain_input(problem, document, name, self.playback is None)
+            given = prepare_chain_input(problem, document, name, self.playback is None)
             self.playback = self.playback or given.playback
             given = replace(
                 given,
@@ -158,7 +158,7 @@ class Reporter:
                 plugins=list_distribution_versions(),
                 certificate=certificate,
             )
-            return chain_chapter(given, name)
+            return build_chain_chapter(given, name)
         task = problem.part(part)
         performed = self.deadline.attempt(lambda: self._perform(task, setup, document, ways))
         if performed is None:
@@ -169,13 +169,13 @@ class Reporter:
             if performed.samples and self.playback is None:
                 looks = find_arm_meshes(task, performed.engine)
                 done = performed.performance.skills
-                played = arm_playback(task, done, performed.samples, looks)
+                played = build_arm_playback(task, done, performed.samples, looks)
                 playback = self.playback = played.document()
             else:
                 missing = _why_not_played(performed)
         elif isinstance(performed, PlannedMotion):
             looks = find_arm_meshes(task, None)
-            played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
+            played = build_arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
             playback = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
         # A stored result can claim a simulation; the page shows only its own.
@@ -197,7 +197,7 @@ class Reporter:
             performed.skills if isinstance(performed, PlannedMotion) else (),
             certificate=certificate,
         )
-        return plan_chapter(given_plan, name)
+        return build_plan_chapter(given_plan, name)
 
     def _perform(
         self,
@@ -253,15 +253,15 @@ class Reporter:
             )
         except OptionError as error:
             tell(f"skillplan: note: the precedence relation is not derived: {error}")
-            return precedence_graph(task, None) if task.chart else None
-        return precedence_graph(task, chart, names)
+            return build_precedence_graph(task, None) if task.chart else None
+        return build_precedence_graph(task, chart, names)
 
     def _late_graph(self, task: Task) -> PrecedenceGraph | None:
         """Return the relation by hand, with a message if there was no time to derive one."""
         if not self.deadline.is_over() or not task.operations:
             return None
         tell("skillplan: note: the precedence relation is not derived: --time-limit was over")
-        return precedence_graph(task, None) if task.chart else None
+        return build_precedence_graph(task, None) if task.chart else None
 
 
 def _schema(path: Path) -> object:

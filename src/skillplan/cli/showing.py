@@ -18,7 +18,7 @@ from skillplan.plugins.installed import PREFERRED
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan.views.video_file import ANIMATIONS, PICTURES, save_picture, video_file
+from skillplan.views.video_file import ANIMATIONS, PICTURES, open_video, save_picture
 
 # GIFs count in hundredths of a second.
 _FRAMES_PER_S = 12.5
@@ -119,7 +119,7 @@ def draw(drawer: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> 
                 save_picture(image, paths[PICTURE], PICTURE)
                 drawn["picture"] = str(paths[PICTURE])
         if ANIMATE in paths:
-            with video_file(paths[ANIMATE], _FRAMES_PER_S, ANIMATE) as video:
+            with open_video(paths[ANIMATE], _FRAMES_PER_S, ANIMATE) as video:
                 for image in drawer.footage(skill, state, _FRAMES_PER_S):
                     video.add(image)
                     drawn["animate"] = str(paths[ANIMATE])
@@ -132,11 +132,11 @@ def _picture(drawer: Any, skill: Skill, state: State) -> Image:
         picture: Image = drawer.picture(skill, state)
         return picture
     from skillplan.views.figures.figure_style import Heading
-    from skillplan.views.figures.hulls_figure import figure_image, hulls_figure
+    from skillplan.views.figures.hulls_figure import draw_hulls, render_image
 
     scene: HullScene = drawer.hulls(skill, state)
     heading = Heading(f"{drawer.name}: {skill.name}", scene.reason or "feasible")
-    return figure_image(hulls_figure(scene, heading))
+    return render_image(draw_hulls(scene, heading))
 
 
 @contextmanager

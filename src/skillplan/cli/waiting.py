@@ -12,7 +12,7 @@ from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
 from skillplan.solvers.solution import relative_gap
 from skillplan.solvers.stop import Progress, Stop
-from skillplan.views.text.wording import escaped
+from skillplan.views.text.wording import escape
 from skillplan.workers.processes import measure_resident_bytes
 
 
@@ -128,7 +128,7 @@ class _Bar:
             console=Console(stderr=True),
             transient=True,
         )
-        self.progress.add_task(escaped(label), total=None)
+        self.progress.add_task(escape(label), total=None)
 
     def __call__(self, progress: Progress) -> None:
         """Show the figures, as soon as the line is drawn again."""

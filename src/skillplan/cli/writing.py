@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from skillplan.errors import OptionError
-from skillplan.views.text.wording import escaped
+from skillplan.views.text.wording import escape
 from skillplan.workers.supervised import report_printed
 
 
@@ -67,7 +67,7 @@ def write_out(text: str, *, marked: bool = False) -> None:
     """
     stream = document_stream()
     with _guarded(stream):
-        _write(stream, text if marked else escaped(text))
+        _write(stream, text if marked else escape(text))
     report_printed()
 
 
@@ -126,7 +126,7 @@ def as_json(document: dict[str, Any]) -> str:
 def tell(text: str, end: str = "\n") -> None:
     """Write to stderr; nothing happens if it is closed or full."""
     try:
-        _write(sys.stderr, escaped(text) + end)
+        _write(sys.stderr, escape(text) + end)
     except (OSError, ValueError):
         # Closed or full: the rest of the text must not fail when Python ends.
         _mute(sys.stderr)

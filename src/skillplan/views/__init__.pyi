@@ -1,59 +1,59 @@
-from .figures.exploded_figure import assembly_film as assembly_film
-from .figures.exploded_figure import exploded_picture as exploded_picture
-from .figures.exploded_figure import exploded_png as exploded_png
+from .figures.exploded_figure import draw_exploded_view as draw_exploded_view
+from .figures.exploded_figure import film_assembly as film_assembly
+from .figures.exploded_figure import render_exploded_png as render_exploded_png
 from .figures.gantt_figure import FAILED as FAILED
 from .figures.gantt_figure import NOT_SIMULATED as NOT_SIMULATED
 from .figures.gantt_figure import PlanBar as PlanBar
-from .figures.gantt_figure import gantt_picture as gantt_picture
-from .figures.gantt_figure import plan_bars as plan_bars
-from .figures.layout_figure import layout_picture as layout_picture
-from .figures.layout_figure import path_steps as path_steps
+from .figures.gantt_figure import draw_gantt_picture as draw_gantt_picture
+from .figures.gantt_figure import list_plan_bars as list_plan_bars
+from .figures.layout_figure import draw_layout as draw_layout
+from .figures.layout_figure import list_path_steps as list_path_steps
 from .figures.picture import COLOURS as COLOURS
 from .figures.picture import NUMBER_PX as NUMBER_PX
 from .figures.picture import Note as Note
 from .figures.picture import Picture as Picture
-from .figures.picture import number_rows as number_rows
-from .figures.picture import shortened as shortened
-from .figures.precedence_figure import precedence_picture as precedence_picture
+from .figures.picture import place_number_rows as place_number_rows
+from .figures.picture import shorten as shorten
+from .figures.precedence_figure import draw_precedence as draw_precedence
 from .figures.precedence_graph import Bend as Bend
-from .figures.precedence_graph import layers_of as layers_of
-from .figures.precedence_graph import precedence_graph as precedence_graph
+from .figures.precedence_graph import arrange_layers as arrange_layers
+from .figures.precedence_graph import build_precedence_graph as build_precedence_graph
 from .figures.solids import Camera as Camera
 from .figures.solids import SolidPainter as SolidPainter
-from .figures.solids import hull as hull
+from .figures.solids import find_hull as find_hull
 from .playback.arm_playback import PLANNED as PLANNED
-from .playback.arm_playback import arm_playback as arm_playback
-from .playback.arm_playback import contact_entries as contact_entries
+from .playback.arm_playback import build_arm_playback as build_arm_playback
+from .playback.arm_playback import list_contacts as list_contacts
 from .playback.document import Playback as Playback
-from .playback.document import box as box
-from .playback.document import upright_along as upright_along
-from .playback.meshes import coarser as coarser
-from .playback.meshes import hull_mesh as hull_mesh
+from .playback.document import make_box as make_box
+from .playback.document import turn_along as turn_along
+from .playback.meshes import build_hull_mesh as build_hull_mesh
+from .playback.meshes import coarsen as coarsen
 from .playback.meshes import read_obj as read_obj
 from .playback.tracks import FRAMES_PER_S as FRAMES_PER_S
 from .playback.tracks import Tracks as Tracks
-from .playback.tracks import link_frames as link_frames
-from .playback.tracks import rows_of as rows_of
-from .report.pictures import picture_svg as picture_svg
+from .playback.tracks import compute_link_frames as compute_link_frames
+from .playback.tracks import make_rows as make_rows
+from .report.pictures import embed_picture as embed_picture
 from .text.table import Column as Column
 from .text.table import ItemList as ItemList
 from .text.table import Table as Table
-from .text.table import as_csv as as_csv
-from .text.table import as_markdown as as_markdown
 from .text.table import render as render
+from .text.table import render_csv as render_csv
+from .text.table import render_markdown as render_markdown
 from .text.terminal import DEFAULT_WIDTH as DEFAULT_WIDTH
 from .text.terminal import LEAST_WIDTH as LEAST_WIDTH
-from .text.terminal import output_width as output_width
-from .text.terminal import printable as printable
-from .text.terminal import table_layout as table_layout
-from .text.terminal import wrapped as wrapped
-from .text.terminal import wrapped_note as wrapped_note
-from .text.wording import escaped as escaped
-from .text.wording import evidence_text as evidence_text
-from .text.wording import number as number
-from .text.wording import percent as percent
+from .text.terminal import get_output_width as get_output_width
+from .text.terminal import lay_out_table as lay_out_table
+from .text.terminal import make_printable as make_printable
+from .text.terminal import wrap as wrap
+from .text.terminal import wrap_note as wrap_note
+from .text.wording import escape as escape
+from .text.wording import format_evidence as format_evidence
+from .text.wording import format_number as format_number
+from .text.wording import format_percent as format_percent
+from .video_file import open_video as open_video
 from .video_file import save_picture as save_picture
-from .video_file import video_file as video_file
 
 __all__ = [
     "COLOURS",
@@ -75,41 +75,41 @@ __all__ = [
     "SolidPainter",
     "Table",
     "Tracks",
-    "arm_playback",
-    "as_csv",
-    "as_markdown",
-    "assembly_film",
-    "box",
-    "coarser",
-    "contact_entries",
-    "escaped",
-    "evidence_text",
-    "exploded_picture",
-    "exploded_png",
-    "gantt_picture",
-    "hull",
-    "hull_mesh",
-    "layers_of",
-    "layout_picture",
-    "link_frames",
-    "number",
-    "number_rows",
-    "output_width",
-    "path_steps",
-    "percent",
-    "picture_svg",
-    "plan_bars",
-    "precedence_graph",
-    "precedence_picture",
-    "printable",
+    "arrange_layers",
+    "build_arm_playback",
+    "build_hull_mesh",
+    "build_precedence_graph",
+    "coarsen",
+    "compute_link_frames",
+    "draw_exploded_view",
+    "draw_gantt_picture",
+    "draw_layout",
+    "draw_precedence",
+    "embed_picture",
+    "escape",
+    "film_assembly",
+    "find_hull",
+    "format_evidence",
+    "format_number",
+    "format_percent",
+    "get_output_width",
+    "lay_out_table",
+    "list_contacts",
+    "list_path_steps",
+    "list_plan_bars",
+    "make_box",
+    "make_printable",
+    "make_rows",
+    "open_video",
+    "place_number_rows",
     "read_obj",
     "render",
-    "rows_of",
+    "render_csv",
+    "render_exploded_png",
+    "render_markdown",
     "save_picture",
-    "shortened",
-    "table_layout",
-    "upright_along",
-    "video_file",
-    "wrapped",
-    "wrapped_note",
+    "shorten",
+    "turn_along",
+    "wrap",
+    "wrap_note",
 ]

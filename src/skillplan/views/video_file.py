@@ -41,12 +41,12 @@ def save_picture(image: Image, path: Path, option: str) -> None:
     """
     with report_write_errors(option, path):
         content = io.BytesIO()
-        _pillow(image).save(content, format="PNG", optimize=False)
+        _make_pillow_image(image).save(content, format="PNG", optimize=False)
         write_whole(path, content.getvalue())
 
 
 @contextmanager
-def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
+def open_video(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
     """Open a GIF or an MP4, by the suffix, to which images are added.
 
     Parameters
@@ -66,7 +66,7 @@ def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
     with (
         suppress(_Empty),
         report_write_errors(option, path),
-        _writer(path, frames_per_s, option) as writer,
+        _open_writer(path, frames_per_s, option) as writer,
     ):
         try:
             yield _Guarded(writer, option, path)
@@ -77,7 +77,7 @@ def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
 
 
 @contextmanager
-def _writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter | _Mp4Writer]:
+def _open_writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter | _Mp4Writer]:
     """Open a writer for the format of the suffix, whose file then replaces `path`."""
     if path.suffix.lower() == ".gif":
         with replace_file(path) as file:
@@ -220,7 +220,7 @@ class _Mp4Writer:
             self.has_images = True
             self._size = (image.width - image.width % 2, image.height - image.height % 2)
             self._program = self._start()
-        picture = _pillow(image)
+        picture = _make_pillow_image(image)
         if picture.size != self._size:
             picture = picture.crop((0, 0, *self._size))
         self._program.feed(picture.tobytes())
@@ -241,7 +241,7 @@ class _Mp4Writer:
         return FedProgram([self._ffmpeg, *words, "-f", "mp4", str(self._path)])
 
 
-def _pillow(image: Image) -> Any:
+def _make_pillow_image(image: Image) -> Any:
     """Return an image of Pillow."""
     from PIL import Image as PillowImage
 

@@ -42,19 +42,19 @@ from .bench.swings import corners as corners
 from .bench.swings import rotated as rotated
 from .bench.swings import triangle_at as triangle_at
 from .domain import SwarmitfixDomain as SwarmitfixDomain
-from .figures.bench_canvas import bench_canvas as bench_canvas
-from .figures.fleet_figure import fleet_figure as fleet_figure
-from .figures.fleet_figure import paths_of as paths_of
+from .figures.bench_canvas import open_bench_canvas as open_bench_canvas
+from .figures.fleet_figure import draw_fleet as draw_fleet
+from .figures.fleet_figure import find_paths as find_paths
 from .figures.gantt_figure import Bar as Bar
-from .figures.gantt_figure import gantt_figure as gantt_figure
+from .figures.gantt_figure import draw_gantt as draw_gantt
 from .figures.placement_figure import BaseGoal as BaseGoal
 from .figures.placement_figure import HeadMark as HeadMark
-from .figures.placement_figure import colours_of as colours_of
-from .figures.placement_figure import links_m as links_m
-from .figures.placement_figure import placement_figure as placement_figure
-from .figures.placement_figure import ranges_text as ranges_text
-from .figures.policy_figure import policy_figure as policy_figure
-from .figures.policy_figure import steps_to as steps_to
+from .figures.placement_figure import assign_colours as assign_colours
+from .figures.placement_figure import draw_placement as draw_placement
+from .figures.placement_figure import find_links_m as find_links_m
+from .figures.placement_figure import format_ranges as format_ranges
+from .figures.policy_figure import count_steps_to as count_steps_to
+from .figures.policy_figure import draw_policy as draw_policy
 from .fleet.simulator import FleetSwing as FleetSwing
 from .fleet.simulator import FleetViolation as FleetViolation
 from .fleet.simulator import passed_pins as passed_pins
@@ -108,8 +108,8 @@ from .pkm.reach import Mount as Mount
 from .pkm.reach import PkmLimits as PkmLimits
 from .pkm.reach import horizontal_reach_m as horizontal_reach_m
 from .pkm.reach import rule as rule
-from .report.bench_playback import base_rows as base_rows
-from .report.bench_playback import turning as turning
+from .report.bench_playback import compute_base_rows as compute_base_rows
+from .report.bench_playback import make_turning as make_turning
 from .schema import SwarmitfixConfig as SwarmitfixConfig
 from .trajectory.dxf_entities import CURVE_TOLERANCE_M as CURVE_TOLERANCE_M
 from .trajectory.faults import crossings as crossings
@@ -216,24 +216,29 @@ __all__ = [
     "account",
     "along",
     "arc_or_line",
+    "assign_colours",
     "at",
-    "base_rows",
-    "bench_canvas",
     "candidates",
     "choose",
     "circle_of",
-    "colours_of",
+    "compute_base_rows",
     "corners",
+    "count_steps_to",
     "crossings",
+    "draw_fleet",
+    "draw_gantt",
+    "draw_placement",
+    "draw_policy",
     "end_directions",
     "ending_at",
     "even_heads",
     "fewest",
+    "find_links_m",
+    "find_paths",
     "fleet_faults",
-    "fleet_figure",
     "fleet_task",
+    "format_ranges",
     "forward",
-    "gantt_figure",
     "goal_of",
     "goal_sets",
     "goals_task",
@@ -243,18 +248,15 @@ __all__ = [
     "inverse",
     "inward_side",
     "limits_of",
-    "links_m",
+    "make_turning",
     "makespan",
     "mount_of",
     "normal_yaw",
+    "open_bench_canvas",
     "overlap",
     "passed_pins",
     "path_between",
-    "paths_of",
-    "placement_figure",
-    "policy_figure",
     "quadrilateral",
-    "ranges_text",
     "read_trajectory",
     "reversed_element",
     "robot_at",
@@ -270,11 +272,9 @@ __all__ = [
     "shown",
     "simulate",
     "simulate_timed",
-    "steps_to",
     "timeline",
     "timings_of",
     "triangle_at",
-    "turning",
     "unreachable",
     "vertex_heads",
     "within_reach",

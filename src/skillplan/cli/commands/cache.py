@@ -42,7 +42,7 @@ def show(
     from skillplan.errors import OptionError
     from skillplan.pipeline.solving import open_warm_cache
     from skillplan.records.cache import CacheSurvey
-    from skillplan.views.tables.installation import survey_table
+    from skillplan.views.tables.installation import tabulate_survey
 
     root = open_warm_cache().folder
     folder = VerdictFolder(root)
@@ -56,7 +56,7 @@ def show(
         kept_for = folder.kept_for(introduce_back_ends(constructed))
         every = [verdict for own in kept_for for verdict in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
-    emit(style, survey.document(), [survey_table(survey)])
+    emit(style, survey.document(), [tabulate_survey(survey)])
     return 0
 
 
@@ -103,7 +103,7 @@ def verify(
     from skillplan.errors import exit_code
     from skillplan.pipeline.solving import make_feasibility, open_warm_cache
     from skillplan.records.cache import CacheTest
-    from skillplan.views.tables.installation import cache_test_table
+    from skillplan.views.tables.installation import tabulate_cache_test
 
     loaded, setup, constructed = load_part(task, reading, back_ends, executor=workers.executor)
     feasibility = make_feasibility(loaded, setup, back_ends=constructed)
@@ -138,7 +138,7 @@ def verify(
         elsewhere,
         len(drawn) - len(chosen),
     )
-    emit(style, test.document(), [cache_test_table(test)], failed=bool(test.different))
+    emit(style, test.document(), [tabulate_cache_test(test)], failed=bool(test.different))
     different = bool(test.different)
     # A back end that answers otherwise than it did counts more than an early end of the search
     # for one: it is known then, and the interruption did not hide it.
@@ -167,7 +167,7 @@ def fill(
     from skillplan.model.enumeration import enumerate_feasibility
     from skillplan.pipeline.solving import make_feasibility
     from skillplan.records.cache import CacheFilling
-    from skillplan.views.tables.installation import filling_table
+    from skillplan.views.tables.installation import tabulate_filling
 
     loaded, setup, constructed = load_part(task, reading, back_ends, executor=checking.executor)
     cache = open_cache(checking)
@@ -187,7 +187,7 @@ def fill(
     kept = any(back_end.expensive for back_end in checks.back_ends)
     folder = cache.folder if cache is not None and kept else None
     filling = CacheFilling(loaded, names, counts, time.perf_counter() - begin_s, folder)
-    emit(style, filling.document(), [filling_table(filling)], failed=not counts.complete)
+    emit(style, filling.document(), [tabulate_filling(filling)], failed=not counts.complete)
     return exit_code(interrupted=not counts.complete)
 
 
@@ -208,7 +208,7 @@ def clear(
     from skillplan.pipeline.setup import load_problem
     from skillplan.pipeline.solving import open_warm_cache
     from skillplan.records.cache import make_clearing_document
-    from skillplan.views.tables.installation import clearing_table
+    from skillplan.views.tables.installation import tabulate_clearing
 
     problem = None if task is None else load_problem(task)
     root = open_warm_cache().folder
@@ -224,7 +224,9 @@ def clear(
     except OSError as error:
         raise OptionError(f"{root} cannot be cleared: {error.strerror}.") from None
     name = None if problem is None else problem.name
-    emit(style, make_clearing_document(root, name, removed), [clearing_table(root, name, removed)])
+    emit(
+        style, make_clearing_document(root, name, removed), [tabulate_clearing(root, name, removed)]
+    )
     return 0
 
 

@@ -38,7 +38,7 @@ def command(
     from skillplan.pipeline.screening import execute_sample
     from skillplan.pipeline.solving import make_feasibility
     from skillplan.records.questions import make_chart_document
-    from skillplan.views.tables.questions import chart_table
+    from skillplan.views.tables.questions import tabulate_chart
 
     # A chart derived from the chart would only repeat it.
     loaded, setup, constructed = load_part(
@@ -58,7 +58,7 @@ def command(
             chart = derive_chart(feasibility)
             sample = execute_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
     names = [back_end.name for back_end in feasibility.back_ends]
-    emit(style, make_chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
+    emit(style, make_chart_document(chart, loaded, names), [tabulate_chart(chart, loaded, names)])
     if sample.overruled:
         tell(f"skillplan: error: {sample.overruled}")
     return exit_code(back_end_failed=bool(sample.overruled))

@@ -29,7 +29,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.pipeline.obstacles import preview_problem
     from skillplan.records.questions import Checked
-    from skillplan.views.tables.questions import checked_tables
+    from skillplan.views.tables.questions import tabulate_checked
 
     limits.begin(graceful=False)
     problem = load_file(task, reading, back_ends, warn=False)
@@ -45,5 +45,5 @@ def command(
     cache = open_cache(caching) if name_back_ends(back_ends) else None
     preview = preview_problem(problem, first.physics, first.collision, first.options, cache)
     checked = Checked(problem, names, preview, not_checked)
-    emit(style, checked.document(), checked_tables(checked))
+    emit(style, checked.document(), tabulate_checked(checked))
     return 0

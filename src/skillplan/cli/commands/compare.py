@@ -182,7 +182,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from skillplan.pipeline.solving import check_solver, list_solvers
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
-    from skillplan.views.tables.results import comparison_tables
+    from skillplan.views.tables.results import tabulate_comparisons
 
     names = run.names
     problem = load_file(path, reading, back_ends)
@@ -213,7 +213,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
             audit=run.audit,
             limits=run.limits.of_stop,
         )
-    tables = comparison_tables(results, title, last.metric.decimals)
+    tables = tabulate_comparisons(results, title, last.metric.decimals)
     origin = setup.origin(path, None, reading.settings())
     not_run = list(names[len(results) :])
     document = {

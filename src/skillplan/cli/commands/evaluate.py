@@ -312,7 +312,7 @@ def _replay(
     from skillplan.pipeline.solving import make_model, solve
     from skillplan.records.evaluation import Evaluation
     from skillplan.solvers.solution import Plan, Policy
-    from skillplan.views.tables.questions import evaluation_table
+    from skillplan.views.tables.questions import tabulate_evaluation
 
     cache = open_cache(checking) or VerdictCache()
     with showing_checks("replaying") as on_check:
@@ -334,6 +334,11 @@ def _replay(
                 start=known,
             )
     evaluation = Evaluation(task, skills, replayed, best)
-    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not replayed.complete)
+    emit(
+        style,
+        evaluation.document(),
+        [tabulate_evaluation(evaluation)],
+        failed=not replayed.complete,
+    )
     interrupted = best is not None and best.interrupted
     return exit_code(interrupted=interrupted, solved=replayed.complete)

@@ -125,7 +125,7 @@ def command(
     from skillplan.pipeline.exchange import read_given_plan
     from skillplan.pipeline.solving import make_model
     from skillplan.records.questions import explain, find_state_after
-    from skillplan.views.tables.questions import explanation_tables
+    from skillplan.views.tables.questions import tabulate_explanation
 
     if last and (after is not None or result is not None):
         raise OptionError("Give --last alone: --after and --from name another state.")
@@ -157,7 +157,7 @@ def command(
         taken = model.feasibility.taken(chosen, explanation.state)
         explanation = explanation.drawn(draw(drawer, taken, explanation.state, paths))
     failed = not explanation.feasible
-    emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
+    emit(style, explanation.document(), tabulate_explanation(explanation), failed=failed)
     return exit_code(solved=explanation.feasible)
 
 
@@ -205,7 +205,7 @@ def _explain_freedom(
     from skillplan.files.output_path import check_output_path
     from skillplan.records.questions import find_freedom
     from skillplan.records.stored.product_relation import read_relation_beside
-    from skillplan.views.tables.questions import freedom_tables
+    from skillplan.views.tables.questions import tabulate_freedom
 
     path = (
         None if picture is None else check_output_path("--picture", picture, _PICTURES, "pictures")
@@ -216,7 +216,7 @@ def _explain_freedom(
     if path is not None:
         _draw_freedom(directions, path)
         directions = directions.drawn({"picture": str(path)})
-    emit(style, directions.document(), freedom_tables(directions), failed=not directions.free)
+    emit(style, directions.document(), tabulate_freedom(directions), failed=not directions.free)
     return exit_code(solved=directions.free)
 
 
@@ -233,14 +233,12 @@ def _predict_state(task: Task, before: Sequence[Skill]) -> State:
 
 def _draw_freedom(directions: Freedom, path: Path) -> None:
     # matplotlib takes half a second.
-    from skillplan.views.figures.exploded_figure import freedom_picture
+    from skillplan.views.figures.exploded_figure import draw_freedom
     from skillplan.views.figures.figure_file import save_figure
     from skillplan.views.figures.figure_style import Heading
 
     try:
-        figure = freedom_picture(
-            directions, directions.task.scene.at(directions.task.goal.requires)
-        )
+        figure = draw_freedom(directions, directions.task.scene.at(directions.task.goal.requires))
     except ValueError as error:
         raise OptionError(f"--picture: {error}") from None
     save_figure(figure.with_heading(Heading(figure.title)), path)

@@ -174,8 +174,8 @@ def command(
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
-    from skillplan.views.figures.exploded_figure import exploded_png
-    from skillplan.views.tables.installation import imported_table
+    from skillplan.views.figures.exploded_figure import render_exploded_png
+    from skillplan.views.tables.installation import tabulate_import
 
     limits.begin(graceful=False)
     imported = _importer()(
@@ -196,12 +196,12 @@ def command(
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),
-        exploded_png,
+        render_exploded_png,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")
     document = {"schema": IMPORT, **imported.document}
-    emit(style, document, [imported_table(document, imported.lines)])
+    emit(style, document, [tabulate_import(document, imported.lines)])
     return exit_code(solved=imported.complete)
 
 

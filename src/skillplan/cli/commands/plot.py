@@ -28,9 +28,9 @@ from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import (
     RUN_FIGURES,
-    figure_lines,
-    figure_module,
-    figure_names,
+    describe_figures,
+    list_figure_names,
+    load_figure_module,
 )
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -122,13 +122,13 @@ class FigureFile:
 def list_choices() -> dict[str, dict[str, str]]:
     """Return the help lines of all figures, by the title of their list and by name."""
     return {
-        "Figures of a task or a result": figure_lines(),
+        "Figures of a task or a result": describe_figures(),
         "Figures of a folder of runs": {name: entry.line for name, entry in RUN_FIGURES.items()},
     }
 
 
 def _complete(ctx: typer.Context, incomplete: str) -> list[str]:
-    names = [name for name in (*figure_names(), *RUN_FIGURES) if name.startswith(incomplete)]
+    names = [name for name in (*list_figure_names(), *RUN_FIGURES) if name.startswith(incomplete)]
     return [*task_files(incomplete), *(names if ctx.params.get("inputs") else [])]
 
 
@@ -179,11 +179,11 @@ def command(
     plot = plot_result if is_result(sources[0]) else plot_task
     check_options(ctx, plot, kinds)
     if figure is None:
-        raise OptionError(f"Name a figure of the task: {', '.join(figure_names())}.")
+        raise OptionError(f"Name a figure of the task: {', '.join(list_figure_names())}.")
     if figure in RUN_FIGURES:
         raise OptionError(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
-            f"are {', '.join(figure_names())}."
+            f"are {', '.join(list_figure_names())}."
         )
     if states is not None and figure != "q-values":
         raise OptionError(f"--states is for q-values; {figure} takes none.")
@@ -259,7 +259,7 @@ def plot_runs(
 
     deadline = limits.begin(graceful=True)
     runs = [RunFolder(folder) for folder in folders]
-    if figure in figure_names():
+    if figure in list_figure_names():
         raise OptionError(
             f"Figure {figure!r} is of a task file; of a folder of runs there are "
             f"{' and '.join(RUN_FIGURES)}."
@@ -294,13 +294,13 @@ def _draw(
     from skillplan.cli.waiting import stoppable
     from skillplan.pipeline.registry import load, make_options
     from skillplan.records.result import Status
-    from skillplan.views.figures.figure_file import DOT, checked_path, save_content, save_figure
+    from skillplan.views.figures.figure_file import DOT, check_path, save_content, save_figure
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
     figure, solving, out = requested.figure, requested.solving, requested.file.out
-    module: Any = figure_module(figure, problem.kind)
+    module: Any = load_figure_module(figure, problem.kind)
     more = (*((DOT,) if hasattr(module, "dot") else ()), *_list_film_suffixes(module))
-    path = checked_path(f"{problem.name}-{figure}.png" if out is None else out, more)
+    path = check_path(f"{problem.name}-{figure}.png" if out is None else out, more)
     solver = module.SOLVER if solving.solver is None else solving.solver
     options = parse_options(back_ends.options, solver).get(solver, {})
     request = FigureRequest(
@@ -346,9 +346,9 @@ def _list_film_suffixes(module: Any) -> tuple[str, ...]:
 
 
 def _write_film(pictures: Iterable[Any], frames_per_s: float, path: Path) -> None:
-    from skillplan.views.video_file import video_file
+    from skillplan.views.video_file import open_video
 
-    with video_file(path, frames_per_s, "--out") as video:
+    with open_video(path, frames_per_s, "--out") as video:
         for picture in pictures:
             video.add(picture)
 
@@ -396,7 +396,7 @@ def _split_inputs(inputs: Sequence[str]) -> tuple[list[str], str | None]:
     *sources, last = inputs
     if not sources or os.path.exists(last):
         return list(inputs), None
-    known = [*figure_names(), *RUN_FIGURES]
+    known = [*list_figure_names(), *RUN_FIGURES]
     if last not in known:
         from skillplan.pipeline.registry import missing_words
 

@@ -44,7 +44,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.pipeline import registry
     from skillplan.pipeline.registry import plugin_document
-    from skillplan.views.tables.installation import plugin_tables
+    from skillplan.views.tables.installation import tabulate_plugins
 
     kinds = [kind] if kind else list(registry.KINDS)
     infos = [info for kind_name in kinds for info in registry.describe(kind_name)]
@@ -55,5 +55,5 @@ def command(
         plugin = registry.load(kind, name)
         infos = [info for info in infos if info.name == name]
         options = getattr(plugin, "Options", None)
-    emit(style, plugin_document(infos, options), plugin_tables(infos, options))
+    emit(style, plugin_document(infos, options), tabulate_plugins(infos, options))
     return 0

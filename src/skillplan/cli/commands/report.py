@@ -69,13 +69,13 @@ def command(
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import OptionError, exit_code
     from skillplan.files.output_path import check_output_path
-    from skillplan.views.report.page import HOW_TO_GET, page_html, player
+    from skillplan.views.report.page import HOW_TO_GET, load_player, render_page
 
     deadline = limits.begin(graceful=True)
     path = check_output_path("--out", out, SUFFIXES, "pages")
     if Path(path).exists():
         raise OptionError(f"--out {out}: is there already. Name a new file.")
-    web_player = player()
+    web_player = load_player()
     if web_player is None:
         words = "the page has no playback in 3-D, whose player is not here"
         tell(f"skillplan: note: {words}: {HOW_TO_GET}.")
@@ -86,7 +86,7 @@ def command(
         for number, file in enumerate(inputs, start=1)
     ]
     title = chapters[0].heading if len(chapters) == 1 else f"{len(chapters)} reports"
-    html = page_html(title, chapters, reporter.playback, web_player)
+    html = render_page(title, chapters, reporter.playback, web_player)
     write_new_file(out, html, SUFFIXES, "pages")
     write_out(f"{out}\n")
     return exit_code(interrupted=reporter.interrupted)

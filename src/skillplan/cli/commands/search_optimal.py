@@ -90,7 +90,7 @@ def command(
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.writing import as_json
     from skillplan.pipeline.solving import list_solvers, solve_problem
-    from skillplan.views.tables.results import solved_tables
+    from skillplan.views.tables.results import tabulate_result
 
     part = reading.part
     problem = load_file(task, reading, back_ends)
@@ -123,13 +123,13 @@ def command(
                 audit=audit,
             )
         result = replace(result, origin=setup.origin(task, part, reading.settings()))
-        tables = solved_tables(result, last)
+        tables = tabulate_result(result, last)
         if folder is not None:
             from skillplan.records.stored.policy_file import list_solved_tasks, make_policy_document
             from skillplan.records.stored.result_folder import POLICIES
-            from skillplan.views.tables.results import csv_files
+            from skillplan.views.tables.results import render_csv_files
 
-            beside = csv_files(result, last)
+            beside = render_csv_files(result, last)
             policies = make_policy_document(problem.sha256, solver, list_solved_tasks(result, last))
             if policies is not None:
                 beside[POLICIES] = as_json(policies)

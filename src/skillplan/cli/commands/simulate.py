@@ -155,8 +155,8 @@ def command(
     from skillplan.files.output_path import check_output_path
     from skillplan.pipeline.performing import choose_variants, plan_times
     from skillplan.records.execution.simulation import SUFFIXES, Simulation, find_applicable_part
-    from skillplan.views.tables.trials import simulation_tables
-    from skillplan.views.video_file import VIDEOS, video_file
+    from skillplan.views.tables.trials import tabulate_simulation
+    from skillplan.views.video_file import VIDEOS, open_video
 
     deadline = limits.begin(graceful=True)
     back_ends = BackEnds(physics, None, options or [])
@@ -170,7 +170,7 @@ def command(
     with ExitStack() as stack:
         show = None
         if film is not None:
-            show = stack.enter_context(video_file(film, fps, "--video")).add
+            show = stack.enter_context(open_video(film, fps, "--video")).add
         row = None if table is None else stack.enter_context(_open_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
         stack.enter_context(deadline.calling(count.stop))
@@ -196,7 +196,7 @@ def command(
         planned,
     )
     good = simulation.feasible and simulation.complete and not stopped
-    emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
+    emit(style, simulation.document(), tabulate_simulation(simulation), failed=not good)
     return exit_code(interrupted=stopped and not deadline.tell_if_over(), solved=good)
 
 

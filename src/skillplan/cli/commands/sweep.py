@@ -316,10 +316,10 @@ def _store(result: SweepResult, output: Output) -> None:
     from skillplan.cli.result_output import write_folder
     from skillplan.cli.writing import as_json
     from skillplan.sweep.study_folder import RESULT, STARTS
-    from skillplan.views.tables.sweep import start_table
-    from skillplan.views.text.table import as_csv
+    from skillplan.views.tables.sweep import tabulate_starts
+    from skillplan.views.text.table import render_csv
 
-    starts_csv = as_csv(start_table(result))
+    starts_csv = render_csv(tabulate_starts(result))
     write_folder(Path(output.out), {STARTS: starts_csv, RESULT: as_json(result.document())})
 
 
@@ -327,13 +327,13 @@ def _show(result: SweepResult, output: Output, style: str) -> int:
     """Draw and print a study; return the exit code."""
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code
-    from skillplan.views.tables.sweep import setting_table, start_table
+    from skillplan.views.tables.sweep import tabulate_settings, tabulate_starts
 
     if output.plot is not None and len(result.records) > len(result.failed):
         _draw(result, _check_path(output.plot))
     arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
     code = exit_code(interrupted=result.interrupted, solved=arrived)
-    tables = [setting_table(result), *([start_table(result)] if style == "csv" else [])]
+    tables = [tabulate_settings(result), *([tabulate_starts(result)] if style == "csv" else [])]
     emit(style, result.document(), tables, failed=code != 0 or bool(result.failed))
     return code
 
@@ -360,10 +360,10 @@ def _split_options(entries: Iterable[str], solver: str) -> tuple[list[tuple[str,
 def _draw(result: SweepResult, path: Path) -> None:
     from skillplan.errors import OptionError, SkillplanError
     from skillplan.views.figures.figure_file import save_figure
-    from skillplan.views.figures.sweep_figure import sweep_figure
+    from skillplan.views.figures.sweep_figure import draw_sweep
 
     try:
-        save_figure(sweep_figure(result), path)
+        save_figure(draw_sweep(result), path)
     except SkillplanError as error:
         raise OptionError(str(error).replace("--out", "--plot", 1)) from None
 
@@ -373,11 +373,11 @@ def _check_path(plot: str) -> Path:
     from skillplan.errors import OptionError
 
     try:
-        from skillplan.views.figures.figure_file import checked_path
+        from skillplan.views.figures.figure_file import check_path
     except ImportError:
         message = "--plot needs matplotlib, which is not installed: pip install matplotlib."
         raise OptionError(message) from None
     try:
-        return checked_path(plot)
+        return check_path(plot)
     except OptionError as error:
         raise OptionError(str(error).replace("--out", "--plot", 1)) from None

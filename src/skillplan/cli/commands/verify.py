@@ -90,13 +90,19 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.pipeline.certification import certify, check_referee, referee_claims
     from skillplan.pipeline.solving import open_warm_cache
-    from skillplan.views.tables.results import certificate_summary, certificate_table, csv_files
+    from skillplan.views.tables.results import (
+        render_csv_files,
+        summarize_certificate,
+        tabulate_certificate,
+    )
 
     if referee is not None:
         check_referee(referee)
     with stoppable(time_limit_s, label="verifying", memory_limit_bytes=memory_limit_bytes) as stop:
         cache = open_warm_cache() if warm else None
-        certificate = certify(result, task_file, stop=stop, cache=cache, saved_tables=csv_files)
+        certificate = certify(
+            result, task_file, stop=stop, cache=cache, saved_tables=render_csv_files
+        )
         if referee is not None:
             more = referee_claims(result, task_file, time_limit_s, stop)
             certificate = replace(certificate, claims=(*certificate.claims, *more))
@@ -107,6 +113,6 @@ def command(
     )
     # The short form is for people; Markdown and CSV hold every claim.
     whole = verbose or style != "table"
-    table = certificate_table(certificate) if whole else certificate_summary(certificate)
+    table = tabulate_certificate(certificate) if whole else summarize_certificate(certificate)
     emit(style, certificate.document(), [table], failed=code != 0)
     return code

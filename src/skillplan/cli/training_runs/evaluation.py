@@ -34,7 +34,7 @@ from skillplan.training.evaluation import (
     evaluate_layouts,
 )
 from skillplan.training.policies import prove_optimum
-from skillplan.views.tables.training import training_tables, trainings_table
+from skillplan.views.tables.training import tabulate_training, tabulate_trainings
 
 if TYPE_CHECKING:
     from skillplan.cli.commands.evaluate import RollOuts
@@ -87,9 +87,9 @@ def evaluate_run_folders(paths: Sequence[str], request: RunsRequest, style: str)
             break
     failed = any(result.failed for result in results)
     if len(paths) == 1:
-        emit(style, results[0].document(), training_tables(results[0]), failed=failed)
+        emit(style, results[0].document(), tabulate_training(results[0]), failed=failed)
     else:
-        emit(style, make_trainings_document(results), [trainings_table(results)], failed=failed)
+        emit(style, make_trainings_document(results), [tabulate_trainings(results)], failed=failed)
     solved = all(result.completed for result in results)
     return exit_code(interrupted=interrupted, solved=solved)
 

@@ -19,20 +19,20 @@ from skillplan.records.training.run_folder import RunFolder
 from skillplan.task.task import Task
 from skillplan.training.policies import prove_optimum
 from skillplan.views.figures.catalogue import RUN_FIGURES
-from skillplan.views.figures.figure_file import SUFFIXES, checked_path, save_figure
+from skillplan.views.figures.figure_file import SUFFIXES, check_path, save_figure
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.figures.training_figures import (
     RunCurve,
-    distances_figure,
-    distances_of_trainings,
+    draw_distances,
+    draw_distances_of_trainings,
+    draw_success,
+    draw_success_of_trainings,
     run_curve,
-    success_figure,
-    success_of_trainings,
 )
 from skillplan.views.report.markup import Markup
 from skillplan.views.report.page import Chapter
-from skillplan.views.report.pictures import image
-from skillplan.views.report.solver_chapters import training_chapter
+from skillplan.views.report.pictures import embed_figure
+from skillplan.views.report.solver_chapters import build_training_chapter
 
 if TYPE_CHECKING:
     from skillplan.cli.commands.plot import FigureFile
@@ -68,7 +68,7 @@ def plot_run_folders(
         raise OptionError(f"--out is for one figure; name it: {' or '.join(RUN_FIGURES)}.")
     # Paths are checked before anything expensive.
     targets = {
-        name: [checked_path(path) for path in _list_paths(folders, name, file.out)]
+        name: [check_path(path) for path in _list_paths(folders, name, file.out)]
         for name in (RUN_FIGURES if figure is None else [figure])
     }
     trainings = [_Training(folder, time_limit_s) for folder in folders]
@@ -115,7 +115,9 @@ def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | No
         for figure in RUN_FIGURES:
             if figure != "distances" or training.any_success:
                 words = f"Learning curves, {figure}: {manifest.task.name}, {manifest.solver}"
-                images.append(image(_draw_training(training, figure, "steps"), words, f"{words}."))
+                images.append(
+                    embed_figure(_draw_training(training, figure, "steps"), words, f"{words}.")
+                )
     except OptionError as error:
         tell(f"skillplan: note: {error}")
     entries: list[tuple[str, object]] = [
@@ -132,7 +134,7 @@ def make_training_chapter(folder: RunFolder, name: str, time_limit_s: float | No
         ("Folder", folder.path),
     ]
     heading = f"{manifest.task.name}, learned by {manifest.solver}"
-    return training_chapter(entries, folder.result(), images, heading, name)
+    return build_training_chapter(entries, folder.result(), images, heading, name)
 
 
 class _Training:
@@ -193,7 +195,7 @@ def _draw_training(training: _Training, name: str, against: Any) -> Figure:
     if name == "success":
         published = SUCCESS_RATE if get_published_runs(task, optimum) else None
         heading = _make_heading(training, "Success of training")
-        return success_figure(training.curves, heading, against=against, published=published)
+        return draw_success(training.curves, heading, against=against, published=published)
     if not training.any_success:
         raise OptionError(
             f"{training.folder.path}: no run has completed the task: nothing to draw."
@@ -204,7 +206,7 @@ def _draw_training(training: _Training, name: str, against: Any) -> Figure:
         "points single sequences",
         "lines means of the last 100",
     )
-    return distances_figure(
+    return draw_distances(
         training.curves,
         task.metric,
         heading,
@@ -224,7 +226,7 @@ def _draw_trainings(trainings: Sequence[_Training], name: str, against: Any) -> 
         heading = Heading(
             f"Success of {title}", "lines means of the runs,  bands one standard deviation"
         )
-        return success_of_trainings(curves, heading, against=against)
+        return draw_success_of_trainings(curves, heading, against=against)
     if not any(training.any_success for training in trainings):
         raise OptionError("No run of any folder has completed the task: nothing to draw.")
     metric, optimum = first.task.metric, first.optimum
@@ -233,7 +235,7 @@ def _draw_trainings(trainings: Sequence[_Training], name: str, against: Any) -> 
         "lines means of the last 100 of a run"
         + ("" if optimum is None else f",  dashed {metric.text(optimum)}"),
     )
-    return distances_of_trainings(curves, metric, heading, against=against, optimum=optimum)
+    return draw_distances_of_trainings(curves, metric, heading, against=against, optimum=optimum)
 
 
 def _list_paths(folders: Sequence[RunFolder], name: str, out: str | None) -> list[str]:

@@ -24,8 +24,8 @@ from skillplan.training.groups import GroupReport
 from skillplan.training.trainer import Trainer, find_next_folder
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan
-from skillplan.views.tables.training import family_table, training_tables
-from skillplan.views.text.wording import escaped
+from skillplan.views.tables.training import tabulate_family, tabulate_training
+from skillplan.views.text.wording import escape
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class TrainingSession:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
         code = _get_exit_code(trainer, result)
-        emit(self.style, result.document(), training_tables(result), failed=code != 0)
+        emit(self.style, result.document(), tabulate_training(result), failed=code != 0)
         if result.interrupted:
             self._show_resume_command(command, trainer.timed_out)
         return code
@@ -162,7 +162,7 @@ def train_family_policy(
         learned = train_family(plan, folder, stop, count.one_more)
     complete = learned.trial is not None and learned.trial.completed == learned.trial.boards
     document = {"schema": schemas.RELATIONAL_POLICY, **learned.model_dump(mode="json")}
-    emit(style, document, [family_table(learned, out)], failed=not complete)
+    emit(style, document, [tabulate_family(learned, out)], failed=not complete)
     return exit_code(interrupted=stop.interrupted, solved=complete)
 
 
@@ -202,7 +202,7 @@ class TrainingDisplay:
             TextColumn("left"),
             TimeRemainingColumn(),
         )
-        self._line = self._bar.add_task(escaped(label), total=total)
+        self._line = self._bar.add_task(escape(label), total=total)
         # The figures are below the bar because a narrow terminal cannot show both in one line.
         self._live = Live(
             get_renderable=lambda: Group(self._bar, Text(self.figures())),

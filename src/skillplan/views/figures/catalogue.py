@@ -87,12 +87,12 @@ RUN_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
 """Figures of a folder of training runs, by name."""
 
 
-def figure_names() -> list[str]:
+def list_figure_names() -> list[str]:
     """Return the names of all figures of a task, core ones first; imports no plugin."""
     return list(dict.fromkeys([*TASK_FIGURES, *sorted(figures().names)]))
 
 
-def figure_lines() -> dict[str, str]:
+def describe_figures() -> dict[str, str]:
     """Return the line of help of every figure of a task, by name.
 
     The line of a broken plugin is the reason.
@@ -111,7 +111,7 @@ def figure_lines() -> dict[str, str]:
     return lines
 
 
-def figure_module(name: str, kind: str) -> FigureModule:
+def load_figure_module(name: str, kind: str) -> FigureModule:
     """Return the module that draws a figure of a task.
 
     Raises

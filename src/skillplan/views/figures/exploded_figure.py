@@ -17,8 +17,8 @@ from skillplan.task.pose import DOWN, Pose
 from skillplan.task.pose import Point as Point3
 from skillplan.task.scene import Body
 from skillplan.task.task import Task
-from skillplan.views.figures.figure_file import figure_bytes
-from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, requested_task
+from skillplan.views.figures.figure_file import render_figure
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, get_requested_task
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.figures.picture import (
     COLOURS,
@@ -36,11 +36,11 @@ from skillplan.views.figures.solids import (
     Point,
     Points,
     SolidPainter,
-    best_camera,
-    body_corners,
-    hull,
+    choose_camera,
+    find_hull,
+    place_corners,
 )
-from skillplan.views.text.wording import direction_name
+from skillplan.views.text.wording import name_direction
 
 SOLVER = "exact"
 FILM_FRAMES_PER_S = 12.5
@@ -89,7 +89,7 @@ class Piece:
     @property
     def corners(self) -> Points:
         """Corners of its true shapes in the world [m], shape (n, 3)."""
-        return body_corners(self.part.body, self.pose)
+        return place_corners(self.part.body, self.pose)
 
     def moved(self, length_m: float) -> Piece:
         """Return it at a distance from its goal, against the direction in which it comes."""
@@ -97,7 +97,7 @@ class Piece:
         return Piece(self.number, self.part, self.part.goal.moved((x, y, z)))
 
 
-def added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
+def find_added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
     """Return the parts that a plan brings to a place, in its order."""
     state, directions = task.initial, {}
     for name in skills:
@@ -109,13 +109,15 @@ def added_parts(task: Task, skills: Sequence[str]) -> list[AddedPart]:
     goals = task.scene.at(state)
     names = [body.name for body in task.scene.bodies]
     return [
-        AddedPart(task.scene.body(name), goals[name], along or DOWN, _role_of(names.index(name)))
+        AddedPart(
+            task.scene.body(name), goals[name], along or DOWN, _choose_role(names.index(name))
+        )
         for name, along in directions.items()
         if name in goals
     ]
 
 
-def _role_of(number: int) -> str:
+def _choose_role(number: int) -> str:
     return SERIES[number % len(SERIES)]
 
 
@@ -148,7 +150,7 @@ def _share_plan(part: AddedPart, other: AddedPart) -> bool:
     return True
 
 
-def exploded_picture(task: Task, skills: Sequence[str], width_px: float = 760.0) -> Picture:
+def draw_exploded_view(task: Task, skills: Sequence[str], width_px: float = 760.0) -> Picture:
     """Return the parts of a product in the order in which a plan adds them.
 
     Raises
@@ -156,13 +158,13 @@ def exploded_picture(task: Task, skills: Sequence[str], width_px: float = 760.0)
     ValueError
         If the plan brings no body to a place.
     """
-    parts = added_parts(task, skills)
+    parts = find_added_parts(task, skills)
     if not parts:
         raise ValueError(_NOTHING)
     return _draw_exploded(task.name, take_apart(parts), width_px)
 
 
-def exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes:
+def render_exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes:
     """Return the exploded view of a product as PNG; equal bodies make equal bytes.
 
     Parameters
@@ -172,11 +174,11 @@ def exploded_png(name: str, added: Sequence[tuple[Body, Pose, Point3]]) -> bytes
         vector in which it comes.
     """
     parts = [
-        AddedPart(body, goal, along, _role_of(number))
+        AddedPart(body, goal, along, _choose_role(number))
         for number, (body, goal, along) in enumerate(added)
     ]
     picture = _draw_exploded(name, take_apart(parts), 760.0)
-    return figure_bytes(picture.figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
+    return render_figure(picture.figure, ".png", round(PIXELS_PER_IN * _PNG_SCALE))
 
 
 def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Picture:
@@ -185,7 +187,7 @@ def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Pictu
     points = np.concatenate([goals, *(piece.corners for piece in pieces)])
     room = width_px - 2 * _MARGIN_PX - _NAMES_PX
     area = (_MARGIN_PX, _MARGIN_PX, room, _MOST_HEIGHT_PX - 2 * _MARGIN_PX)
-    camera, inner_px = best_camera(solids).fitted(points, area, _PITCH_PX * len(pieces))
+    camera, inner_px = choose_camera(solids).fitted(points, area, _PITCH_PX * len(pieces))
     height_px = inner_px + 2 * _MARGIN_PX
     title = f"Exploded view of {name}, in the order of the plan"
     picture = Picture(width_px, height_px, title)
@@ -196,7 +198,7 @@ def _draw_exploded(name: str, pieces: Sequence[Piece], width_px: float) -> Pictu
         painter.add(piece.part.body, piece.pose, COLOURS[piece.part.role], piece.number)
     picture.image(painter.image())
     for piece in sorted(pieces, key=lambda piece: camera.project(piece.corners)[:, 2].max()):
-        outline = hull([(x, y) for x, y, _ in camera.project(piece.corners).tolist()])
+        outline = find_hull([(x, y) for x, y, _ in camera.project(piece.corners).tolist()])
         note = Note(f"{piece.number}. {piece.part.body.name}")
         picture.polygon(outline, "paper", opacity=0.0, note=note)
     anchors = {piece.number: _find_anchor(painter, piece) for piece in pieces}
@@ -236,7 +238,7 @@ def _write_names(picture: Picture, pieces: Sequence[Piece], anchors: dict[int, P
         picture.label((x + 16, y), piece.part.body.name, anchor="start")
 
 
-def assembly_film(task: Task, skills: Sequence[str], width_px: float = 720.0) -> Iterator[Image]:
+def film_assembly(task: Task, skills: Sequence[str], width_px: float = 720.0) -> Iterator[Image]:
     """Yield pictures of a product as a plan puts it together, `FILM_FRAMES_PER_S` a second.
 
     Raises
@@ -244,7 +246,7 @@ def assembly_film(task: Task, skills: Sequence[str], width_px: float = 720.0) ->
     ValueError
         If the plan brings no body to a place.
     """
-    parts = added_parts(task, skills)
+    parts = find_added_parts(task, skills)
     if not parts:
         raise ValueError(_NOTHING)
     return _Film(task.name, parts, round(width_px)).images()
@@ -268,7 +270,7 @@ class _Film:
             _FILM_HEIGHT_PX - 2 * _FILM_MARGIN_PX,
         )
         exploded = [(piece.part.body, piece.pose) for piece in take_apart(parts)]
-        self.camera, inner_px = best_camera(exploded).fitted(points, area, _PITCH_PX * len(parts))
+        self.camera, inner_px = choose_camera(exploded).fitted(points, area, _PITCH_PX * len(parts))
         self.height_px = round(inner_px + 2 * _FILM_MARGIN_PX + _HEAD_PX)
 
     def images(self) -> Iterator[Image]:
@@ -294,7 +296,7 @@ class _Film:
         """Return an image of a heading and of all parts, with a mark at the current one."""
         picture = Picture(self.width_px, self.height_px, f"{self.name} put together")
         piece = self.pieces[current]
-        words = f"{piece.number}. {piece.part.body.name}, {direction_name(piece.part.along)}"
+        words = f"{piece.number}. {piece.part.body.name}, {name_direction(piece.part.along)}"
         corner = (_FILM_MARGIN_PX, _FILM_MARGIN_PX)
         picture.label(corner, words, size_px=15.0, anchor="start", bold=True)
         x = self.width_px - _FILM_NAMES_PX
@@ -322,14 +324,14 @@ def _compose(words: Bytes, painter: SolidPainter) -> Image:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the task."""
-    return [Run(requested_task(request))]
+    return [Run(get_requested_task(request))]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the product of a solved task."""
-    task, result = requested_task(request), outcomes[0].result
+    task, result = get_requested_task(request), outcomes[0].result
     try:
-        picture = exploded_picture(task, [step.skill for step in result.steps])
+        picture = draw_exploded_view(task, [step.skill for step in result.steps])
     except ValueError as error:
         raise request.unfit(str(error).rstrip(".")) from None
     return picture.with_heading(Heading(picture.title, request.details(outcomes[0].run)))
@@ -337,9 +339,9 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
 
 def film(request: FigureRequest, outcomes: Sequence[Outcome]) -> Iterator[Image]:
     """Yield pictures of the product as the plan puts it together, `FILM_FRAMES_PER_S` a second."""
-    task, result = requested_task(request), outcomes[0].result
+    task, result = get_requested_task(request), outcomes[0].result
     try:
-        return assembly_film(task, [step.skill for step in result.steps])
+        return film_assembly(task, [step.skill for step in result.steps])
     except ValueError as error:
         raise request.unfit(str(error).rstrip(".")) from None
 
@@ -353,7 +355,7 @@ _FREEDOM_HEIGHT_PX = 560.0
 _LENGTH = 0.28
 
 
-def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760.0) -> Picture:
+def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760.0) -> Picture:
     """Return a part in its place, with its obstacles and its directions.
 
     Parameters
@@ -372,7 +374,7 @@ def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 
         raise ValueError(f"{freedom.part} has no body with a place.")
     scene = freedom.task.scene
     names = [freedom.part, *(name for name in freedom.present if name in goals)]
-    corners = {name: body_corners(scene.body(name), goals[name]) for name in names}
+    corners = {name: place_corners(scene.body(name), goals[name]) for name in names}
     every = np.concatenate(list(corners.values()))
     middle = corners[freedom.part].mean(axis=0)
     length_m = _LENGTH * float(np.ptp(every, axis=0).max())
@@ -400,9 +402,9 @@ def freedom_picture(freedom: Freedom, goals: dict[str, Pose], width_px: float = 
                 painter.add(scene.body(name), goals[name], COLOURS[look[0]], number)
         picture.image(painter.image(look[1]))
     for number, (way, tip) in enumerate(zip(freedom.ways, tips, strict=True), 1):
-        role, end = _role_of_way(way), camera.pixel(tip)
+        role, end = _get_role_of_way(way), camera.pixel(tip)
         picture.arrow(camera.pixel(middle), end, role, 2.2, head_px=9.0)
-        picture.disc(end, 8.5, "paper", role, 1.4, note=Note(direction_name(way.direction)))
+        picture.disc(end, 8.5, "paper", role, 1.4, note=Note(name_direction(way.direction)))
         picture.label(end, str(number), role, 10.0, bold=True)
     _draw_legend(picture, freedom)
     return picture
@@ -418,7 +420,7 @@ def _best_camera(middle: Points, tips: Sequence[Points]) -> Camera:
     return max(cameras, key=lambda camera: round(shortest(camera), 4))
 
 
-def _role_of_way(way: Way) -> str:
+def _get_role_of_way(way: Way) -> str:
     return _BLOCKED if way.obstacles else _FREE
 
 
@@ -435,14 +437,14 @@ def _draw_legend(picture: Picture, freedom: Freedom) -> None:
         y += _LINE_PX
     y += _LINE_PX / 2
     for number, way in enumerate(freedom.ways, 1):
-        picture.disc((x, y), 8.5, "paper", _role_of_way(way), 1.4)
-        picture.label((x, y), str(number), _role_of_way(way), 10.0, bold=True)
+        picture.disc((x, y), 8.5, "paper", _get_role_of_way(way), 1.4)
+        picture.label((x, y), str(number), _get_role_of_way(way), 10.0, bold=True)
         picture.label((x + 14, y), _describe(way), anchor="start")
         y += _LINE_PX
 
 
 def _describe(way: Way) -> str:
-    name = direction_name(way.direction)
+    name = name_direction(way.direction)
     if not way.obstacles:
         return f"{name} free"
     more = f" and {len(way.obstacles) - 1} more" if len(way.obstacles) > 1 else ""

@@ -14,15 +14,15 @@ from matplotlib.text import Text
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import check_output_path
-from skillplan.views.figures.figure_style import house_style
-from skillplan.views.text.wording import escaped
+from skillplan.views.figures.figure_style import apply_house_style
+from skillplan.views.text.wording import escape
 
 SUFFIXES = (".png", ".svg")
 DOT = ".dot"
 """Suffix of a graph in the language of Graphviz."""
 
 
-def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
+def render_figure(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     """Return a figure as PNG or SVG, without a date or the version of a program.
 
     Parameters
@@ -42,11 +42,11 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     content = io.BytesIO()
     for text in figure.findobj(Text):
         # Titles and labels contain names from documents.
-        text.set_text(escaped(text.get_text()))
+        text.set_text(escape(text.get_text()))
     for image in figure.findobj(AxesImage):
         # An SVG holds images as they are; a PNG resamples them.
         image.set_interpolation("none" if suffix == ".svg" else "antialiased")
-    with house_style():
+    with apply_house_style():
         if suffix == ".png":
             FigureCanvasAgg(figure)
             figure.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
@@ -57,7 +57,7 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     return content.getvalue()
 
 
-def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
+def check_path(out: str, more: tuple[str, ...] = ()) -> Path:
     """Return the path of a figure, and check before solving that it can be written.
 
     Parameters
@@ -81,7 +81,7 @@ def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
     OptionError
         If it cannot be written; an old file stays.
     """
-    save_content(figure_bytes(figure, path.suffix.lower(), dpi), path)
+    save_content(render_figure(figure, path.suffix.lower(), dpi), path)
 
 
 def save_content(content: bytes | str, path: Path) -> None:

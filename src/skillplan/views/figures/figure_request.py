@@ -35,7 +35,7 @@ class WalkSteps:
         facts = task.facts
         placeless = task.initial - facts.of(*task.places)
         self.successors: Mapping[str, Sequence[str]] = {
-            fact: _ends(task, placeless | facts.of(fact)) for fact in task.places
+            fact: _find_step_ends(task, placeless | facts.of(fact)) for fact in task.places
         }
         """Where the skills lead from every place, in their order; staying is one of them."""
         self.fewest: Mapping[str, int] = self._search(goal)
@@ -57,7 +57,7 @@ class WalkSteps:
         return fewest
 
 
-def _ends(task: Task, state: State) -> list[str]:
+def _find_step_ends(task: Task, state: State) -> list[str]:
     """Return the facts of the places where skills that begin in a state end."""
     ends = []
     for skill in task.skills:
@@ -297,7 +297,7 @@ class FigureModule(Protocol):
         """
 
 
-def requested_task(request: FigureRequest) -> Task:
+def get_requested_task(request: FigureRequest) -> Task:
     """Return the task of a request, which must be one of parts and an arm.
 
     Raises

@@ -34,7 +34,7 @@ PALETTE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, OLIVE, GREY)
 
 
 @lru_cache(maxsize=4096)
-def text_width_in(text: str, size_pt: float) -> float:
+def measure_text_in(text: str, size_pt: float) -> float:
     """Return the width of a text [in] at a font size [pt]."""
     if not text.strip():
         return 0.0
@@ -100,11 +100,11 @@ class Heading:
 
     def lines(self, width_in: float) -> list[str]:
         """Return the details as lines that fit into a width [in]."""
-        return _wrapped(self.details, SMALL_PT + 0.5, width_in) if self.details else []
+        return _wrap(self.details, SMALL_PT + 0.5, width_in) if self.details else []
 
     def title_lines(self, width_in: float) -> list[str]:
         """Return the title as lines that fit into a width [in]."""
-        return _wrapped(self.title, 1.12 * TITLE_PT, width_in)
+        return _wrap(self.title, 1.12 * TITLE_PT, width_in)
 
     def height_in(self, width_in: float) -> float:
         """Return the height of the heading at a width [in]."""
@@ -112,19 +112,19 @@ class Heading:
         return 0.22 + TITLE_IN * titles + LINE_IN * lines
 
 
-def _wrapped(text: str, size_pt: float, width_in: float) -> list[str]:
+def _wrap(text: str, size_pt: float, width_in: float) -> list[str]:
     """Return a text as lines no wider than a width [in]; longer words stay whole."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and text_width_in(longer, size_pt) <= width_in:
+        if lines and measure_text_in(longer, size_pt) <= width_in:
             lines[-1] = longer
         else:
             lines.append(word)
     return [line.strip() for line in lines]
 
 
-def text_colour(colour: str) -> str:
+def darken_colour(colour: str) -> str:
     """Return a colour of the same hue that is dark enough to read on white."""
     red, green, blue = to_rgb(colour)
     light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
@@ -133,7 +133,7 @@ def text_colour(colour: str) -> str:
 
 
 @contextmanager
-def house_style() -> Iterator[None]:
+def apply_house_style() -> Iterator[None]:
     """Apply the style of this package and ignore the user's matplotlibrc."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -146,13 +146,13 @@ def in_house_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
 
     @wraps(draw)
     def styled(*args: _P.args, **kwargs: _P.kwargs) -> _R:
-        with house_style():
+        with apply_house_style():
             return draw(*args, **kwargs)
 
     return styled
 
 
-def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
+def create_sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
     """Return a figure of a size [in] with a heading only.
 
     Raises
@@ -183,7 +183,7 @@ def write_heading(figure: Figure, heading: Heading) -> None:
         down += LINE_IN
 
 
-def axes_in(
+def add_axes_in(
     figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
 ) -> Axes:
     """Return axes whose lower left corner and size are given in inches."""
@@ -210,11 +210,11 @@ def label_log_axis(axis: Axis) -> None:
     axis.set_minor_formatter(FuncFormatter(between))
 
 
-def legend_columns(labels: list[str], width_in: float) -> tuple[int, float]:
+def fit_legend(labels: list[str], width_in: float) -> tuple[int, float]:
     """Return the number of columns of a legend below a figure, and its height [in]."""
     if not labels:
         return 1, 0.0
-    widest = max(text_width_in(label, SMALL_PT + 0.5) for label in labels)
+    widest = max(measure_text_in(label, SMALL_PT + 0.5) for label in labels)
     columns = min(len(labels), max(1, int(width_in / (widest + 0.62))))
     rows = -(-len(labels) // columns)
     return columns, 0.21 * rows + 0.12

@@ -17,9 +17,9 @@ from skillplan.views.figures.picture import (
     SMALL_PX,
     Note,
     Picture,
-    rectangle,
-    shortened,
-    text_width_px,
+    make_rectangle,
+    measure_text_px,
+    shorten,
 )
 
 SOLVER = "exact"
@@ -75,7 +75,7 @@ class PlanBar:
             raise ValueError(f"A bar cannot run from {self.start_s} s to {self.end_s} s.")
 
 
-def plan_bars(
+def list_plan_bars(
     task: Task,
     skills: Sequence[str],
     durations_s: Sequence[float],
@@ -113,7 +113,7 @@ def plan_bars(
     return bars
 
 
-def gantt_picture(
+def draw_gantt_picture(
     bars: Sequence[PlanBar], title: str, width_px: float = 960.0, *, seeks: bool = False
 ) -> Picture:
     """Return bars on a time line.
@@ -136,7 +136,7 @@ def gantt_picture(
         for number, kind in enumerate(dict.fromkeys(bar.kind for bar in bars))
     }
     marks = [mark for mark in (FAILED, NOT_SIMULATED) if any(bar.mark == mark for bar in bars)]
-    names_px = min(_MOST_NAME_PX, max(text_width_px(row) for row in rows)) + 12
+    names_px = min(_MOST_NAME_PX, max(measure_text_px(row) for row in rows)) + 12
     left, right = _LEFT_PX + names_px, width_px - _RIGHT_PX
     bottom = _TOP_PX + _ROW_PX * len(rows)
     legend_y = bottom + _AXIS_PX + 10
@@ -153,7 +153,7 @@ def gantt_picture(
     picture.label(((left + right) / 2, bottom + 27), "time [s]", "muted", SMALL_PX)
     for number, row in enumerate(rows):
         top = _TOP_PX + _ROW_PX * number
-        name = shortened(row, names_px - 8)
+        name = shorten(row, names_px - 8)
         picture.label((left - 8, top + _ROW_PX / 2), name, anchor="end")
         if number:
             picture.line(((left, top), (right, top)), "faint", 0.6)
@@ -166,7 +166,7 @@ def gantt_picture(
         numbered = numbered or (words == bar.short and words.isdigit())
     x = left
     for kind, role in roles.items():
-        square = rectangle(x, legend_y - 5, x + 10, legend_y + 5)
+        square = make_rectangle(x, legend_y - 5, x + 10, legend_y + 5)
         picture.polygon(square, role, role, opacity=0.45)
         x = _write_entry(picture, x, legend_y, kind)
     if numbered:
@@ -174,7 +174,7 @@ def gantt_picture(
         picture.label((x, legend_y), words, "muted", SMALL_PX, "start")
     x, legend_y = left, legend_y + _LEGEND_PX - 10
     for mark in marks:
-        square = rectangle(x, legend_y - 5, x + 10, legend_y + 5)
+        square = make_rectangle(x, legend_y - 5, x + 10, legend_y + 5)
         picture.polygon(square, "grey", **_LOOKS[mark]("grey"))
         x = _write_entry(picture, x, legend_y, mark)
     for bar in bars:
@@ -201,8 +201,10 @@ def _draw_bar(
     left, right = ends
     top, bottom = middle - _BAR_PX / 2, middle + _BAR_PX / 2
     right = max(right, left + 1.0)
-    picture.polygon(rectangle(left, top, right, bottom), role, note=note, **_LOOKS[bar.mark](role))
-    picture.polygon(rectangle(left, top, left + min(3.0, right - left), bottom), role)
+    picture.polygon(
+        make_rectangle(left, top, right, bottom), role, note=note, **_LOOKS[bar.mark](role)
+    )
+    picture.polygon(make_rectangle(left, top, left + min(3.0, right - left), bottom), role)
     words, size_px = _fit_words(bar, right - left)
     if words:
         picture.label(((left + right) / 2 + 1.5, middle), words, size_px=size_px)
@@ -212,36 +214,36 @@ def _draw_bar(
 def _write_entry(picture: Picture, x: float, y: float, words: str) -> float:
     """Write a legend entry next to its square, and return the left end of the next."""
     picture.label((x + 15, y), words, "muted", SMALL_PX, "start")
-    return x + 30 + text_width_px(words, SMALL_PX)
+    return x + 30 + measure_text_px(words, SMALL_PX)
 
 
 def _fit_words(bar: PlanBar, width_px: float) -> tuple[str, float]:
     """Return the text in a bar and its size [px]; an empty text if none fits."""
     room_px = width_px - 6
     for words in (bar.label, bar.short):
-        wide_px = text_width_px(words, SMALL_PX)
+        wide_px = measure_text_px(words, SMALL_PX)
         size_px = min(SMALL_PX, SMALL_PX * room_px / wide_px) if wide_px else 0.0
         if size_px >= _LEAST_PX:
             return words, size_px
-    return ("" if bar.short else shortened(bar.label, room_px + 0.5, _LEAST_PX)), _LEAST_PX
+    return ("" if bar.short else shorten(bar.label, room_px + 0.5, _LEAST_PX)), _LEAST_PX
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the task."""
-    return [Run(_task_of_arm(request))]
+    return [Run(_get_task_of_arm(request))]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the timeline of a solved task."""
-    task, result = _task_of_arm(request), outcomes[0].result
+    task, result = _get_task_of_arm(request), outcomes[0].result
     skills = [step.skill for step in result.steps]
-    bars = plan_bars(task, skills, [step.duration_s for step in result.steps])
+    bars = list_plan_bars(task, skills, [step.duration_s for step in result.steps])
     title = f"Plan of {task.name}: {len(skills)} skills, {bars[-1].end_s:.1f} s"
     heading = Heading(title, request.details(outcomes[0].run))
-    return gantt_picture(bars, title).with_heading(heading)
+    return draw_gantt_picture(bars, title).with_heading(heading)
 
 
-def _task_of_arm(request: FigureRequest) -> Task:
+def _get_task_of_arm(request: FigureRequest) -> Task:
     task = request.problem.part(request.part)
     if not task.scene.robots:
         raise request.unfit(

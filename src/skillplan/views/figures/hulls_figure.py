@@ -20,7 +20,7 @@ from PIL import Image as PillowImage
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.physics.performance import Image
 from skillplan.task.motion import Point
-from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.figure_file import render_figure
 from skillplan.views.figures.figure_style import (
     BLUE,
     GREY,
@@ -28,8 +28,8 @@ from skillplan.views.figures.figure_style import (
     RED,
     SMALL_PT,
     Heading,
+    create_sheet,
     in_house_style,
-    sheet,
 )
 
 _WIDE_IN, _TALL_IN, _LEGEND_IN = 7.6, 5.8, 0.7
@@ -55,7 +55,7 @@ _LETTER, _LINE = 0.6, 1.15
 
 
 @in_house_style
-def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
+def draw_hulls(scene: HullScene, heading: Heading) -> Figure:
     """Draw the hulls of a swept motion and of bodies near it.
 
     Names are shown for the bodies that an infeasible verdict blames, or else for all bodies that
@@ -75,11 +75,11 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
         raise ValueError("There is no hull to draw.")
     head_in = heading.height_in(_WIDE_IN - 0.4)
     height_in = head_in + _TALL_IN + _LEGEND_IN
-    figure = sheet(_WIDE_IN, height_in, heading)
+    figure = create_sheet(_WIDE_IN, height_in, heading)
     place = (0.02, _LEGEND_IN / height_in, 0.96, _TALL_IN / height_in)
     axes = figure.add_axes(place, projection="3d")
     assert isinstance(axes, Axes3D)
-    shown = _shown(scene.hulls)
+    shown = _select_shown(scene.hulls)
     for hull in shown:
         _draw(axes, hull)
     if scene.touches:
@@ -109,9 +109,9 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
     return figure
 
 
-def figure_image(figure: Figure, dpi: int = 150) -> Image:
+def render_image(figure: Figure, dpi: int = 150) -> Image:
     """Return a figure as an image of a resolution [dots per inch]."""
-    with PillowImage.open(io.BytesIO(figure_bytes(figure, ".png", dpi))) as opened:
+    with PillowImage.open(io.BytesIO(render_figure(figure, ".png", dpi))) as opened:
         picture = opened.convert("RGB")
     return Image(*picture.size, picture.tobytes())
 
@@ -120,14 +120,14 @@ def _draw(axes: Axes3D, hull: Hull) -> None:
     colour, opacity, _ = _LOOKS[hull.role]
     corners = np.array(hull.vertices)
     faces = corners[np.array(hull.triangles, dtype=int).reshape(-1, 3)]
-    shades = 1.0 - _SHADE * (1.0 - _facing(faces, corners.mean(axis=0))) / 2
+    shades = 1.0 - _SHADE * (1.0 - _compute_facing(faces, corners.mean(axis=0))) / 2
     colours = [(*(shade * np.array(to_rgb(colour))), opacity) for shade in shades]
     collection = Poly3DCollection(faces, facecolors=colours, edgecolors="none", linewidths=0)
     collection.set_gid(f"{hull.role} {hull.name}")
     axes.add_collection3d(collection)
 
 
-def _facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _compute_facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the cosine between each face's outward normal and the light, shape (faces,)."""
     normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     outward = np.sign(np.einsum("ij,ij->i", normals, faces.mean(axis=1) - middle))
@@ -136,7 +136,7 @@ def _facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[
     return np.asarray(outward * (normals @ light) / lengths)
 
 
-def _named(hulls: Sequence[Hull], subjects: Set[str]) -> Iterator[tuple[str, Point]]:
+def _list_named(hulls: Sequence[Hull], subjects: Set[str]) -> Iterator[tuple[str, Point]]:
     """Yield the name of each named body and its place above the highest corner."""
     bodies: dict[str, list[Point]] = {}
     for hull in hulls:
@@ -152,7 +152,7 @@ def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> Non
     """Write the names of bodies above them, in front of everything, without overlaps."""
     points = 72 / axes.get_figure().dpi
     written: list[tuple[float, float, float]] = []
-    for body, above in _named(hulls, subjects):
+    for body, above in _list_named(hulls, subjects):
         x, y, _ = proj3d.proj_transform(*above, axes.get_proj())
         across, up = (points * float(at) for at in axes.transData.transform((x, y)))
         half, lifted = _LETTER * SMALL_PT * len(body) / 2, up
@@ -174,16 +174,18 @@ def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> Non
         )
 
 
-def _shown(hulls: Sequence[Hull]) -> list[Hull]:
+def _select_shown(hulls: Sequence[Hull]) -> list[Hull]:
     """Return moving and met hulls, hulls near them, and hulls inside the box of all these."""
     moving = [hull for hull in hulls if hull.role is not HullRole.STANDING]
-    low, high = _corners_about(moving or hulls)
+    low, high = _find_box(moving or hulls)
     near = {
         hull.name
         for hull in hulls
-        if all(low[i] - _BESIDE_M < x < high[i] + _BESIDE_M for i, x in enumerate(_middle(hull)))
+        if all(
+            low[i] - _BESIDE_M < x < high[i] + _BESIDE_M for i, x in enumerate(_find_middle(hull))
+        )
     }
-    low, high = _corners_about([hull for hull in hulls if hull.name in near] or hulls)
+    low, high = _find_box([hull for hull in hulls if hull.name in near] or hulls)
     corners = {hull.name: np.array(hull.vertices) for hull in hulls}
     near |= {name for name, at in corners.items() if (low <= at).all() and (at <= high).all()}
     return [hull for hull in hulls if hull.name in near]
@@ -191,7 +193,7 @@ def _shown(hulls: Sequence[Hull]) -> list[Hull]:
 
 def _lay_out(axes: Axes3D, hulls: Sequence[Hull]) -> None:
     """Show hulls to scale."""
-    low, high = _corners_about(hulls)
+    low, high = _find_box(hulls)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low)
     axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)
@@ -201,11 +203,11 @@ def _lay_out(axes: Axes3D, hulls: Sequence[Hull]) -> None:
         axis.set_major_locator(MaxNLocator(max(1, round(_MOST_TICKS * extent_m / max(high - low)))))
 
 
-def _middle(hull: Hull) -> NDArray[np.float64]:
+def _find_middle(hull: Hull) -> NDArray[np.float64]:
     return np.asarray(np.mean(hull.vertices, axis=0))
 
 
-def _corners_about(hulls: Sequence[Hull]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _find_box(hulls: Sequence[Hull]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the lower and upper corner of the box around hulls, with a margin [m]."""
     corners = np.concatenate([np.array(hull.vertices) for hull in hulls])
     return corners.min(axis=0) - _MARGIN_M, corners.max(axis=0) + _MARGIN_M

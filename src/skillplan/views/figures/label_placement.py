@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.figure_style import text_width_in
+from skillplan.views.figures.figure_style import measure_text_in
 
 Point = tuple[float, float]
 _SPACING_IN = 0.03
@@ -57,7 +57,7 @@ class LabelPlacer:
 
     def is_free(self, centre: Point, text: str, size_pt: float) -> bool:
         """Return whether a text of a font size [pt] covers no obstacle at a place."""
-        width, height = _size_in(text, size_pt)
+        width, height = _measure_label_in(text, size_pt)
         points = np.concatenate(self._obstacles) if self._obstacles else np.empty((0, 2))
         return self._cost(centre, width, height, points) == 0
 
@@ -80,7 +80,7 @@ class LabelPlacer:
         preferred_rad
             Direction of the label if all places are empty.
         """
-        width, height = _size_in(text, size_pt)
+        width, height = _measure_label_in(text, size_pt)
         points = np.concatenate(self._obstacles) if self._obstacles else np.empty((0, 2))
         near = np.hypot(*(points - anchor).T) <= max(distances_in) + width + height
         points = points[near]
@@ -121,6 +121,6 @@ class LabelPlacer:
         return cost
 
 
-def _size_in(text: str, size_pt: float) -> tuple[float, float]:
+def _measure_label_in(text: str, size_pt: float) -> tuple[float, float]:
     """Return the size of a text with a small margin [in]."""
-    return text_width_in(text, size_pt) + 0.07, 1.35 * size_pt / 72
+    return measure_text_in(text, size_pt) + 0.07, 1.35 * size_pt / 72

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
-from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, requested_task
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run, get_requested_task
 from skillplan.views.figures.figure_style import Heading
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.figures.picture import (
@@ -25,11 +25,11 @@ from skillplan.views.figures.picture import (
     SMALL_PX,
     Note,
     Picture,
-    number_rows,
-    rectangle,
-    text_width_px,
+    make_rectangle,
+    measure_text_px,
+    place_number_rows,
 )
-from skillplan.views.figures.solids import Point, outlines
+from skillplan.views.figures.solids import Point, find_outlines
 
 SOLVER = "exact"
 
@@ -58,7 +58,7 @@ class PathStep:
     stops: tuple[Point, ...]
 
 
-def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
+def list_path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
     """Return the steps of a plan that move the arm."""
     state, steps = task.initial, []
     for number, name in enumerate(skills, start=1):
@@ -74,7 +74,7 @@ def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
     return steps
 
 
-def layout_picture(task: Task, skills: Sequence[str], width_px: float = 960.0) -> Picture:
+def draw_layout(task: Task, skills: Sequence[str], width_px: float = 960.0) -> Picture:
     """Return the cell of a task from above, with the path of a plan.
 
     Raises
@@ -93,7 +93,7 @@ class _Layout:
     def __init__(self, task: Task, skills: Sequence[str], width_px: float) -> None:
         self.scene = task.scene
         self.robot: Robot = task.scene.robots[0]
-        self.steps = path_steps(task, skills)
+        self.steps = list_path_steps(task, skills)
         self.skills = skills
         self.starts = task.scene.at(task.initial)
         self.goals = task.scene.at(task.goal.requires)
@@ -113,7 +113,7 @@ class _Layout:
         self._draw_footprints(self.goals, dashed=False)
         for name, position in self.scene.stations.items():
             x, y = self._pixels(position)
-            box = rectangle(x - _STATION_PX, y - _STATION_PX, x + _STATION_PX, y + _STATION_PX)
+            box = make_rectangle(x - _STATION_PX, y - _STATION_PX, x + _STATION_PX, y + _STATION_PX)
             self.picture.polygon(box, "paper", "ink", 1.4, note=Note(name))
         for step in self.steps:
             for begin, end in pairwise(map(self._pixels, step.stops)):
@@ -132,12 +132,14 @@ class _Layout:
         points: list[Point] = []
         for poses in (self.starts, self.goals):
             for name, pose in poses.items():
-                points += [p for outline in outlines(self.scene.body(name), pose) for p in outline]
+                points += [
+                    p for outline in find_outlines(self.scene.body(name), pose) for p in outline
+                ]
         points += [(x, y) for x, y, _ in self.scene.stations.values()]
         points += [stop for step in self.steps for stop in step.stops]
         if not points:
             points = [(x, y) for x, y, _ in self.robot.places.values()]
-        low, high = _bounds(points)
+        low, high = _find_bounds(points)
         base = (self.robot.base[0], self.robot.base[1])
         middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2)
         away = math.dist(base, middle) or 1.0
@@ -146,10 +148,10 @@ class _Layout:
         )
         longest = max(high[0] - low[0], high[1] - low[1])
         for extra in (base, (rim[0], rim[1])):
-            wider = _bounds([*points, extra])
+            wider = _find_bounds([*points, extra])
             if longest >= _LEAST_SHARE * max(wider[1][0] - wider[0][0], wider[1][1] - wider[0][1]):
                 points.append(extra)
-        low, high = _bounds(points)
+        low, high = _find_bounds(points)
         pad = 0.05 * max(high[0] - low[0], high[1] - low[1], 0.1)
         return (low[0] - pad, low[1] - pad), (high[0] + pad, high[1] + pad)
 
@@ -187,7 +189,7 @@ class _Layout:
                 0.08 if dashed else 0.3,
                 Note(f"{name}: {'starts' if dashed else 'goal'}"),
             )
-            for outline in outlines(self.scene.body(name), pose):
+            for outline in find_outlines(self.scene.body(name), pose):
                 points = [*map(self._pixels, outline)]
                 self.picture.polygon(
                     points, role, role, 1.2, dashed=dashed, opacity=opacity, note=note
@@ -202,7 +204,7 @@ class _Layout:
         for step in self.steps:
             x, y = self._pixels(step.stops[-1])
             ends.setdefault((round(x, 1), round(y, 1)), []).append(step.number)
-        rows = number_rows(ends, (self.picture.width_px, self.picture.height_px - _LEGEND_PX))
+        rows = place_number_rows(ends, (self.picture.width_px, self.picture.height_px - _LEGEND_PX))
         for row in rows:
             row.draw_leader(self.picture)
         for row in rows:
@@ -241,10 +243,10 @@ class _Layout:
         """Return whether the name of a body and a number at its origin fit into its footprint."""
         if name not in self.starts:
             return False
-        shapes = outlines(self.scene.body(name), self.starts[name])
-        low, high = _bounds([self._pixels(point) for outline in shapes for point in outline])
+        shapes = find_outlines(self.scene.body(name), self.starts[name])
+        low, high = _find_bounds([self._pixels(point) for outline in shapes for point in outline])
         at = self._pixels(self.starts[name].position)
-        half_px = text_width_px(name, _NAME_PX) / 2 + 5
+        half_px = measure_text_px(name, _NAME_PX) / 2 + 5
         tall_px = NUMBER_PX + 2 * _NAME_PX
         return (
             min(at[0] - low[0], high[0] - at[0]) >= half_px
@@ -254,7 +256,7 @@ class _Layout:
     def _distance_px(self, name: str) -> float:
         """Return the distance of a name from the origin of its body."""
         if name in self.starts:
-            corners = outlines(self.scene.body(name), Pose((0.0, 0.0, 0.0)))
+            corners = find_outlines(self.scene.body(name), Pose((0.0, 0.0, 0.0)))
             spread = max((math.hypot(*p) for outline in corners for p in outline), default=0.0)
             return min(self.scale * spread * 0.8, 60.0)
         return NUMBER_PX + 4
@@ -276,18 +278,18 @@ class _Layout:
         left += self.scale * length_m + 8
         words = f"{1000 * length_m:g} mm"
         write(words)
-        left += 16 + text_width_px(words, SMALL_PX)
+        left += 16 + measure_text_px(words, SMALL_PX)
         for fill, stroke, width_px, opacity, words in (
             ("blue", "blue", 1.2, 0.08, "where a part starts"),
             ("blue", "blue", 1.2, 0.3, "its goal"),
             ("paper", "ink", 1.4, 1.0, "tool holder or feeder"),
         ):
-            box = rectangle(left, top - 5, left + 14, top + 5)
+            box = make_rectangle(left, top - 5, left + 14, top + 5)
             dashed = opacity < 0.1
             self.picture.polygon(box, fill, stroke, width_px, dashed=dashed, opacity=opacity)
             left += 20
             write(words)
-            left += 18 + text_width_px(words, SMALL_PX)
+            left += 18 + measure_text_px(words, SMALL_PX)
         words = f"reach, {self.robot.reach_m:g} m from the base of {self.robot.name}"
         if reached:
             self.picture.line(((left, top), (left + 18, top)), "muted", 1.2, dashed=True)
@@ -297,7 +299,7 @@ class _Layout:
         write(words)
 
 
-def _bounds(points: Sequence[Point]) -> tuple[Point, Point]:
+def _find_bounds(points: Sequence[Point]) -> tuple[Point, Point]:
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return (min(xs), min(ys)), (max(xs), max(ys))
 
@@ -310,13 +312,13 @@ def _round_down(most_m: float) -> float:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the task."""
-    return [Run(requested_task(request))]
+    return [Run(get_requested_task(request))]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the cell of a solved task."""
-    task, result = requested_task(request), outcomes[0].result
+    task, result = get_requested_task(request), outcomes[0].result
     skills = [step.skill for step in result.steps]
     title = f"{task.name} from above: {len(skills)} skills, {task.cost_text(result.cost)}"
     heading = Heading(title, request.details(outcomes[0].run))
-    return layout_picture(task, skills).with_heading(heading)
+    return draw_layout(task, skills).with_heading(heading)

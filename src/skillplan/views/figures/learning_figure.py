@@ -23,11 +23,11 @@ from skillplan.views.figures.figure_style import (
     RED,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
+    fit_legend,
     in_house_style,
     label_log_axis,
-    legend_columns,
-    sheet,
 )
 
 SOLVER = "sarsa"
@@ -120,7 +120,7 @@ class LearningPanel:
 
 
 @in_house_style
-def learning_figure(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
+def draw_learning(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
     """Draw learning curves on logarithmic axes: mean and range of all runs.
 
     Parameters
@@ -140,14 +140,14 @@ def learning_figure(panels: Sequence[LearningPanel], heading: Heading) -> Figure
     labels = [curve.label for curve in panels[0].curves]
     if any(panel.fewest is not None for panel in panels):
         labels.append("fewest, mean over all starts")
-    columns, legend_in = legend_columns(labels, width_in - 0.9)
+    columns, legend_in = fit_legend(labels, width_in - 0.9)
     head_in = heading.height_in(width_in - 0.4)
     bottom_in = 0.6 + legend_in
-    figure = sheet(width_in, head_in + 0.35 + tall_in + bottom_in, heading)
+    figure = create_sheet(width_in, head_in + 0.35 + tall_in + bottom_in, heading)
     first: Axes | None = None
     for number, panel in enumerate(panels):
         place = left_in + number * (wide_in + gap_in)
-        axes = axes_in(figure, place, bottom_in, wide_in, tall_in)
+        axes = add_axes_in(figure, place, bottom_in, wide_in, tall_in)
         if first is None:
             first = axes
             axes.set_ylabel("steps of an episode [-]")
@@ -209,13 +209,13 @@ def runs(request: FigureRequest) -> Sequence[Run]:
     record = {} if "record" in request.options else {"record": str(_POINTS)}
     return [
         Run(task, {**options, **record}, seed, may_fail=True)
-        for task in _tasks(request)
+        for task in _choose_tasks(request)
         for options in SETS.values()
         for seed in range(request.seeds)
     ]
 
 
-def _tasks(request: FigureRequest) -> list[Task]:
+def _choose_tasks(request: FigureRequest) -> list[Task]:
     """Return the requested task, or the first two tasks of walking, or the only task."""
     if request.part is not None:
         return [request.problem.part(request.part)]
@@ -231,7 +231,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         If the solver recorded none.
     """
     panels = []
-    for task in _tasks(request):
+    for task in _choose_tasks(request):
         curves = []
         for name, options in SETS.items():
             results = [
@@ -240,20 +240,20 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
                 if outcome.run.task is task and options.items() <= outcome.run.options.items()
             ]
             values = ", ".join(f"{_GREEK[key]} = {value}" for key, value in options.items())
-            curves.append(_curve(request, f"{name}: {values}", results))
+            curves.append(_build_curve(request, f"{name}: {values}", results))
         start, goal = request.ends(task) if task in request.walks() else (None, None)
         title = task.name if start is None else f"{task.name}: {start} to {goal}"
-        panels.append(LearningPanel(title, tuple(curves), _fewest(request, task)))
+        panels.append(LearningPanel(title, tuple(curves), _average_fewest(request, task)))
     repetitions = "1 run" if request.seeds == 1 else f"mean and range of {request.seeds} runs"
     heading = Heading(
         f"Learning curves of {request.solver} on {request.problem.name}",
         f"{request.details(*(outcome.run for outcome in outcomes))},  {repetitions} a set,  "
         "episodes begin anywhere",
     )
-    return learning_figure(panels, heading)
+    return draw_learning(panels, heading)
 
 
-def _curve(request: FigureRequest, label: str, results: Sequence[Result]) -> LearningCurve:
+def _build_curve(request: FigureRequest, label: str, results: Sequence[Result]) -> LearningCurve:
     for result in results:
         if not result.trace.get("episodes") or not result.trace.get("steps_per_episode"):
             raise request.unfit(f"{result.solver} was stopped before it had recorded an episode")
@@ -265,7 +265,7 @@ def _curve(request: FigureRequest, label: str, results: Sequence[Result]) -> Lea
     )
 
 
-def _fewest(request: FigureRequest, task: Task) -> float | None:
+def _average_fewest(request: FigureRequest, task: Task) -> float | None:
     """Return the mean of the fewest steps to the goal over all starts; None if unknown."""
     if task not in request.walks():
         return None

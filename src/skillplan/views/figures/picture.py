@@ -27,9 +27,9 @@ from skillplan.views.figures.figure_style import (
     RED,
     SKY,
     Heading,
-    house_style,
+    apply_house_style,
     in_house_style,
-    text_width_in,
+    measure_text_in,
     write_heading,
 )
 from skillplan.views.figures.solids import Bytes, Point
@@ -252,7 +252,7 @@ class Picture:
         """Return the picture as pixels, shape (h, w, 4)."""
         self.figure.set_dpi(PIXELS_PER_IN * scale)
         canvas: Any = FigureCanvasAgg(self.figure)
-        with house_style():
+        with apply_house_style():
             canvas.draw()
         return np.array(canvas.buffer_rgba())
 
@@ -299,21 +299,21 @@ def _put_below(figure: Figure, heading: Heading) -> Figure:
     return figure
 
 
-def text_width_px(text: str, size_px: float = TEXT_PX) -> float:
+def measure_text_px(text: str, size_px: float = TEXT_PX) -> float:
     """Return the width of a text [px]."""
-    return PIXELS_PER_IN * text_width_in(text, size_px * _PT_PER_PX)
+    return PIXELS_PER_IN * measure_text_in(text, size_px * _PT_PER_PX)
 
 
-def shortened(text: str, width_px: float, size_px: float = TEXT_PX) -> str:
+def shorten(text: str, width_px: float, size_px: float = TEXT_PX) -> str:
     """Return a text, or as much of it as fits with an ellipsis; empty if nothing fits."""
-    if text_width_px(text, size_px) <= width_px:
+    if measure_text_px(text, size_px) <= width_px:
         return text
-    while text and text_width_px(f"{text}\N{HORIZONTAL ELLIPSIS}", size_px) > width_px:
+    while text and measure_text_px(f"{text}\N{HORIZONTAL ELLIPSIS}", size_px) > width_px:
         text = text[:-1]
     return f"{text.rstrip()}\N{HORIZONTAL ELLIPSIS}" if len(text) > 1 else ""
 
 
-def rectangle(left: float, top: float, right: float, bottom: float) -> tuple[Point, ...]:
+def make_rectangle(left: float, top: float, right: float, bottom: float) -> tuple[Point, ...]:
     """Return the corners of an upright rectangle [px]."""
     return ((left, top), (right, top), (right, bottom), (left, bottom))
 
@@ -360,7 +360,7 @@ class NumberRow:
         picture.label(self.centre, _join(self.numbers), size_px=SMALL_PX, bold=True)
 
 
-def number_rows(ends: Mapping[Point, Sequence[int]], room_px: Point) -> list[NumberRow]:
+def place_number_rows(ends: Mapping[Point, Sequence[int]], room_px: Point) -> list[NumberRow]:
     """Return a row of numbers for each place, moved aside if it would cover another row.
 
     Parameters
@@ -371,7 +371,7 @@ def number_rows(ends: Mapping[Point, Sequence[int]], room_px: Point) -> list[Num
         Width and height of the area for rows.
     """
     halves = {
-        at: max(NUMBER_PX, _BOLDER * text_width_px(_join(numbers), SMALL_PX) / 2 + 4)
+        at: max(NUMBER_PX, _BOLDER * measure_text_px(_join(numbers), SMALL_PX) / 2 + 4)
         for at, numbers in ends.items()
     }
     rows: list[NumberRow] = []

@@ -13,16 +13,16 @@ from skillplan.views.figures.picture import (
     SMALL_PX,
     Note,
     Picture,
-    rectangle,
-    shortened,
-    text_width_px,
+    make_rectangle,
+    measure_text_px,
+    shorten,
 )
 from skillplan.views.figures.precedence_graph import (
     Choice,
     Edge,
     Node,
     PrecedenceGraph,
-    precedence_graph,
+    build_precedence_graph,
 )
 from skillplan.views.figures.solids import Point
 
@@ -33,7 +33,7 @@ _MOST_NAME_PX, _NOTE_PX, _CHOICE_PX, _CHOICE_ROW_PX = 170.0, 17.0, 9.0, 34.0
 _LEAST_WIDTH_PX, _PASSED_PX = 420.0, 16.0
 
 
-def precedence_picture(graph: PrecedenceGraph, title: str) -> Picture:
+def draw_precedence(graph: PrecedenceGraph, title: str) -> Picture:
     """Return a graph in layers.
 
     Parameters
@@ -58,18 +58,18 @@ class _GraphPicture:
         self.graph = graph
         placed = graph.placed
         self.bends = placed.bends
-        self.names = {name: shortened(name, _MOST_NAME_PX) for name in graph.components}
-        heights = [sum(map(_room_px, layer)) for layer in placed.layers]
+        self.names = {name: shorten(name, _MOST_NAME_PX) for name in graph.components}
+        heights = [sum(map(_get_room_px, layer)) for layer in placed.layers]
         self.bottom = _PAD_PX + max(heights)
         self.boxes: dict[Node, tuple[float, float, float]] = {}
         left = _PAD_PX
         for layer, height in zip(placed.layers, heights, strict=True):
             names = [self.names[node] for node in layer if isinstance(node, str)]
-            wide = max(map(text_width_px, names)) + 18
+            wide = max(map(measure_text_px, names)) + 18
             spare = (max(heights) - height) / len(layer)
             top = _PAD_PX
             for node in layer:
-                room = _room_px(node) + spare
+                room = _get_room_px(node) + spare
                 self.boxes[node] = (left, left + wide, top + room / 2)
                 top += room
             left += wide + _LAYER_PX
@@ -78,7 +78,7 @@ class _GraphPicture:
         choices_px = _CHOICE_ROW_PX * len(graph.choices)
         self.legend_top = self.bottom + 8 + choices_px
         height_px = self.legend_top + _NOTE_PX * len(self.legend) + _PAD_PX
-        widths = (text_width_px(words, SMALL_PX) + 2 * _PAD_PX for words in self.legend)
+        widths = (measure_text_px(words, SMALL_PX) + 2 * _PAD_PX for words in self.legend)
         self.picture = Picture(max([self.width, *widths]), height_px, title)
 
     def draw(self) -> Picture:
@@ -90,7 +90,7 @@ class _GraphPicture:
                 self._draw_edge(edge)
         for name in self.graph.components:
             left, right, middle = self.boxes[name]
-            box = rectangle(left, middle - _NODE_PX / 2, right, middle + _NODE_PX / 2)
+            box = make_rectangle(left, middle - _NODE_PX / 2, right, middle + _NODE_PX / 2)
             self.picture.polygon(box, "paper", "ink", 1.2, note=Note(name))
             self.picture.label(((left + right) / 2, middle), self.names[name])
         for number, choice in enumerate(self.graph.choices):
@@ -115,7 +115,7 @@ class _GraphPicture:
         points: list[Point] = []
         for a, b in zip(stops[::2], [*stops[1::2], end], strict=True):
             slack = max(30.0, 0.45 * abs(b[0] - a[0]))
-            points += _bezier(a, (a[0] + slack, a[1]), (b[0] - slack, b[1]), b)
+            points += _trace_bezier(a, (a[0] + slack, a[1]), (b[0] - slack, b[1]), b)
         self._draw_curve(points, role, 1.5, edge, dashed=edge.drawn and not edge.derived)
 
     def _draw_closing(self, edge: Edge) -> None:
@@ -126,7 +126,7 @@ class _GraphPicture:
             ends.append(((left + right) / 2, middle + _NODE_PX / 2))
         (x, _), (to_x, _) = ends
         low = max(y for _, y in ends) + _GAP_PX
-        points = _bezier(ends[0], (x, low), (to_x, low), ends[1])
+        points = _trace_bezier(ends[0], (x, low), (to_x, low), ends[1])
         self._draw_curve(points, "red", 1.8, edge)
 
     def _draw_curve(
@@ -145,7 +145,7 @@ class _GraphPicture:
             left, right, y = self.boxes[name]
             ends = ((centre[0], middle - _CHOICE_PX - 2), ((left + right) / 2, y + _NODE_PX / 2))
             self.picture.line(ends, "purple", dashed=True, note=note)
-        words = shortened(note.title, self.width - centre[0] - 30, SMALL_PX)
+        words = shorten(note.title, self.width - centre[0] - 30, SMALL_PX)
         self.picture.label((centre[0] + 20, middle), words, "ink", SMALL_PX, "start")
 
     def _legend(self) -> Iterator[str]:
@@ -156,15 +156,15 @@ class _GraphPicture:
             yield "black: derived and hand-made; blue: derived only; orange, dashed: hand-made only"
         if any(edge.closing for edge in edges):
             yield "red: closes a cycle, so that no order exists"
-        yield from (shortened(note, 900, SMALL_PX) for note in self.graph.notes)
+        yield from (shorten(note, 900, SMALL_PX) for note in self.graph.notes)
 
 
-def _room_px(node: Node) -> float:
+def _get_room_px(node: Node) -> float:
     """Return the height that a node, or an edge that passes, takes in its layer."""
     return _NODE_PX + _GAP_PX if isinstance(node, str) else _PASSED_PX
 
 
-def _bezier(*controls: Point) -> list[Point]:
+def _trace_bezier(*controls: Point) -> list[Point]:
     """Return points of a cubic Bezier curve with four control points."""
     t = np.linspace(0.0, 1.0, 21)[:, None]
     a, b, c, d = np.array(controls)
@@ -187,18 +187,18 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the relation of a task."""
-    graph = _graph_of(request)
+    graph = _derive_graph(request)
     title = f"Precedence relation of {request.problem.name}: {len(graph.edges)} pairs"
     heading = Heading(title, f"task {request.problem.name}")
-    return precedence_picture(graph, title).with_heading(heading)
+    return draw_precedence(graph, title).with_heading(heading)
 
 
 def dot(request: FigureRequest) -> str:
     """Return the relation of a task in the language of Graphviz."""
-    return _graph_of(request).dot(request.problem.name)
+    return _derive_graph(request).dot(request.problem.name)
 
 
-def _graph_of(request: FigureRequest) -> PrecedenceGraph:
+def _derive_graph(request: FigureRequest) -> PrecedenceGraph:
     task = request.problem.part(request.part)
     chart, names = (None, ()) if request.chart is None else request.chart(task)
-    return precedence_graph(task, chart, names)
+    return build_precedence_graph(task, chart, names)

@@ -90,7 +90,7 @@ class PrecedenceGraph:
     def placed(self) -> GraphLayers:
         """Components and bends in layers."""
         forward = [(edge.before, edge.after) for edge in self.edges if not edge.closing]
-        return layers_of(self.components, forward)
+        return arrange_layers(self.components, forward)
 
     @property
     def layers(self) -> list[list[str]]:
@@ -117,7 +117,7 @@ class PrecedenceGraph:
         return "\n".join([*lines, "}", ""])
 
 
-def precedence_graph(
+def build_precedence_graph(
     task: Task, chart: DerivedChart | None, back_ends: Sequence[str] = ()
 ) -> PrecedenceGraph:
     """Return the relation of a task: derived, hand-made, or both laid over each other.
@@ -210,7 +210,7 @@ class GraphLayers:
     bends: Mapping[Pair, tuple[Bend, ...]]
 
 
-def layers_of(nodes: Sequence[str], edges: Sequence[Pair]) -> GraphLayers:
+def arrange_layers(nodes: Sequence[str], edges: Sequence[Pair]) -> GraphLayers:
     """Return a graph in layers; cycles are allowed."""
     levels = _find_levels(nodes, edges)
     bends = {

@@ -21,10 +21,10 @@ from skillplan.views.figures.figure_style import (
     PALETTE,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
     in_house_style,
-    sheet,
-    text_width_in,
+    measure_text_in,
 )
 
 SOLVER = "sarsa"
@@ -64,7 +64,7 @@ class StateValues:
 
 
 @in_house_style
-def q_values_figure(
+def draw_q_values(
     episodes: Sequence[int],
     states: Sequence[StateValues],
     heading: Heading,
@@ -93,7 +93,7 @@ def q_values_figure(
     known = {action for state in states for action in state.values}
     actions = [action for action in order if action in known]
     actions += sorted(known - set(actions))
-    named_in = 0.62 + max(text_width_in(action, SMALL_PT + 0.5) for action in actions)
+    named_in = 0.62 + max(measure_text_in(action, SMALL_PT + 0.5) for action in actions)
     columns = min(_COLUMNS, len(states))
     rows = math.ceil(len(states) / columns)
     left_in, gap_x_in, gap_y_in, bottom_in = 0.8, 0.65, 0.8, 0.6
@@ -101,12 +101,12 @@ def q_values_figure(
     width_in = left_in + columns * _WIDE_IN + (columns - 1) * gap_x_in + 0.15 + named_in + 0.15
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + 0.3 + rows * tall_in + (rows - 1) * gap_y_in + bottom_in
-    figure = sheet(width_in, height_in, heading)
+    figure = create_sheet(width_in, height_in, heading)
     for number, state in enumerate(states):
         row, column = divmod(number, columns)
         left = left_in + column * (_WIDE_IN + gap_x_in)
         bottom = bottom_in + (rows - 1 - row) * (tall_in + gap_y_in)
-        axes = axes_in(figure, left, bottom, _WIDE_IN, tall_in)
+        axes = add_axes_in(figure, left, bottom, _WIDE_IN, tall_in)
         _draw_state(axes, episodes, state, actions)
         if column == 0:
             axes.set_ylabel("Q(s, a) [-]")
@@ -137,7 +137,7 @@ def _draw_state(
     best = state.best
     for action, curve in state.values.items():
         number = actions.index(action)
-        colour, mark = look(number)
+        colour, mark = choose_look(number)
         axes.plot(
             episodes,
             curve,
@@ -160,7 +160,7 @@ def _draw_state(
     axes.grid()
 
 
-def look(number: int) -> tuple[str, str]:
+def choose_look(number: int) -> tuple[str, str]:
     """Return colour and marker of an action by its number; up to 24 differ."""
     return PALETTE[number % len(PALETTE)], _MARKS[number % len(_MARKS)]
 
@@ -174,21 +174,21 @@ def runs(request: FigureRequest) -> Sequence[Run]:
         If a state is unknown, or the solver records no values.
     """
     request.check_records(("record", "watch"), "values of actions")
-    task = _task(request)
-    options = {"watch": ",".join(_watched(request, task).values())}
+    task = _choose_task(request)
+    options = {"watch": ",".join(_choose_states(request, task).values())}
     if "record" not in request.options:
         options["record"] = str(_POINTS)
     return [Run(task, options, may_fail=True)]
 
 
-def _task(request: FigureRequest) -> Task:
+def _choose_task(request: FigureRequest) -> Task:
     """Return the requested task, or the first task of walking, or the only task."""
     if request.part is None and not request.problem.is_chain:
         return request.problem.task
     return request.walk()
 
 
-def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
+def _choose_states(request: FigureRequest, task: Task) -> dict[str, str]:
     """Return the fact that selects each state, by the displayed name of the state."""
     facts = {place.name: fact for fact, place in task.places.items()}
     known = {**{name: name for name in task.facts.names}, **facts}
@@ -202,10 +202,10 @@ def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
             "name the states by --states, each by a fact that holds in it alone, such as "
             f"--states '{task.facts.names[0]}'"
         )
-    return {task.places[fact].name: fact for fact in _first_on_the_path(request, task)}
+    return {task.places[fact].name: fact for fact in _list_first_places(request, task)}
 
 
-def _first_on_the_path(request: FigureRequest, task: Task) -> list[str]:
+def _list_first_places(request: FigureRequest, task: Task) -> list[str]:
     """Return the facts of the start and of the next places on the way to the goal."""
     walk = request.walk_steps(task)
     here = next(fact for fact in task.initial if fact in task.places)
@@ -225,13 +225,13 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     OptionError
         If the solver recorded none.
     """
-    task, result = _task(request), outcomes[0].result
+    task, result = _choose_task(request), outcomes[0].result
     recorded = result.trace.get("q_values")
     episodes = result.trace.get("episodes")
     if not recorded or not episodes:
         raise request.unfit(f"{result.solver} was stopped before it had recorded a value")
     states = []
-    for name, fact in _watched(request, task).items():
+    for name, fact in _choose_states(request, task).items():
         keys = [key for key in recorded if fact in key.split(", ") and recorded[key]]
         if not keys:
             raise request.unfit(f"nothing is to be decided in state {name}, the goal or an end")
@@ -241,4 +241,4 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         title += ": from {} to {}".format(*request.ends(task))
     heading = Heading(title, request.details(outcomes[0].run))
     order = [skill.name for skill in task.skills]
-    return q_values_figure(episodes, states, heading, order=order)
+    return draw_q_values(episodes, states, heading, order=order)

@@ -26,10 +26,10 @@ from skillplan.views.figures.figure_style import (
     RED,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
     in_house_style,
-    sheet,
-    text_width_in,
+    measure_text_in,
 )
 
 SOLVER = "auto"
@@ -55,7 +55,7 @@ class RewardStep:
 
 
 @in_house_style
-def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading: Heading) -> Figure:
+def draw_rewards(steps: Sequence[RewardStep], actions: Sequence[str], heading: Heading) -> Figure:
     """Draw actions above and rewards below, for every step.
 
     Parameters
@@ -73,16 +73,16 @@ def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading:
     unknown = [step.action for step in steps if step.action not in actions]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is none of the actions.")
-    left_in = 0.65 + max(text_width_in(action, SMALL_PT) for action in actions)
+    left_in = 0.65 + max(measure_text_in(action, SMALL_PT) for action in actions)
     wide_in = min(_MOST_IN, max(5.0, _STEP_IN * (len(steps) + 0.6)))
     width_in = left_in + wide_in + _RIGHT_IN
     upper_in, lower_in = max(1.2, 0.2 * len(actions)), 1.9
     below_in = 0.8 if any(step.place for step in steps) else 0.6
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + 0.35 + upper_in + 0.15 + lower_in + below_in
-    figure = sheet(width_in, height_in, heading)
-    lower = axes_in(figure, left_in, below_in, wide_in, lower_in)
-    upper = axes_in(figure, left_in, below_in + lower_in + 0.15, wide_in, upper_in)
+    figure = create_sheet(width_in, height_in, heading)
+    lower = add_axes_in(figure, left_in, below_in, wide_in, lower_in)
+    upper = add_axes_in(figure, left_in, below_in + lower_in + 0.15, wide_in, upper_in)
     for axes in (upper, lower):
         axes.set_xlim(0.4, len(steps) + 0.6)
         axes.spines[["top", "right"]].set_visible(False)
@@ -120,12 +120,12 @@ def _draw_rewards(axes: Axes, steps: Sequence[RewardStep], wide_in: float) -> No
     axes.axhline(0.0, color=INK, linewidth=0.8, zorder=4)
     _scale_rewards(axes, rewards)
     step_in = wide_in / (len(steps) + 0.2)
-    texts = [_reward_text(reward) for reward in rewards]
-    if max(text_width_in(text, 6.5) for text in texts) + 0.05 <= step_in:
+    texts = [_format_reward(reward) for reward in rewards]
+    if max(measure_text_in(text, 6.5) for text in texts) + 0.05 <= step_in:
         axes.bar_label(bars, texts, padding=3, size=6.5)
     every = max(1, -(-len(steps) // int(wide_in / 0.3)))
     shown = [number for number in numbers if (number - 1) % every == 0]
-    axes.set_xticks(shown, [_tick(number, steps[number - 1]) for number in shown])
+    axes.set_xticks(shown, [_format_tick(number, steps[number - 1]) for number in shown])
     places = any(step.place for step in steps)
     axes.set_xlabel("step, and the position where it ends" if places else "step")
 
@@ -152,13 +152,13 @@ def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
     axes.set_ylabel("reward [-], log scale")
 
 
-def _reward_text(reward: float) -> str:
+def _format_reward(reward: float) -> str:
     """Return a reward with two decimals, or with two digits if that would be 0."""
     text = f"{reward:.2g}" if 0 < abs(reward) < 0.095 else f"{reward:.2f}"
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _tick(number: int, step: RewardStep) -> str:
+def _format_tick(number: int, step: RewardStep) -> str:
     return f"{number}\n{step.place}" if step.place else str(number)
 
 
@@ -171,7 +171,7 @@ def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_
     names = [steps[begin].sequence for begin in begins]
     rooms_in = [step_in * (end - begin) for begin, end in pairwise([*begins, len(steps)])]
     if any(
-        text_width_in(name, SMALL_PT) > room_in - 0.06
+        measure_text_in(name, SMALL_PT) > room_in - 0.06
         for name, room_in in zip(names, rooms_in, strict=True)
     ):
         prefix = names[0].rpartition("-")[0]
@@ -184,7 +184,7 @@ def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_
                 axes.axvline(
                     begin + 0.5, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1
                 )
-        middle, half_in = (begin + end + 1) / 2, text_width_in(name, SMALL_PT) / 2
+        middle, half_in = (begin + end + 1) / 2, measure_text_in(name, SMALL_PT) / 2
         if middle * step_in - half_in >= free_from_in:
             free_from_in = middle * step_in + half_in + 0.03
             _write_above(upper, middle, name, "center")
@@ -246,7 +246,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         details += ",  reward = -cost, as the file has no rewards"
     if idle:
         details += f",  {_count(idle, 'sequence')} without a step left out"
-    return rewards_figure(steps, actions, Heading(title, details))
+    return draw_rewards(steps, actions, Heading(title, details))
 
 
 def _count(number: int, noun: str) -> str:

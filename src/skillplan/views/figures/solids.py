@@ -37,7 +37,7 @@ _CREASE, _STEP_PX = math.cos(math.radians(30)), 8.0
 _MOST_PIXELS = 4_000_000
 
 
-def corners_of(shape: Shape) -> list[Point3]:
+def get_corners(shape: Shape) -> list[Point3]:
     """Return the corners of a shape in its body's frame [m]; a cylinder has 24 sides."""
     if isinstance(shape, Box):
         (x, y, z), (sx, sy, sz) = shape.centre, shape.size
@@ -62,7 +62,7 @@ def corners_of(shape: Shape) -> list[Point3]:
     return list(shape.corners)
 
 
-def faces_of(shape: Shape) -> list[tuple[int, ...]]:
+def get_faces(shape: Shape) -> list[tuple[int, ...]]:
     """Return the faces of a shape as indices of corners, anticlockwise from outside."""
     if isinstance(shape, Box):
         return list(_FACES)
@@ -75,22 +75,22 @@ def faces_of(shape: Shape) -> list[tuple[int, ...]]:
     return list(shape.faces)
 
 
-def body_corners(body: Body, pose: Pose) -> Points:
+def place_corners(body: Body, pose: Pose) -> Points:
     """Return the corners of a body's true shapes in the world [m], shape (n, 3)."""
-    corners = [corner for shape in body.exact_shapes for corner in corners_of(shape)]
+    corners = [corner for shape in body.exact_shapes for corner in get_corners(shape)]
     return np.asarray(np.array(corners) @ np.array(pose.rotation).T + np.array(pose.position))
 
 
-def outlines(body: Body, pose: Pose) -> list[tuple[Point, ...]]:
+def find_outlines(body: Body, pose: Pose) -> list[tuple[Point, ...]]:
     """Return the outline of each of a body's convex shapes from above [m]."""
     hulls = []
     for shape in body.shapes:
-        points = [pose.apply(corner)[:2] for corner in corners_of(shape)]
-        hulls.append(hull([(round(x, 6), round(y, 6)) for x, y in points]))
+        points = [pose.apply(corner)[:2] for corner in get_corners(shape)]
+        hulls.append(find_hull([(round(x, 6), round(y, 6)) for x, y in points]))
     return [outline for outline in hulls if len(outline) > 2]
 
 
-def hull(points: Sequence[Point]) -> tuple[Point, ...]:
+def find_hull(points: Sequence[Point]) -> tuple[Point, ...]:
     """Return the corners of the convex hull of points (Andrew's monotone chain)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
@@ -222,14 +222,14 @@ class SolidPainter:
         int
             Number of pixels that the body covers without other bodies in front of it.
         """
-        return self.add_triangles(body_corners(body, pose), _triangulate(body), colour, number)
+        return self.add_triangles(place_corners(body, pose), _triangulate(body), colour, number)
 
     def add_triangles(
         self, corners: Points, triangles: NDArray[np.int64], colour: str, number: int
     ) -> int:
         """Draw triangles, given by indices of corners [m]; other parameters as of `add`."""
         seen = self.camera.project(corners) * OVERSAMPLING
-        normals = _unit_normals(corners, triangles) @ self.camera.axes.T
+        normals = _compute_normals(corners, triangles) @ self.camera.axes.T
         front = normals[:, 2] > 1e-9
         normals, first = normals[front], len(self._bodies) - 1
         lit = 1 - _SHADE * (1 - np.maximum(0.0, normals @ _LIGHT))
@@ -314,13 +314,13 @@ def _triangulate(body: Body) -> NDArray[np.int64]:
     triangles: list[tuple[int, int, int]] = []
     first = 0
     for shape in body.exact_shapes:
-        for a, *others in faces_of(shape):
+        for a, *others in get_faces(shape):
             triangles += [(first + a, first + b, first + c) for b, c in pairwise(others)]
-        first += len(corners_of(shape))
+        first += len(get_corners(shape))
     return np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
-def _unit_normals(corners: Points, triangles: NDArray[np.int64]) -> Points:
+def _compute_normals(corners: Points, triangles: NDArray[np.int64]) -> Points:
     """Return the outward unit normals of triangles, shape (n, 3)."""
     a, b, c = (corners[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -328,14 +328,14 @@ def _unit_normals(corners: Points, triangles: NDArray[np.int64]) -> Points:
     return np.asarray(normals / np.maximum(lengths, 1e-15))
 
 
-def best_camera(solids: Sequence[tuple[Body, Pose]]) -> Camera:
+def choose_camera(solids: Sequence[tuple[Body, Pose]]) -> Camera:
     """Return the camera, not yet fitted, from which the least of some bodies is hidden."""
-    meshes = [(body_corners(body, pose), _triangulate(body)) for body, pose in solids]
+    meshes = [(place_corners(body, pose), _triangulate(body)) for body, pose in solids]
     cameras = [Camera(math.radians(degrees)) for degrees in AZIMUTHS_DEG]
-    return min(cameras, key=lambda camera: round(_hidden_share(camera, meshes), 2))
+    return min(cameras, key=lambda camera: round(_measure_hidden(camera, meshes), 2))
 
 
-def _hidden_share(camera: Camera, meshes: Sequence[tuple[Points, NDArray[np.int64]]]) -> float:
+def _measure_hidden(camera: Camera, meshes: Sequence[tuple[Points, NDArray[np.int64]]]) -> float:
     """Return the sum over bodies of the squared share that others hide."""
     points = np.concatenate([corners for corners, _ in meshes])
     small, _ = camera.fitted(points, (0.0, 0.0, 160.0, 160.0), 0.0)

@@ -35,11 +35,11 @@ from skillplan.views.figures.figure_style import (
     PALETTE,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
+    fit_legend,
     in_house_style,
-    legend_columns,
-    sheet,
-    text_width_in,
+    measure_text_in,
 )
 
 _GREEK = {
@@ -68,7 +68,7 @@ class _Row:
 
 
 @in_house_style
-def sweep_figure(result: SweepResult) -> Figure:
+def draw_sweep(result: SweepResult) -> Figure:
     """Draw a study: shares and times by start, against the values of every option.
 
     Points of different starts stand side by side; bars are 95 % intervals. With the design
@@ -87,22 +87,24 @@ def sweep_figure(result: SweepResult) -> Figure:
         )
     if len(plan.starts) > _MOST_STARTS:
         raise OptionError(f"A figure shows up to {_MOST_STARTS} starts, not {len(plan.starts)}.")
-    rows = _rows(result)
+    rows = _list_rows(result)
     columns = len(plan.axes)
     width_in = max(LEAST_WIDTH_IN, _LEFT_IN + columns * _WIDE_IN + (columns - 1) * _GAP_IN + 0.25)
     wide_in = (width_in - _LEFT_IN - 0.25 - (columns - 1) * _GAP_IN) / columns
     labels = [_start_label(result, name) for name in (start.name for start in plan.starts)]
-    legend_cols, legend_in = legend_columns(labels, width_in - 0.4)
-    heading = Heading(f"How the options of {plan.solver} act on {plan.name}", _details(result))
+    legend_cols, legend_in = fit_legend(labels, width_in - 0.4)
+    heading = Heading(f"How the options of {plan.solver} act on {plan.name}", _describe(result))
     head_in = heading.height_in(width_in - 0.4)
     bottom_in = 0.5 + legend_in
     height_in = head_in - 0.1 + len(rows) * (_TALL_IN + 0.2) + bottom_in
-    figure = sheet(width_in, height_in, heading)
+    figure = create_sheet(width_in, height_in, heading)
     for r, row in enumerate(rows):
         first: Axes | None = None
         floor_in = bottom_in + (len(rows) - 1 - r) * (_TALL_IN + 0.2)
         for c, axis in enumerate(plan.axes):
-            axes = axes_in(figure, _LEFT_IN + c * (wide_in + _GAP_IN), floor_in, wide_in, _TALL_IN)
+            axes = add_axes_in(
+                figure, _LEFT_IN + c * (wide_in + _GAP_IN), floor_in, wide_in, _TALL_IN
+            )
             if first is None:
                 first = axes
                 axes.set_ylabel(row.label)
@@ -127,7 +129,7 @@ def sweep_figure(result: SweepResult) -> Figure:
     return figure
 
 
-def _rows(result: SweepResult) -> list[_Row]:
+def _list_rows(result: SweepResult) -> list[_Row]:
     known = all(start.optimum is not None for start in result.plan.starts)
     rows = [_Row("arrive [%]", attrgetter("arrived_share"), percent=True)]
     if known:
@@ -143,9 +145,9 @@ def _rows(result: SweepResult) -> list[_Row]:
 
 def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row) -> None:
     plan = result.plan
-    places = _places(axis)
+    places = _find_places(axis)
     along = plan.settings_along(axis)
-    names = _names(result, row)
+    names = _list_names(result, row)
     for number, name in enumerate(names):
         points = [
             (place, estimate)
@@ -193,15 +195,15 @@ def _or(end: float | None, estimate: Estimate) -> float:
     return estimate.value if end is None else end
 
 
-def _names(result: SweepResult, row: _Row) -> list[str | None]:
+def _list_names(result: SweepResult, row: _Row) -> list[str | None]:
     return [None] if row.together else [start.name for start in result.plan.starts]
 
 
 def _lay_out(
     axes: Axes, result: SweepResult, axis: Axis, row: _Row, wide_in: float, *, last: bool
 ) -> None:
-    places = _places(axis)
-    if _logarithmic(axis):
+    places = _find_places(axis)
+    if _is_logarithmic(axis):
         axes.set_xscale("log")
         low, high = min(places), max(places)
         margin = (high / low) ** 0.06
@@ -210,13 +212,13 @@ def _lay_out(
         margin = 0.06 * (max(places) - min(places)) or 0.5
         axes.set_xlim(min(places) - margin, max(places) + margin)
     if result.plan.design == SAMPLED and axis.numeric:
-        _sampled_ticks(axes, axis, wide_in)
-    elif _logarithmic(axis) or not axis.numeric or len(places) <= _FEW:
-        shown = _thinned(axis, wide_in)
+        _set_sampled_ticks(axes, axis, wide_in)
+    elif _is_logarithmic(axis) or not axis.numeric or len(places) <= _FEW:
+        shown = _select_labels(axis, wide_in)
         texts = {places[index]: format_value(axis.values[index]) for index in shown}
         axes.xaxis.set_major_locator(FixedLocator(sorted(texts)))
         axes.xaxis.set_minor_locator(NullLocator())
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _text_at(texts, value)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _find_text(texts, value)))
     else:
         axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.tick_params(axis="x", labelbottom=last)
@@ -229,10 +231,10 @@ def _lay_out(
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _sampled_ticks(axes: Axes, axis: Axis, wide_in: float) -> None:
+def _set_sampled_ticks(axes: Axes, axis: Axis, wide_in: float) -> None:
     """Label round values, as sampled values are not round."""
-    if not _logarithmic(axis):
-        axes.xaxis.set_major_locator(MaxNLocator(5, integer=_whole(axis)))
+    if not _is_logarithmic(axis):
+        axes.xaxis.set_major_locator(MaxNLocator(5, integer=_is_whole(axis)))
         return
     low, high = axes.get_xlim()
     powers = [10.0**n for n in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
@@ -241,7 +243,7 @@ def _sampled_ticks(axes: Axes, axis: Axis, wide_in: float) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _whole(axis: Axis) -> bool:
+def _is_whole(axis: Axis) -> bool:
     return all(isinstance(value, int) for value in axis.values)
 
 
@@ -251,7 +253,7 @@ def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
         estimate
         for axis in result.plan.axes
         for settings in result.plan.settings_along(axis)
-        for name in _names(result, row)
+        for name in _list_names(result, row)
         if (estimate := row.figure(result.summary(settings, name))) is not None
     ]
     values = [estimate.value for estimate in estimates]
@@ -266,37 +268,41 @@ def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
         axes.set_ylim(-0.05 * highest if 0.0 in values else 0.0, 1.08 * highest)
 
 
-def _places(axis: Axis) -> list[float]:
+def _find_places(axis: Axis) -> list[float]:
     """Return the places of the values on the axis; words stand at 0, 1, 2, ..."""
     if axis.numeric:
         return [float(value) for value in axis.values if value is not None]
     return [float(index) for index in range(len(axis.values))]
 
 
-def _logarithmic(axis: Axis) -> bool:
-    places = _places(axis)
+def _is_logarithmic(axis: Axis) -> bool:
+    places = _find_places(axis)
     return axis.numeric and min(places) > 0 and max(places) >= _WIDE * min(places)
 
 
-def _thinned(axis: Axis, wide_in: float) -> list[int]:
+def _select_labels(axis: Axis, wide_in: float) -> list[int]:
     """Return the values whose labels do not overlap; the ends come first."""
-    places = [math.log(place) for place in _places(axis)] if _logarithmic(axis) else _places(axis)
+    places = (
+        [math.log(place) for place in _find_places(axis)]
+        if _is_logarithmic(axis)
+        else _find_places(axis)
+    )
     low, high = min(places), max(places)
     scale_in = wide_in / 1.12 / ((high - low) or 1.0)
     order = sorted(range(len(places)), key=lambda i: (places[i] not in (low, high), i))
     kept: list[int] = []
     for index in order:
-        half_in = text_width_in(format_value(axis.values[index]), SMALL_PT) / 2
+        half_in = measure_text_in(format_value(axis.values[index]), SMALL_PT) / 2
         if all(
             abs(places[index] - places[other]) * scale_in
-            > half_in + text_width_in(format_value(axis.values[other]), SMALL_PT) / 2 + 0.09
+            > half_in + measure_text_in(format_value(axis.values[other]), SMALL_PT) / 2 + 0.09
             for other in kept
         ):
             kept.append(index)
     return kept
 
 
-def _text_at(texts: dict[float, str], value: float) -> str:
+def _find_text(texts: dict[float, str], value: float) -> str:
     return next(
         (text for place, text in texts.items() if abs(place - value) <= 1e-9 * abs(place)), ""
     )
@@ -313,7 +319,7 @@ def _name(option: str) -> str:
     return f"{option} {_GREEK[option]}" if option in _GREEK else option
 
 
-def _details(result: SweepResult) -> str:
+def _describe(result: SweepResult) -> str:
     plan = result.plan
     seeds: Sequence[int] = plan.seeds
     parts = [f"{len(seeds)} runs each, seeds {seeds[0]} to {seeds[-1]}"]

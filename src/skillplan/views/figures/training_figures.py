@@ -25,10 +25,10 @@ from skillplan.views.figures.figure_style import (
     RED,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
+    fit_legend,
     in_house_style,
-    legend_columns,
-    sheet,
 )
 
 if TYPE_CHECKING:  # a figure needs no environment
@@ -142,7 +142,7 @@ def _average_trailing(values: Numbers, counts: NDArray[np.int64]) -> Numbers:
     return means
 
 
-def over_runs(
+def average_runs(
     curves: Sequence[RunCurve], at: Numbers, against: AxisName
 ) -> tuple[Numbers, Numbers, Numbers]:
     """Return the success rates of all runs, and their mean and standard deviation.
@@ -165,7 +165,7 @@ def over_runs(
 
 
 @in_house_style
-def success_figure(
+def draw_success(
     curves: Sequence[RunCurve],
     heading: Heading,
     *,
@@ -192,7 +192,7 @@ def success_figure(
     labels = labels if several else ["success rate"]
     figure, axes, columns = _open_axes(heading, labels, 3.4, against, furthest)
     at = _sample_axis(furthest)
-    rates, mean, spread = over_runs(curves, at, against)
+    rates, mean, spread = average_runs(curves, at, against)
     if several:
         low, high = np.clip(mean - spread, 0, 1), np.clip(mean + spread, 0, 1)
         axes.plot(at, 100 * rates.T, color=BLUE, alpha=0.4, linewidth=0.7, zorder=2)
@@ -254,7 +254,7 @@ def _draw_published(axes: Axes, published: float) -> None:
 
 
 @in_house_style
-def distances_figure(
+def draw_distances(
     curves: Sequence[RunCurve],
     metric: Metric,
     heading: Heading,
@@ -340,7 +340,7 @@ Trainings = Mapping[str, Sequence[RunCurve]]
 
 
 @in_house_style
-def success_of_trainings(
+def draw_success_of_trainings(
     trainings: Trainings, heading: Heading, *, against: AxisName = "steps"
 ) -> Figure:
     """Draw the mean success rate of each training in a band of one standard deviation.
@@ -352,8 +352,8 @@ def success_of_trainings(
     """
     figure, axes, furthest = _open_trainings(trainings, heading, against)
     at = _sample_axis(furthest)
-    for (label, curves), colour in zip(trainings.items(), _colours(trainings), strict=True):
-        _, mean, spread = over_runs(curves, at, against)
+    for (label, curves), colour in zip(trainings.items(), _assign_colours(trainings), strict=True):
+        _, mean, spread = average_runs(curves, at, against)
         low, high = np.clip(mean - spread, 0, 1), np.clip(mean + spread, 0, 1)
         axes.fill_between(at, 100 * low, 100 * high, color=colour, alpha=0.18, linewidth=0)
         line = axes.plot(at, 100 * mean, color=colour, linewidth=1.8, label=label, zorder=4)[0]
@@ -363,7 +363,7 @@ def success_of_trainings(
 
 
 @in_house_style
-def distances_of_trainings(
+def draw_distances_of_trainings(
     trainings: Trainings,
     metric: Metric,
     heading: Heading,
@@ -386,7 +386,7 @@ def distances_of_trainings(
     if not any(curve.success.any() for curves in trainings.values() for curve in curves):
         raise ValueError("There is no completed sequence to draw.")
     figure, axes, _ = _open_trainings(trainings, heading, against)
-    for (label, curves), colour in zip(trainings.items(), _colours(trainings), strict=True):
+    for (label, curves), colour in zip(trainings.items(), _assign_colours(trainings), strict=True):
         for number, curve in enumerate(curves):
             x, _, smooth = curve.successes(against)
             line = axes.plot(x, smooth, color=colour, linewidth=1.1, alpha=0.8, zorder=3)[0]
@@ -397,7 +397,7 @@ def distances_of_trainings(
     return figure
 
 
-def _colours(trainings: Trainings) -> list[str]:
+def _assign_colours(trainings: Trainings) -> list[str]:
     return [PALETTE[number % len(PALETTE)] for number in range(len(trainings))]
 
 
@@ -409,7 +409,7 @@ def _open_trainings(
     figure, axes, columns = _open_axes(heading, list(trainings), 3.6, against, furthest)
     entries = [
         (Line2D([], [], color=colour, linewidth=1.8), label)
-        for label, colour in zip(trainings, _colours(trainings), strict=True)
+        for label, colour in zip(trainings, _assign_colours(trainings), strict=True)
     ]
     _add_legend(figure, entries, columns)
     return figure, axes, furthest
@@ -431,11 +431,11 @@ def _open_axes(
 ) -> tuple[Figure, Axes, int]:
     """Return a sheet, its axes, and the number of columns of the legend that fits below them."""
     width_in = _LEFT_IN + _WIDE_IN + _RIGHT_IN
-    columns, legend_in = legend_columns(labels, width_in - 0.5)
+    columns, legend_in = fit_legend(labels, width_in - 0.5)
     bottom_in = 0.55 + legend_in
     height_in = heading.height_in(width_in - 0.4) + 0.1 + tall_in + bottom_in
-    figure = sheet(width_in, height_in, heading)
-    axes = axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, tall_in)
+    figure = create_sheet(width_in, height_in, heading)
+    axes = add_axes_in(figure, _LEFT_IN, bottom_in, _WIDE_IN, tall_in)
     thousands: Callable[[float, int | None], str] = lambda value, _: f"{value:,.0f}"  # noqa: E731
     axes.set_xlim(0, furthest)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))

@@ -17,9 +17,15 @@ from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.views.figures.picture import COLOURS, SERIES
-from skillplan.views.playback.document import Playback, box
-from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
-from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, link_frames, matrix, rows_of
+from skillplan.views.playback.document import Playback, make_box
+from skillplan.views.playback.meshes import build_hull_mesh, coarsen, read_obj
+from skillplan.views.playback.tracks import (
+    FRAMES_PER_S,
+    Numbers,
+    compute_link_frames,
+    make_matrix,
+    make_rows,
+)
 
 # Smallest force that is shown [N].
 _LEAST_N = 1.0
@@ -32,7 +38,7 @@ _MOST = 600
 _Frames = list[tuple[int, Contact]]
 
 
-def contact_entries(samples: Sequence[Sample], most: int = _MOST) -> list[dict[str, Any]]:
+def list_contacts(samples: Sequence[Sample], most: int = _MOST) -> list[dict[str, Any]]:
     """Return the contacts of a trace by time, merged until there are at most `most` entries.
 
     Each entry lasts for a while and has the force of its peak. A sample is one frame.
@@ -44,23 +50,23 @@ def contact_entries(samples: Sequence[Sample], most: int = _MOST) -> list[dict[s
                 pairs.setdefault(contact.bodies, []).append((frame, contact))
     coarse = 1.0
     while True:
-        runs = [run for frames in pairs.values() for run in _runs(frames, coarse)]
+        runs = [run for frames in pairs.values() for run in _group_contacts(frames, coarse)]
         if len(runs) <= most or coarse > 64:
             break
         coarse *= 1.5
     # If there are still too many, the strongest ones are kept.
-    runs = sorted(runs, key=lambda run: -_force_n(_peak(run)))[:most]
-    return sorted(map(_entry, runs), key=lambda entry: float(entry["time_s"]))
+    runs = sorted(runs, key=lambda run: -_measure_force_n(_find_peak(run)))[:most]
+    return sorted(map(_make_entry, runs), key=lambda entry: float(entry["time_s"]))
 
 
-def _runs(frames: _Frames, coarse: float) -> list[_Frames]:
+def _group_contacts(frames: _Frames, coarse: float) -> list[_Frames]:
     """Return groups of successive frames with similar contacts."""
     runs: list[_Frames] = []
     for frame, contact in frames:
         if runs:
             run = runs[-1]
             last, first = run[-1][0], run[0][1]
-            off_n = max(_OFF_N, _OFF_SHARE * _force_n(first)) * coarse
+            off_n = max(_OFF_N, _OFF_SHARE * _measure_force_n(first)) * coarse
             if (
                 frame - last <= _GAP_FRAMES * coarse
                 and math.dist(contact.force_n, first.force_n) <= off_n
@@ -72,16 +78,16 @@ def _runs(frames: _Frames, coarse: float) -> list[_Frames]:
     return runs
 
 
-def _peak(run: _Frames) -> Contact:
-    return max((contact for _, contact in run), key=_force_n)
+def _find_peak(run: _Frames) -> Contact:
+    return max((contact for _, contact in run), key=_measure_force_n)
 
 
-def _force_n(contact: Contact) -> float:
+def _measure_force_n(contact: Contact) -> float:
     return math.hypot(*contact.force_n)
 
 
-def _entry(run: _Frames) -> dict[str, Any]:
-    peak = _peak(run)
+def _make_entry(run: _Frames) -> dict[str, Any]:
+    peak = _find_peak(run)
     return {
         "time_s": round(run[0][0] / FRAMES_PER_S, 4),
         "until_s": round(run[-1][0] / FRAMES_PER_S, 4),
@@ -100,7 +106,7 @@ _CELL_M, _LINK_OFF_M = 0.009, 2e-4
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def arm_playback(
+def build_arm_playback(
     task: Task,
     skills: Sequence[PerformedSkill],
     samples: Sequence[Sample],
@@ -143,13 +149,13 @@ class _ArmPlayback:
     def build(self) -> Playback:
         """Return the playback."""
         joints = np.array([sample.joints_rad for sample in self.samples])
-        frames = link_frames(self.robot.model, self.robot.mount, joints)
+        frames = compute_link_frames(self.robot.model, self.robot.mount, joints)
         self._add_environment()
         self._add_links(frames)
         self._add_hand(frames[-1])
         self._add_parts()
         self._add_skills()
-        self.playback.contacts.extend(contact_entries(self.samples))
+        self.playback.contacts.extend(list_contacts(self.samples))
         self._set_view()
         return self.playback
 
@@ -160,7 +166,7 @@ class _ArmPlayback:
             path = self.looks[number] if number < len(self.looks) else None
             shapes = []
             if path is not None:
-                shapes = [self.playback.mesh(*coarser(*read_obj(path), _CELL_M))]
+                shapes = [self.playback.mesh(*coarsen(*read_obj(path), _CELL_M))]
             elif model.shapes:
                 shapes = [self.playback.link(shape) for shape in model.shapes[number]]
             if not shapes:
@@ -169,7 +175,7 @@ class _ArmPlayback:
             if number == 0:
                 self.playback.add_body(full_name, "link", shapes, self.robot.mount, color=_ARM)
                 continue
-            rows = rows_of(frames[number])
+            rows = make_rows(frames[number])
             self.playback.add_body(
                 full_name, "link", shapes, rows=rows, color=_ARM, off_m=_LINK_OFF_M
             )
@@ -177,8 +183,8 @@ class _ArmPlayback:
     def _add_hand(self, flange: Numbers) -> None:
         """Add hand, jaws and tools; tools that are not attached lie in their holders."""
         hand = self.robot.hand
-        hand_frames = flange @ matrix(hand.on_flange)
-        tip = flange @ matrix(hand.tip_on_flange)
+        hand_frames = flange @ make_matrix(hand.on_flange)
+        tip = flange @ make_matrix(hand.tip_on_flange)
         attached = self._attached()
         grips = np.array([tool is None or tool.kind is ToolKind.GRIPPER for tool in attached])
         self._add_gripper(hand, hand_frames, grips)
@@ -187,19 +193,19 @@ class _ArmPlayback:
             if not shapes:
                 continue
             on = np.array([other is not None and other.name == tool.name for other in attached])
-            rows = rows_of(tip @ _FLIP)
+            rows = make_rows(tip @ _FLIP)
             rows[~on] = [*tool.holder, 0.0, 0.0, 0.0, 1.0]
             self.playback.add_body(tool.name, "tool", shapes, rows=rows, label=True)
-        number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=rows_of(tip))
+        number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=make_rows(tip))
         self.playback.arms.append({"name": self.robot.name, "tip_track": number})
 
     def _add_gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
         if not shown.any():
             return
         body = [(across, along, deep) for along, across, deep in hand.body[0]]
-        rows = rows_of(frames)
+        rows = make_rows(frames)
         rows[~shown] = np.nan
-        shape = self.playback.mesh(*hull_mesh(body))
+        shape = self.playback.mesh(*build_hull_mesh(body))
         name = f"{self.robot.name} hand"
         self.playback.add_body(name, "link", [shape], rows=rows, color=_ARM)
         opening = np.array([sample.opening_m for sample in self.samples])
@@ -207,9 +213,9 @@ class _ArmPlayback:
             corners = [(a, side * behind, hand.tip_m - up) for behind, a, up in hand.jaw]
             moved = frames.copy()
             moved[:, :3, 3] += (side * opening / 2)[:, None] * frames[:, :3, 1]
-            rows = rows_of(moved)
+            rows = make_rows(moved)
             rows[~shown] = np.nan
-            shape = self.playback.mesh(*hull_mesh(corners))
+            shape = self.playback.mesh(*build_hull_mesh(corners))
             name = f"{self.robot.name} {word} jaw"
             self.playback.add_body(name, "link", [shape], rows=rows, color=_JAWS)
 
@@ -219,7 +225,7 @@ class _ArmPlayback:
         tool = self.robot.tool(state)
         tools: list[Tool | None] = [tool] * len(self.samples)
         for done in self.skills:
-            skill = _skill_of(self.task, done.skill)
+            skill = _get_skill(self.task, done.skill)
             if not done.verdict.is_feasible:
                 break
             state = skill.prediction_in(state).apply(state)
@@ -267,7 +273,7 @@ class _ArmPlayback:
 
     def _add_skills(self) -> None:
         for done in self.skills:
-            skill = _skill_of(self.task, done.skill)
+            skill = _get_skill(self.task, done.skill)
             subject = skill.parameters.get("part") or skill.parameters.get("screw")
             words = None if done.verdict.is_feasible else done.verdict.reason
             self.playback.skills.append(
@@ -283,25 +289,25 @@ class _ArmPlayback:
             )
 
     def _add_environment(self) -> None:
-        low, high = extent(self.scene)
+        low, high = find_extent(self.scene)
         middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, -0.01)
         size = (high[0] - low[0] + 0.2, high[1] - low[1] + 0.2, 0.02)
-        self.playback.add_body("table", "environment", [box(size)], Pose(middle))
+        self.playback.add_body("table", "environment", [make_box(size)], Pose(middle))
         holders: dict[tuple[float, ...], list[str]] = {}
         for tool in self.robot.tools:
             holders.setdefault(tuple(tool.holder), []).append(tool.name)
         for (x, y, z), names in holders.items():
             pose = Pose((x, y, z + 0.001))
-            shapes = [box((0.07, 0.07, 0.004))]
+            shapes = [make_box((0.07, 0.07, 0.004))]
             self.playback.add_body(f"holder of {', '.join(names)}", "dock", shapes, pose)
         for name, place in self.scene.stations.items():
             if tuple(place) not in holders:
                 x, y, z = place
-                shapes = [box((0.05, 0.05, 0.02))]
+                shapes = [make_box((0.05, 0.05, 0.02))]
                 self.playback.add_body(name, "feeder", shapes, Pose((x, y, z - 0.01)), label=True)
 
     def _set_view(self) -> None:
-        low, high = extent(self.scene)
+        low, high = find_extent(self.scene)
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
         far = max(0.6, 1.25 * max(b - a for a, b in zip(low, high, strict=True)))
         eye = (middle[0] + 0.96 * far, middle[1] - 1.17 * far, 0.9 * far)
@@ -310,7 +316,7 @@ class _ArmPlayback:
         self.playback.paths.append({"name": "path of the tip", "points_m": points, "kind": "tip"})
 
 
-def extent(scene: Scene) -> tuple[list[float], list[float]]:
+def find_extent(scene: Scene) -> tuple[list[float], list[float]]:
     """Return the corners of the table of a scene, including its robots [m]."""
     points = [
         p.pose.position for body in scene.bodies for p in body.placements if p.frame == "world"
@@ -322,7 +328,7 @@ def extent(scene: Scene) -> tuple[list[float], list[float]]:
     return low, high
 
 
-def _skill_of(task: Task, name: str) -> Skill:
+def _get_skill(task: Task, name: str) -> Skill:
     """Return a performed skill; the name may end with the name of a path."""
     known = {skill.name for skill in task.skills}
     if name not in known:

@@ -12,13 +12,13 @@ from skillplan.records import schemas
 from skillplan.robots.arm_description import Capsule, LinkShape, Rod
 from skillplan.task.pose import Pose
 from skillplan.task.shape import Box, Cylinder, Shape
-from skillplan.views.playback.meshes import Triangles, hull_mesh, mesh_document
+from skillplan.views.playback.meshes import Triangles, build_hull_mesh, encode_mesh
 from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, Tracks
 
 _NOWHERE = Pose((0.0, 0.0, 0.0))
 
 
-def row_of(pose: Pose) -> list[float]:
+def make_row(pose: Pose) -> list[float]:
     """Return a pose as seven numbers."""
     return [round(value, 6) for value in (*pose.position, *pose.orientation)]
 
@@ -68,7 +68,7 @@ class Playback:
         Parameters
         ----------
         shapes
-            Shapes from `box`, `solid`, `mesh` or `link`.
+            Shapes from `make_box`, `solid`, `mesh` or `link`.
         pose
             Pose of a body that does not move.
         rows
@@ -90,32 +90,32 @@ class Playback:
                 "color": color,
                 "label": label,
                 "shapes": list(shapes),
-                "pose": row_of(pose),
+                "pose": make_row(pose),
                 "track": track,
-                "goal": None if goal is None else row_of(goal),
+                "goal": None if goal is None else make_row(goal),
             }
         )
         return track
 
     def mesh(self, points: Numbers, triangles: Triangles, pose: Pose = _NOWHERE) -> dict[str, Any]:
         """Store a mesh and return its shape."""
-        self.meshes.append(mesh_document(points, triangles))
-        return {"type": "mesh", "mesh": len(self.meshes) - 1, "pose": row_of(pose)}
+        self.meshes.append(encode_mesh(points, triangles))
+        return {"type": "mesh", "mesh": len(self.meshes) - 1, "pose": make_row(pose)}
 
     def solid(self, shape: Shape) -> dict[str, Any]:
         """Return the shape of a task's body."""
         if isinstance(shape, Box):
-            return box(shape.size, Pose(shape.centre))
+            return make_box(shape.size, Pose(shape.centre))
         if isinstance(shape, Cylinder):
-            return cylinder(shape.diameter_m / 2, shape.height_m, Pose(shape.centre))
+            return make_cylinder(shape.diameter_m / 2, shape.height_m, Pose(shape.centre))
         if shape.faces:
             return self.mesh(np.array(shape.corners), np.array(shape.faces, dtype=np.int64))
-        return self.mesh(*hull_mesh(shape.corners))
+        return self.mesh(*build_hull_mesh(shape.corners))
 
     def link(self, shape: LinkShape) -> dict[str, Any]:
         """Return the shape of an arm's link."""
         if not isinstance(shape, Capsule | Rod):
-            return self.mesh(*hull_mesh(shape.corners_m))
+            return self.mesh(*build_hull_mesh(shape.corners_m))
         start, end = np.array(shape.start_m), np.array(shape.end_m)
         length_m = float(np.linalg.norm(end - start))
         x, y, z = ((start + end) / 2).tolist()
@@ -124,14 +124,14 @@ class Playback:
             return {
                 "type": "sphere",
                 "radius_m": shape.radius_m,
-                "pose": row_of(Pose((x, y, z))),
+                "pose": make_row(Pose((x, y, z))),
             }
-        turned = upright_along((x, y, z), ((end - start) / length_m).tolist())
+        turned = turn_along((x, y, z), ((end - start) / length_m).tolist())
         return {
             "type": kind,
             "radius_m": shape.radius_m,
             "length_m": length_m,
-            "pose": row_of(turned),
+            "pose": make_row(turned),
         }
 
     def document(self) -> dict[str, Any]:
@@ -158,22 +158,22 @@ class Playback:
         }
 
 
-def box(size_m: Sequence[float], pose: Pose = _NOWHERE) -> dict[str, Any]:
+def make_box(size_m: Sequence[float], pose: Pose = _NOWHERE) -> dict[str, Any]:
     """Return a box around its centre."""
-    return {"type": "box", "size_m": [round(v, 6) for v in size_m], "pose": row_of(pose)}
+    return {"type": "box", "size_m": [round(v, 6) for v in size_m], "pose": make_row(pose)}
 
 
-def cylinder(radius_m: float, length_m: float, pose: Pose = _NOWHERE) -> dict[str, Any]:
+def make_cylinder(radius_m: float, length_m: float, pose: Pose = _NOWHERE) -> dict[str, Any]:
     """Return a cylinder around its centre, along z."""
     return {
         "type": "cylinder",
         "radius_m": round(radius_m, 6),
         "length_m": round(length_m, 6),
-        "pose": row_of(pose),
+        "pose": make_row(pose),
     }
 
 
-def upright_along(position: tuple[float, float, float], along: Sequence[float]) -> Pose:
+def turn_along(position: tuple[float, float, float], along: Sequence[float]) -> Pose:
     """Return a pose whose z axis is a unit vector."""
     x, y, z = along
     if z < -1 + 1e-9:

@@ -11,29 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.files.regular_file import read_bytes
-from skillplan.views.playback.tracks import Numbers, packed
+from skillplan.views.playback.tracks import Numbers, pack
 
 _MOST_BYTES = 16 * 2**20
 
 Triangles = NDArray[np.int64]
 
 
-def mesh_document(points: Numbers, triangles: Triangles) -> dict[str, Any]:
+def encode_mesh(points: Numbers, triangles: Triangles) -> dict[str, Any]:
     """Return a mesh as JSON values, from corners [m] and triangles, shapes (n, 3) and (m, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     offset = (low + high) / 2
     scale = max(float((high - low).max()) / 2 / 32767, 1e-9)
     wide = len(points) > 0xFFFF
     return {
-        "positions": packed(np.round((points - offset) / scale), "<i2"),
+        "positions": pack(np.round((points - offset) / scale), "<i2"),
         "scale_m": scale,
         "offset_m": [float(value) for value in offset],
-        "triangles": packed(triangles, "<u4" if wide else "<u2"),
+        "triangles": pack(triangles, "<u4" if wide else "<u2"),
         "wide": wide,
     }
 
 
-def hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangles]:
+def build_hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangles]:
     """Return the convex hull of points as corners and outward triangles."""
     # trimesh calls the same function, but takes as long to import as the rest of a page.
     from scipy.spatial import ConvexHull
@@ -65,7 +65,7 @@ def read_obj(path: Path) -> tuple[Numbers, Triangles]:
     return np.array(points, dtype=np.float64), np.array(triangles, dtype=np.int64)
 
 
-def coarser(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbers, Triangles]:
+def coarsen(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbers, Triangles]:
     """Return a mesh with the corners in each cell of a grid merged (Rossignac and Borrel, 1993).
 
     Parameters

@@ -17,24 +17,24 @@ from skillplan.task.pose import Pose
 Numbers = NDArray[np.float64]
 
 
-def matrix(transform: Transform) -> Numbers:
+def make_matrix(transform: Transform) -> Numbers:
     """Return a transform as a matrix, shape (4, 4)."""
     rigid = Rigid.of(transform.xyz_m, transform.rpy_rad)
-    return _filled(np.array(rigid.rows), np.array(rigid.origin))
+    return _fill_matrix(np.array(rigid.rows), np.array(rigid.origin))
 
 
-def pose_matrix(pose: Pose) -> Numbers:
+def make_pose_matrix(pose: Pose) -> Numbers:
     """Return a pose as a matrix, shape (4, 4)."""
-    return _filled(np.array(pose.rotation), np.array(pose.position))
+    return _fill_matrix(np.array(pose.rotation), np.array(pose.position))
 
 
-def _filled(rows: Numbers, origin: Numbers) -> Numbers:
+def _fill_matrix(rows: Numbers, origin: Numbers) -> Numbers:
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rows, origin
     return transform
 
 
-def about(axis: Sequence[float], angles_rad: Numbers) -> Numbers:
+def rotate_about(axis: Sequence[float], angles_rad: Numbers) -> Numbers:
     """Return rotations about a unit axis, shape (n, 4, 4) (Rodrigues)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -44,7 +44,7 @@ def about(axis: Sequence[float], angles_rad: Numbers) -> Numbers:
     return rotations
 
 
-def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[Numbers]:
+def compute_link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[Numbers]:
     """Return the frames of base, links and flange, each of shape (n, 4, 4).
 
     Parameters
@@ -54,14 +54,14 @@ def link_frames(arm: ArmDescription, mount: Pose, joints_rad: Numbers) -> list[N
     joints_rad
         Joint angles, shape (n, joints).
     """
-    frames = [np.tile(pose_matrix(mount), (len(joints_rad), 1, 1))]
+    frames = [np.tile(make_pose_matrix(mount), (len(joints_rad), 1, 1))]
     for number, joint in enumerate(arm.joints):
-        placed = frames[-1] @ matrix(joint.placement)
-        frames.append(placed @ about(joint.axis, joints_rad[:, number]))
-    return [*frames, frames[-1] @ matrix(arm.tip)]
+        placed = frames[-1] @ make_matrix(joint.placement)
+        frames.append(placed @ rotate_about(joint.axis, joints_rad[:, number]))
+    return [*frames, frames[-1] @ make_matrix(arm.tip)]
 
 
-def rows_of(frames: Numbers) -> Numbers:
+def make_rows(frames: Numbers) -> Numbers:
     """Return frames as positions and continuous quaternions, shape (n, 7)."""
     r = frames[:, :3, :3]
     trace = r[:, 0, 0] + r[:, 1, 1] + r[:, 2, 2]
@@ -81,10 +81,10 @@ def rows_of(frames: Numbers) -> Numbers:
     q[own, 2] = r[own, 1, 0] - r[own, 0, 1]
     q[own, 3] = 1 + trace[own]
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    return np.hstack([frames[:, :3, 3], hemisphere(q)])
+    return np.hstack([frames[:, :3, 3], make_continuous(q)])
 
 
-def hemisphere(quaternions: Numbers) -> Numbers:
+def make_continuous(quaternions: Numbers) -> Numbers:
     """Return the same rotations, with signs that make the quaternions continuous."""
     if len(quaternions) < 2:
         return quaternions
@@ -135,10 +135,10 @@ class Tracks:
         if len(rows) != self.frames or not known.any():
             raise ValueError("A motion has a pose in some frame, and a row for each.")
         number = len(self._keys)
-        self.hidden += [(number, first, last) for first, last in _runs(~known)]
-        filled = rows[_nearest(known)]
-        filled = np.hstack([filled[:, :3], hemisphere(filled[:, 3:])])
-        kept = _kept(filled, np.array([off_m] * 3 + [_OFF_TURN] * 4))
+        self.hidden += [(number, first, last) for first, last in _find_runs(~known)]
+        filled = rows[_find_nearest(known)]
+        filled = np.hstack([filled[:, :3], make_continuous(filled[:, 3:])])
+        kept = _select_rows(filled, np.array([off_m] * 3 + [_OFF_TURN] * 4))
         # Frames around an appearance are kept: a body does not move there from elsewhere.
         ends = [end for _, first, last in self.hidden if _ == number for end in (first, last)]
         near = [k for end in ends for k in (end - 1, end, end + 1) if 0 <= k < self.frames]
@@ -160,21 +160,21 @@ class Tracks:
             "count": len(self._keys),
             "position_scale_m": scale,
             "position_offset_m": [float(value) for value in offset],
-            "positions": packed(np.round((rows[:, :3] - offset) / scale), "<i2"),
-            "orientations": packed(np.round(rows[:, 3:] * 32767), "<i2"),
-            "keys": packed(keys, "<u4" if wide else "<u2"),
+            "positions": pack(np.round((rows[:, :3] - offset) / scale), "<i2"),
+            "orientations": pack(np.round(rows[:, 3:] * 32767), "<i2"),
+            "keys": pack(keys, "<u4" if wide else "<u2"),
             "wide_keys": wide,
             "key_counts": [len(keys) for keys in self._keys],
             "hidden": [list(frames) for frames in self.hidden],
         }
 
 
-def packed(values: NDArray[Any], kind: str) -> str:
+def pack(values: NDArray[Any], kind: str) -> str:
     """Return the bytes of numbers as base64."""
     return base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
 
 
-def _kept(rows: Numbers, tolerance: Numbers) -> NDArray[np.int64]:
+def _select_rows(rows: Numbers, tolerance: Numbers) -> NDArray[np.int64]:
     """Return the rows from which all others can be interpolated within a tolerance.
 
     After Douglas and Peucker (1973), with time as the parameter.
@@ -196,13 +196,13 @@ def _kept(rows: Numbers, tolerance: Numbers) -> NDArray[np.int64]:
     return np.array(sorted(keep), dtype=np.int64)
 
 
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _find_runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the first and last index of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _find_nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the nearest frame with a pose for every frame."""
     at = np.flatnonzero(known)
     after = np.clip(np.searchsorted(at, np.arange(len(known))), 0, len(at) - 1)

@@ -9,26 +9,26 @@ from .markup import text as text
 from .page import Chapter as Chapter
 from .page import Player as Player
 from .page import Section as Section
-from .page import json_in_page as json_in_page
-from .page import page_html as page_html
-from .page import page_style as page_style
-from .pictures import picture_svg as picture_svg
-from .solver_chapters import comparison_chapter as comparison_chapter
-from .summary import lead as lead
+from .page import embed_json as embed_json
+from .page import read_page_style as read_page_style
+from .page import render_page as render_page
+from .pictures import embed_picture as embed_picture
+from .solver_chapters import build_comparison_chapter as build_comparison_chapter
+from .summary import build_lead as build_lead
 
 __all__ = [
     "Chapter",
     "Markup",
     "Player",
     "Section",
-    "comparison_chapter",
-    "json_in_page",
-    "lead",
+    "build_comparison_chapter",
+    "build_lead",
+    "embed_json",
+    "embed_picture",
     "number",
     "numbers",
-    "page_html",
-    "page_style",
-    "picture_svg",
+    "read_page_style",
+    "render_page",
     "seconds",
     "share",
     "table",

@@ -14,24 +14,24 @@ from skillplan.plugins.blame import ends_program
 from skillplan.plugins.installed import chapters
 from skillplan.records.certificate import Certificate
 from skillplan.task.task import Task
-from skillplan.views.figures.exploded_figure import exploded_picture
+from skillplan.views.figures.exploded_figure import draw_exploded_view
 from skillplan.views.figures.gantt_figure import PlanBar
 from skillplan.views.figures.precedence_graph import PrecedenceGraph
 from skillplan.views.report.markup import Markup, facts, join, note, number, seconds, table
 from skillplan.views.report.page import Chapter, Section
-from skillplan.views.report.pictures import picture_svg
+from skillplan.views.report.pictures import embed_picture
 from skillplan.views.report.plan_sections import (
-    bars_of,
-    gantt_section,
-    measured_section,
-    picture_section,
-    plan_section,
-    playback_section,
-    precedence_section,
-    refusals_section,
-    refused_section,
+    build_gantt_section,
+    build_measured_section,
+    build_picture_section,
+    build_plan_section,
+    build_playback_section,
+    build_precedence_section,
+    build_refused_section,
+    collect_refusals,
+    list_bars,
 )
-from skillplan.views.report.summary import chip, lead, summary_section
+from skillplan.views.report.summary import build_lead, build_summary_section, format_chip
 
 Plugins = Sequence[tuple[str, str]]
 # Width of the name column in remarks, which are written for a terminal.
@@ -72,7 +72,7 @@ class PlanInput:
     certificate: Certificate | None = None
 
 
-def plan_chapter(given: PlanInput, name: str) -> Chapter:
+def build_plan_chapter(given: PlanInput, name: str) -> Chapter:
     """Return the chapter on a plan of one task."""
     document, task = given.document, given.task
     has_plan = bool(document.get("steps"))
@@ -80,12 +80,14 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
     sections: list[Section] = []
     measured = given.performance
     if has_plan and in_cell:
-        sections.append(playback_section(given.playback, _still(given, name), given.missing))
+        sections.append(
+            build_playback_section(given.playback, _draw_still(given, name), given.missing)
+        )
     if has_plan and task.scene.robots:
-        bars = bars_of(task, document, given.played if measured is None else measured.skills)
+        bars = list_bars(task, document, given.played if measured is None else measured.skills)
         whole = measured is not None and len(measured.skills) == len(document["steps"])
         sections.append(
-            gantt_section(
+            build_gantt_section(
                 bars,
                 name,
                 measured=whole,
@@ -96,25 +98,29 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
     if has_plan:
         done = given.played or None if measured is None else measured.skills
         how = "played" if measured is None else "simulated"
-        sections.append(plan_section(task, document, done, how))
+        sections.append(build_plan_section(task, document, done, how))
     if in_cell:
-        sections.append(picture_section(task, document, name))
+        sections.append(build_picture_section(task, document, name))
     if given.graph is not None and given.graph.components:
-        sections.append(precedence_section(given.graph, name))
-    sections.append(refusals_section(task, document, given.graph, measured))
+        sections.append(build_precedence_section(given.graph, name))
+    sections.append(collect_refusals(task, document, given.graph, measured))
     if measured is not None:
-        sections.append(measured_section(task, document, measured, given.engine))
+        sections.append(build_measured_section(task, document, measured, given.engine))
     sections += given.extra
-    sections.append(summary_section(document, given.description, given.plugins, given.certificate))
+    sections.append(
+        build_summary_section(document, given.description, given.plugins, given.certificate)
+    )
     took_s = measured.simulated_s if measured is not None and measured.failed is None else None
     played_s = max((skill.end_s for skill in given.played), default=None)
-    return Chapter(name, task.name, lead(document, took_s, played_s, given.certificate), sections)
+    return Chapter(
+        name, task.name, build_lead(document, took_s, played_s, given.certificate), sections
+    )
 
 
-def _still(given: PlanInput, name: str) -> Markup | None:
+def _draw_still(given: PlanInput, name: str) -> Markup | None:
     skills = [str(step["skill"]) for step in given.document["steps"]]
     try:
-        return picture_svg(exploded_picture(given.task, skills), f"{name}-still")
+        return embed_picture(draw_exploded_view(given.task, skills), f"{name}-still")
     except ValueError:
         return None
 
@@ -143,7 +149,7 @@ class ChainInput:
     certificate: Certificate | None = None
 
 
-def chain_input(
+def prepare_chain_input(
     problem: Problem, document: Mapping[str, Any], name: str, playing: bool
 ) -> ChainInput:
     """Return the input of the chapter on a chain: prepared by a plugin, or else tables only.
@@ -177,10 +183,12 @@ def chain_input(
             ) from error
         return prepared
     missing = f"no plugin shows tasks of kind {problem.kind!r} in motion"
-    return ChainInput(document, listings=chain_account(problem, document).listings, missing=missing)
+    return ChainInput(
+        document, listings=get_chain_account(problem, document).listings, missing=missing
+    )
 
 
-def chain_account(problem: Problem, document: Mapping[str, Any]) -> Account:
+def get_chain_account(problem: Problem, document: Mapping[str, Any]) -> Account:
     """Return the domain's account of a chain, from the plans in its result."""
     plans = {
         part["name"]: tuple(part["skills"])
@@ -190,13 +198,13 @@ def chain_account(problem: Problem, document: Mapping[str, Any]) -> Account:
     return account
 
 
-def chain_chapter(given: ChainInput, name: str) -> Chapter:
+def build_chain_chapter(given: ChainInput, name: str) -> Chapter:
     """Return the chapter on a chain of tasks."""
     document = given.document
-    sections = [playback_section(given.playback, None, given.missing)]
+    sections = [build_playback_section(given.playback, None, given.missing)]
     if given.bars:
         sections.append(
-            gantt_section(given.bars, name, measured=False, played=given.playback is not None)
+            build_gantt_section(given.bars, name, measured=False, played=given.playback is not None)
         )
     if given.images:
         sections.append(Section("pictures", "Pictures", join(given.images)))
@@ -205,12 +213,12 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
         [
             part["name"],
             part.get("solver"),
-            chip(part.get("status")),
+            format_chip(part.get("status")),
             number(part.get("cost")),
             number(part.get("optimum")),
             number(part.get("makespan")),
             seconds(part.get("makespan_s")),
-            _path(part),
+            _describe_path(part),
         ]
         for part in parts
     ]
@@ -219,15 +227,17 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
     sections.append(Section("plan", "The plan", table(caption, columns, rows, "   nnnn")))
     for index, listing in enumerate(given.listings):
         parts = [table(listing.title, listing.columns, listing.rows, captioned=False)]
-        parts += _remarks(listing.notes)
+        parts += _list_remarks(listing.notes)
         sections.append(Section(f"listing-{index + 1}", listing.title, join(parts)))
-    sections.append(refused_section(given.refused))
-    sections.append(summary_section(document, given.description, given.plugins, given.certificate))
+    sections.append(build_refused_section(given.refused))
+    sections.append(
+        build_summary_section(document, given.description, given.plugins, given.certificate)
+    )
     title = str(document.get("task", {}).get("name"))
-    return Chapter(name, title, lead(document, certificate=given.certificate), sections)
+    return Chapter(name, title, build_lead(document, certificate=given.certificate), sections)
 
 
-def _remarks(notes: Sequence[str]) -> list[Markup]:
+def _list_remarks(notes: Sequence[str]) -> list[Markup]:
     """Return remarks; a remark with a name in the first column becomes a fact."""
     named: list[tuple[str, str]] = []
     others = []
@@ -241,6 +251,6 @@ def _remarks(notes: Sequence[str]) -> list[Markup]:
     return [facts(named), *others] if named else others
 
 
-def _path(part: Mapping[str, Any]) -> str:
+def _describe_path(part: Mapping[str, Any]) -> str:
     places = part.get("path") or part.get("skills") or []
     return " ".join(map(str, places))

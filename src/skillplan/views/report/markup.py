@@ -6,7 +6,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from skillplan.views.text.wording import escaped
+from skillplan.views.text.wording import escape
 
 _VOID = frozenset(("br", "hr", "meta", "link", "img", "input", "col"))
 
@@ -21,7 +21,7 @@ def text(value: object) -> Markup:
     """Return a value as text of a page, with markup and control characters escaped."""
     if isinstance(value, Markup):
         return value
-    return Markup(html.escape(escaped(str(value)), quote=True))
+    return Markup(html.escape(escape(str(value)), quote=True))
 
 
 def join(parts: Iterable[object]) -> Markup:

@@ -26,22 +26,22 @@ class Player:
     licences: str
 
 
-def page_style() -> str:
+def read_page_style() -> str:
     """Return the page's own style sheet."""
-    return _text("style.css") or ""
+    return _read_text("style.css") or ""
 
 
-def player() -> Player | None:
+def load_player() -> Player | None:
     """Return the player, or None if it has not been built."""
-    script = _text("player", "player.js")
+    script = _read_text("player", "player.js")
     if script is None:
         return None
     return Player(
-        script, _text("player", "player.css") or "", _text("player", "LICENCES.txt") or ""
+        script, _read_text("player", "player.css") or "", _read_text("player", "LICENCES.txt") or ""
     )
 
 
-def _text(*names: str) -> str | None:
+def _read_text(*names: str) -> str | None:
     file = resources.files(__package__).joinpath(*names)
     return file.read_text("utf-8") if file.is_file() else None
 
@@ -76,7 +76,7 @@ class Chapter:
     sections: Sequence[Section]
 
 
-def page_html(
+def render_page(
     title: str,
     chapters: Sequence[Chapter],
     playback: Mapping[str, Any] | None = None,
@@ -91,14 +91,14 @@ def page_html(
     player
         The player; None if it has not been built.
     """
-    style = page_style() + ("" if player is None else player.style)
-    script = "" if player is None or playback is None else _in_script(player.script)
-    scripts = [_digest(script)] if script else []
+    style = read_page_style() + ("" if player is None else player.style)
+    script = "" if player is None or playback is None else _escape_script(player.script)
+    scripts = [_compute_digest(script)] if script else []
     policy = "; ".join(
         [
             "default-src 'none'",
             f"script-src {' '.join(scripts) or chr(39) + 'none' + chr(39)}",
-            f"style-src {_digest(style)}",
+            f"style-src {_compute_digest(style)}",
             "img-src data:",
             "base-uri 'none'",
             "form-action 'none'",
@@ -118,15 +118,21 @@ def page_html(
     data = Markup("")
     if playback is not None and player is not None:
         attributes = {"type": "application/json", "id": "playback"}
-        data = tag("script", attributes, Markup(json_in_page(playback)))
+        data = tag("script", attributes, Markup(embed_json(playback)))
         data = join([data, tag("script", {}, Markup(script))])
     body = tag(
-        "body", {}, _skip_link(), _header(title, chapters), _main(chapters), _foot(player), data
+        "body",
+        {},
+        _build_skip_link(),
+        _build_header(title, chapters),
+        _build_main(chapters),
+        _build_footer(player),
+        data,
     )
     return f"<!doctype html>\n{tag('html', {'lang': 'en'}, head, body)}\n"
 
 
-def json_in_page(document: Mapping[str, Any]) -> str:
+def embed_json(document: Mapping[str, Any]) -> str:
     """Return a document as JSON that is safe within HTML.
 
     Raises
@@ -138,21 +144,21 @@ def json_in_page(document: Mapping[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _in_script(script: str) -> str:
+def _escape_script(script: str) -> str:
     """Return a script with closing tags escaped, which keeps the meaning of its strings."""
     return _CLOSING.sub(r"<\\/", script).replace("<!--", "<\\!--")
 
 
-def _digest(content: str) -> str:
+def _compute_digest(content: str) -> str:
     digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode("ascii")
     return f"'sha256-{digest}'"
 
 
-def _skip_link() -> Markup:
+def _build_skip_link() -> Markup:
     return tag("a", {"class": "skip", "href": "#content"}, "Skip to the content")
 
 
-def _header(title: str, chapters: Sequence[Chapter]) -> Markup:
+def _build_header(title: str, chapters: Sequence[Chapter]) -> Markup:
     links = [
         tag("li", {}, tag("a", {"href": f"#{chapter.name}-{section.name}"}, section.heading))
         for chapter in chapters
@@ -168,7 +174,7 @@ def _header(title: str, chapters: Sequence[Chapter]) -> Markup:
     return tag("header", {"class": "top"}, brand, tag("h1", {}, title), nav)
 
 
-def _main(chapters: Sequence[Chapter]) -> Markup:
+def _build_main(chapters: Sequence[Chapter]) -> Markup:
     articles = []
     several = len(chapters) > 1
     for chapter in chapters:
@@ -185,7 +191,7 @@ def _main(chapters: Sequence[Chapter]) -> Markup:
     return tag("main", {"id": "content"}, *articles)
 
 
-def _foot(player: Player | None) -> Markup:
+def _build_footer(player: Player | None) -> Markup:
     words = tag(
         "p",
         {},

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from matplotlib.figure import Figure
 
-from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.figure_file import render_figure
 from skillplan.views.figures.picture import COLOURS, PIXELS_PER_IN, Note, Picture
 from skillplan.views.report.markup import Markup, join, tag
 
@@ -28,7 +28,7 @@ _NUMBER = re.compile(r"-?\d+\.\d+")
 _ATTRIBUTES = ("fill-opacity", "opacity", "stroke-width", "stroke-dasharray", "text-anchor")
 
 
-def picture_svg(picture: Picture, name: str, description: str = "") -> Markup:
+def embed_picture(picture: Picture, name: str, description: str = "") -> Markup:
     """Return a picture as SVG that the style sheet of the page colours.
 
     The page's policy forbids style attributes, so each colour becomes a class.
@@ -40,20 +40,20 @@ def picture_svg(picture: Picture, name: str, description: str = "") -> Markup:
     description
         Text for readers who cannot see the picture.
     """
-    root = ElementTree.fromstring(figure_bytes(picture.figure, ".svg"))
+    root = ElementTree.fromstring(render_figure(picture.figure, ".svg"))
     parts = [
         tag("title", {"id": f"{name}-title"}, picture.title),
         tag("desc", {"id": f"{name}-desc"}, description or picture.title),
         *(shape for axes in root.iterfind(_AXES) for shape in _convert(axes, picture.notes)),
     ]
     if picture.cursor is not None:
-        parts.append(_cursor(picture.cursor))
+        parts.append(_build_cursor(picture.cursor))
     size = [picture.width_px * _PT_PER_PX, picture.height_px * _PT_PER_PX]
     attributes = {
         "class": "picture",
-        "viewBox": f"0 0 {_short(size[0])} {_short(size[1])}",
-        "width": _short(picture.width_px),
-        "height": _short(picture.height_px),
+        "viewBox": f"0 0 {_format_number(size[0])} {_format_number(size[1])}",
+        "width": _format_number(picture.width_px),
+        "height": _format_number(picture.height_px),
         "role": "img",
         "aria-labelledby": f"{name}-title {name}-desc",
     }
@@ -108,9 +108,9 @@ def _restyle(style: str, *classes: str) -> dict[str, str]:
     return {"class": " ".join(names), **attributes}
 
 
-def _cursor(ends: tuple[float, float, float, float]) -> Markup:
+def _build_cursor(ends: tuple[float, float, float, float]) -> Markup:
     """Return the line that a player moves along the time axis."""
-    left, right, top, bottom = (_short(value * _PT_PER_PX) for value in ends)
+    left, right, top, bottom = (_format_number(value * _PT_PER_PX) for value in ends)
     attributes = {
         "id": CURSOR_ID,
         "class": "s-red cursor",
@@ -127,16 +127,16 @@ def _cursor(ends: tuple[float, float, float, float]) -> Markup:
 
 def _shorten(text: str) -> str:
     """Return a text whose numbers have at most two decimals."""
-    return _NUMBER.sub(lambda match: _short(float(match.group())), text)
+    return _NUMBER.sub(lambda match: _format_number(float(match.group())), text)
 
 
-def _short(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
-def image(figure: Figure, description: str, caption: str) -> Markup:
+def embed_figure(figure: Figure, description: str, caption: str) -> Markup:
     """Return a figure as a PNG within the page, with its caption."""
-    data = base64.b64encode(figure_bytes(figure, ".png", _DPI)).decode("ascii")
+    data = base64.b64encode(render_figure(figure, ".png", _DPI)).decode("ascii")
     wide, tall = figure.get_size_inches()
     attributes = {
         "class": "picture",

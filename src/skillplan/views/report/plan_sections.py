@@ -9,29 +9,29 @@ from typing import Any
 from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records.execution.simulation import PlannedTimes, compute_time_difference
 from skillplan.task.task import Task, find_unreachable_facts
-from skillplan.views.figures.exploded_figure import exploded_picture
-from skillplan.views.figures.gantt_figure import FAILED, PlanBar, gantt_picture, plan_bars
-from skillplan.views.figures.layout_figure import layout_picture
+from skillplan.views.figures.exploded_figure import draw_exploded_view
+from skillplan.views.figures.gantt_figure import FAILED, PlanBar, draw_gantt_picture, list_plan_bars
+from skillplan.views.figures.layout_figure import draw_layout
 from skillplan.views.figures.picture import Picture
-from skillplan.views.figures.precedence_figure import precedence_picture
+from skillplan.views.figures.precedence_figure import draw_precedence
 from skillplan.views.figures.precedence_graph import PrecedenceGraph
 from skillplan.views.report.markup import Markup, join, note, number, numbers, seconds, table, tag
 from skillplan.views.report.page import Section
-from skillplan.views.report.pictures import picture_svg
-from skillplan.views.report.summary import planned_by
-from skillplan.views.tables.trials import difference_words
+from skillplan.views.report.pictures import embed_picture
+from skillplan.views.report.summary import describe_planner
+from skillplan.views.tables.trials import describe_difference
 
 
-def figure(picture: Picture, name: str, caption: str, description: str = "") -> Markup:
+def caption_picture(picture: Picture, name: str, caption: str, description: str = "") -> Markup:
     """Return a picture with its caption, which scrolls on narrow pages."""
-    svg = picture_svg(picture, name, description)
+    svg = embed_picture(picture, name, description)
     scroll = tag(
         "div", {"class": "wide", "tabindex": "0", "role": "region", "aria-label": caption}, svg
     )
     return tag("figure", {}, scroll, tag("figcaption", {}, caption))
 
 
-def playback_section(
+def build_playback_section(
     playback: Mapping[str, Any] | None, still: Markup | None, missing: str = ""
 ) -> Section:
     """Return the section with the player.
@@ -58,25 +58,25 @@ def playback_section(
     return Section("playback", "Playback", root)
 
 
-def bars_of(
+def list_bars(
     task: Task, document: Mapping[str, Any], played: Sequence[PerformedSkill]
 ) -> list[PlanBar]:
     """Return a plan as bars, with measured times as far as known, then as planned."""
-    steps = _steps(document)
+    steps = _list_steps(document)
     times = {index: (skill.begin_s, skill.end_s) for index, skill in enumerate(played)}
     names = [str(step["skill"]) for step in steps]
     durations_s = [float(step["duration_s"]) for step in steps]
-    return plan_bars(task, names, durations_s, times, _failed_index(played))
+    return list_plan_bars(task, names, durations_s, times, _find_failure(played))
 
 
-def _failed_index(played: Sequence[PerformedSkill]) -> int | None:
+def _find_failure(played: Sequence[PerformedSkill]) -> int | None:
     """Return the index of the first failed skill, from 0; None without one."""
     return next(
         (index for index, skill in enumerate(played) if not skill.verdict.is_feasible), None
     )
 
 
-def gantt_section(
+def build_gantt_section(
     bars: Sequence[PlanBar], name: str, *, measured: bool, played: bool, along_paths: bool = False
 ) -> Section:
     """Return the time line, with a cursor if the plan is played."""
@@ -86,12 +86,14 @@ def gantt_section(
     if failed is not None:
         later = "; later steps as planned, not simulated" if failed + 1 < len(bars) else ""
         caption = f"Times as simulated up to step {failed + 1}, which fails{later}."
-    picture = gantt_picture(bars, "Who does what when", seeks=played)
+    picture = draw_gantt_picture(bars, "Who does what when", seeks=played)
     description = "; ".join(bar.title for bar in bars[:60])
-    return Section("gantt", "Time line", figure(picture, f"{name}-gantt", caption, description))
+    return Section(
+        "gantt", "Time line", caption_picture(picture, f"{name}-gantt", caption, description)
+    )
 
 
-def plan_section(
+def build_plan_section(
     task: Task,
     document: Mapping[str, Any],
     done: Sequence[PerformedSkill] | None,
@@ -110,8 +112,8 @@ def plan_section(
         Source of their times: ``simulated`` or ``played``.
     """
     now_s, rows = 0.0, []
-    costs = numbers([step["cost"] for step in _steps(document)])
-    for index, step in enumerate(_steps(document)):
+    costs = numbers([step["cost"] for step in _list_steps(document)])
+    for index, step in enumerate(_list_steps(document)):
         measured = done[index] if done is not None and index < len(done) else None
         begin_s = now_s if measured is None else measured.begin_s
         now_s = begin_s + float(step["duration_s"]) if measured is None else measured.end_s
@@ -119,26 +121,30 @@ def plan_section(
             [
                 str(index + 1),
                 tag("code", {}, step["skill"]),
-                _tool(task, str(step["skill"])),
+                _get_tool(task, str(step["skill"])),
                 seconds(begin_s),
                 seconds(step["duration_s"]),
-                *([_took(measured, how)] if done is not None else []),
+                *([_format_time(measured, how)] if done is not None else []),
                 costs[index],
-                _place(step.get("goal")),
-                *([step.get("way") or "-"] if any("way" in s for s in _steps(document)) else []),
+                _format_place(step.get("goal")),
+                *(
+                    [step.get("way") or "-"]
+                    if any("way" in s for s in _list_steps(document))
+                    else []
+                ),
             ]
         )
     columns = ["step", "skill", "tool", "begins [s]", "planned [s]"]
     columns += [f"{how} [s]"] if done is not None else []
     unit = task.metric.unit
     columns += [f"cost [{unit}]", "ends at [m]"]
-    columns += ["way"] if any("way" in step for step in _steps(document)) else []
+    columns += ["way"] if any("way" in step for step in _list_steps(document)) else []
     kinds = "np nn" + ("n" if done is not None else "") + "np"
-    caption = f"{len(rows)} skills in order; planned times by {planned_by(document)}"
+    caption = f"{len(rows)} skills in order; planned times by {describe_planner(document)}"
     return Section("plan", "The plan", table(caption, columns, rows, kinds))
 
 
-def _took(measured: PerformedSkill | None, how: str) -> Markup:
+def _format_time(measured: PerformedSkill | None, how: str) -> Markup:
     """Return the time of a skill, marked if it failed or was not done."""
     if measured is None:
         return join([f"not {how}"])
@@ -148,39 +154,39 @@ def _took(measured: PerformedSkill | None, how: str) -> Markup:
     return join([f"{took} ", tag("span", {"class": "chip bad"}, "fails")])
 
 
-def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:
+def build_picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:
     """Return the cell from above and, if there is a plan, the exploded view."""
-    skills = [str(step["skill"]) for step in _steps(document)]
-    above = layout_picture(task, skills)
+    skills = [str(step["skill"]) for step in _list_steps(document)]
+    above = draw_layout(task, skills)
     words = "The cell from above" + (
         ", with the path of the plan; a number stands where its step ends." if skills else "."
     )
-    figures = [figure(above, f"{name}-layout", words)]
+    figures = [caption_picture(above, f"{name}-layout", words)]
     try:
-        exploded = exploded_picture(task, skills)
+        exploded = draw_exploded_view(task, skills)
     except ValueError:
         pass
     else:
         words = "The product taken apart, numbered in the order in which parts are added."
-        figures.append(figure(exploded, f"{name}-exploded", words))
+        figures.append(caption_picture(exploded, f"{name}-exploded", words))
     return Section("pictures", "Cell and product", join(figures))
 
 
-def precedence_section(graph: PrecedenceGraph, name: str) -> Section:
+def build_precedence_section(graph: PrecedenceGraph, name: str) -> Section:
     """Return the precedence relation as a graph, and as a table with reasons."""
-    picture = precedence_picture(graph, "What comes before what")
+    picture = draw_precedence(graph, "What comes before what")
     caption = (
         "What comes before what. Rest the pointer on an arrow to read why; the table has it, too."
     )
     rows = [[edge.before, edge.after, edge.why.partition(": ")[2]] for edge in graph.edges]
-    parts = [figure(picture, f"{name}-precedence", caption)]
+    parts = [caption_picture(picture, f"{name}-precedence", caption)]
     if rows:
         listed = table("Pairs that follow from no others", ["before", "after", "why"], rows)
         parts.append(tag("details", {}, tag("summary", {}, f"All {len(rows)} pairs"), listed))
     return Section("precedence", "Precedence", join(parts))
 
 
-def refusals_section(
+def collect_refusals(
     task: Task,
     document: Mapping[str, Any],
     graph: PrecedenceGraph | None,
@@ -205,10 +211,10 @@ def refusals_section(
     if document.get("status") not in ("optimal", "solved"):
         for words in str(document.get("reason") or "-").splitlines():
             rows.append((task.name, str(document.get("status")), words))
-    return refused_section(rows)
+    return build_refused_section(rows)
 
 
-def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
+def build_refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
     """Return unreachable facts and refused skills: name, finding and reason of each."""
     if not rows:
         content = note("Nothing of this task was found to be out of reach or refused.")
@@ -219,7 +225,7 @@ def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
     return Section("refused", "Unreachable or refused", content)
 
 
-def measured_section(
+def build_measured_section(
     task: Task, document: Mapping[str, Any], performance: Performance, engine: str
 ) -> Section:
     """Return the final offsets of bodies, and the difference from the planned time."""
@@ -235,28 +241,28 @@ def measured_section(
         f"Executed by {engine} in one continuous world: {performance.simulated_s:.2f} s, "
         f"{performance.steps:,} steps."
     )
-    steps = _steps(document)
+    steps = _list_steps(document)
     planned = PlannedTimes(
         [float(step["duration_s"]) for step in steps], str(document.get("timed_by") or "")
     )
     skills = [task.skill(str(step["skill"])) for step in steps]
     times = compute_time_difference(task, skills, planned, performance)
     if times is not None:
-        words += f" Times: {difference_words(times, performance.pace)}."
+        words += f" Times: {describe_difference(times, performance.pace)}."
     columns = ["body", "off its goal [mm]", "turned off it [deg]"]
     offsets = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
     return Section("measured", "As simulated", join([note(words), offsets]))
 
 
-def _steps(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _list_steps(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return list(document.get("steps") or ())
 
 
-def _tool(task: Task, skill: str) -> str:
+def _get_tool(task: Task, skill: str) -> str:
     return str(task.skill(skill).parameters.get("tool") or "-")
 
 
-def _place(goal: object) -> str:
+def _format_place(goal: object) -> str:
     if not isinstance(goal, list | tuple):
         return "-"
     return ", ".join(f"{value:.3f}" for value in goal)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skillplan.views.figures.gantt_figure import PlanBar, gantt_picture
+from skillplan.views.figures.gantt_figure import PlanBar, draw_gantt_picture
 from skillplan.views.report.markup import Markup, facts, join, number, share, table, tag
 from skillplan.views.report.page import Chapter, Section
-from skillplan.views.report.plan_sections import figure
-from skillplan.views.report.summary import chip
-from skillplan.views.tables.training import cause_words
+from skillplan.views.report.plan_sections import caption_picture
+from skillplan.views.report.summary import format_chip
+from skillplan.views.tables.training import describe_cause
 
 
-def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
+def build_comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     """Return a comparison of solvers as a table and bars.
 
     Parameters
@@ -25,11 +25,11 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     rows = [row for row in entries if isinstance(row, Mapping)] if isinstance(entries, list) else []
     lines = []
     for row in rows:
-        stats = _mapping(row.get("stats"))
+        stats = _get_mapping(row.get("stats"))
         lines.append(
             [
                 row.get("solver"),
-                chip(row.get("status")),
+                format_chip(row.get("status")),
                 f"{number(row.get('cost'))} {row.get('cost_unit') or ''}".strip(),
                 number(row.get("lower_bound")),
                 share(row.get("gap")),
@@ -40,7 +40,7 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
             ]
         )
     columns = ["solver", "status", "cost", "bound", "gap", "checks", "expanded", "seconds", "why"]
-    names = {str(_mapping(row.get("task")).get("name")) for row in rows}
+    names = {str(_get_mapping(row.get("task")).get("name")) for row in rows}
     title = f"Solvers compared: {', '.join(sorted(names)) or 'no task'}"
     words = "Each solver began with a cold cache." if not document.get("warm") else "Warm cache."
     words += " The figures are those of the file; nothing was verified for this page."
@@ -50,26 +50,28 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
             str(row.get("solver")), str(row.get("status")), str(row.get("status")), 0.0, took, ""
         )
         for row in rows
-        if (took := _seconds_of(row)) is not None
+        if (took := _get_seconds(row)) is not None
     ]
     sections = [Section("solvers", "Solvers", solvers)]
     if timed:
-        picture = gantt_picture(timed, "Seconds of each solver")
+        picture = draw_gantt_picture(timed, "Seconds of each solver")
         caption = "How long each solver took [s]; the colour is its status."
-        sections.append(Section("times", "Seconds", figure(picture, f"{name}-times", caption)))
+        sections.append(
+            Section("times", "Seconds", caption_picture(picture, f"{name}-times", caption))
+        )
     return Chapter(name, title, tag("p", {"class": "lead"}, words), sections)
 
 
-def _seconds_of(row: Mapping[str, Any]) -> float | None:
-    took = _mapping(row.get("stats")).get("wall_s")
+def _get_seconds(row: Mapping[str, Any]) -> float | None:
+    took = _get_mapping(row.get("stats")).get("wall_s")
     return float(took) if isinstance(took, int | float) and took >= 0 else None
 
 
-def _mapping(value: object) -> Mapping[str, Any]:
+def _get_mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, object]]:
+def _list_shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, object]]:
     """Return the obstacles that kept runs from completing the task, as names and values."""
     failed = (f"{entry['skill']} {entry['times']:,} times" for entry in short["failed_skills"])
     entries = [
@@ -81,13 +83,13 @@ def _shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, o
         ("Skills that failed", ", ".join(failed)),
         ("Episodes into a dead end", f"{short['dead_ends_entered']:,} of {short['episodes']:,}"),
         ("Skills hidden by the mask", number(short["skills_hidden_mean"])),
-        ("What ended it", cause_words(short["cause"], short["last_progress_step"], steps)),
+        ("What ended it", describe_cause(short["cause"], short["last_progress_step"], steps)),
         ("Try", short["advice"]),
     ]
     return [(name, value) for name, value in entries if value]
 
 
-def training_chapter(
+def build_training_chapter(
     manifest: Sequence[tuple[str, object]],
     document: Mapping[str, Any] | None,
     images: Sequence[Markup],
@@ -112,7 +114,7 @@ def training_chapter(
             [
                 str(run.get("run", len(lines))),
                 number(run.get("seed")),
-                chip(run.get("status")),
+                format_chip(run.get("status")),
                 number(run.get("cost")),
                 share(run.get("deviation")),
                 share(run.get("success_rate")),
@@ -130,7 +132,7 @@ def training_chapter(
             Section(
                 "shortfall",
                 "Why runs fall short",
-                facts(_shortfall(short, (document or {}).get("steps"))),
+                facts(_list_shortfall(short, (document or {}).get("steps"))),
             )
         )
     sections.append(Section("facts", "What was learned, and how", facts(manifest)))

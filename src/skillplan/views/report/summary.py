@@ -11,7 +11,7 @@ from skillplan.records.certificate import Certificate, Outcome
 from skillplan.records.result import SimulationOutcome
 from skillplan.views.report.markup import Markup, facts, join, number, seconds, share, tag
 from skillplan.views.report.page import Section
-from skillplan.views.tables.results import simulation_words
+from skillplan.views.tables.results import describe_simulation
 
 _TONES = {
     "optimal": "good",
@@ -35,17 +35,17 @@ _FAILED_WORDS = {
 _GEOMETRIC = ("aabb", "swept")
 
 
-def chip(status: object) -> Markup:
+def format_chip(status: object) -> Markup:
     """Return a status as a coloured word."""
     return tag("span", {"class": f"chip {_TONES.get(str(status), 'warn')}"}, status)
 
 
-def planned_by(document: Mapping[str, Any]) -> str:
+def describe_planner(document: Mapping[str, Any]) -> str:
     """Return the source of planned times in words."""
     return str(document.get("timed_by") or "the task's own figures")
 
 
-def lead(
+def build_lead(
     document: Mapping[str, Any],
     measured_s: float | None = None,
     played_s: float | None = None,
@@ -65,20 +65,25 @@ def lead(
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
     reasons = [line.rstrip(".") for line in str(document.get("reason") or "").splitlines()]
-    words = [*_verified(document, certificate), *(f"{reason}." for reason in reasons if reason)]
+    words = [
+        *_describe_verified(document, certificate),
+        *(f"{reason}." for reason in reasons if reason),
+    ]
     sentence = join([tag("p", {"class": "lead"}, line) for line in words])
     planned, cost, bound = (document.get(k) for k in ("makespan_s", "cost", "lower_bound"))
-    figures: list[tuple[str, object]] = [("Status", chip(status))]
-    simulation = _of(document, "simulation")
+    figures: list[tuple[str, object]] = [("Status", format_chip(status))]
+    simulation = _get_mapping(document, "simulation")
     if simulation:
         complete, step = simulation["complete"], simulation["failed_step"]
         tone = "good" if complete else "bad"
         words_of = "complete" if complete else "not complete" if step is None else "fails"
         word = tag("span", {"class": f"chip {tone}"}, words_of)
         small = f"at step {step} of {len(document['steps'])}" if step is not None else None
-        figures.append(("Simulation", _with(word, small)))
+        figures.append(("Simulation", _append_small(word, small)))
     if cost is not None:
-        figures.append(("Cost", _with(f"{number(cost)} {unit}", document.get("kind_of_cost"))))
+        figures.append(
+            ("Cost", _append_small(f"{number(cost)} {unit}", document.get("kind_of_cost")))
+        )
     if bound is not None:
         figures.append(("Lower bound", f"{number(bound)} {unit}".strip()))
     if cost is not None:
@@ -87,25 +92,25 @@ def lead(
             ("Skills", number(document.get("makespan"))),
         ]
     if measured_s is not None:
-        small = f"simulated; {seconds(planned)} s by {planned_by(document)}"
-        figures.append(("Time of the plan", _with(f"{seconds(measured_s)} s", small)))
+        small = f"simulated; {seconds(planned)} s by {describe_planner(document)}"
+        figures.append(("Time of the plan", _append_small(f"{seconds(measured_s)} s", small)))
     elif planned is not None:
-        small = "planned" if played_s is None else f"planned, by {planned_by(document)}"
+        small = "planned" if played_s is None else f"planned, by {describe_planner(document)}"
         if played_s is not None and seconds(played_s) != seconds(planned):
             small += f"; {seconds(played_s)} s along the paths that are played"
-        figures.append(("Time of the plan", _with(f"{seconds(planned)} s", small)))
+        figures.append(("Time of the plan", _append_small(f"{seconds(planned)} s", small)))
     items = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
     return join([sentence, tag("dl", {"class": "figures"}, *items)])
 
 
-def _verified(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+def _describe_verified(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
     """Return the claim of a result, failures first; an unverified claim is marked as such."""
-    claim, limits = _claim(document), _limits(document, certificate)
+    claim, limits = _describe_claim(document), _describe_limits(document, certificate)
     if certificate is None:
         return [claim, *limits]
     if not certificate.valid:
         plain = _WORDS.get(str(document.get("status")), "There is no plan.").format(by="")
-        failure = _simulation_words(document)
+        failure = _describe_simulation(document)
         return [
             f"Not verified: {certificate.unconfirmed_words()}.",
             *([f"The simulation {failure}."] if failure else []),
@@ -117,21 +122,21 @@ def _verified(document: Mapping[str, Any], certificate: Certificate | None) -> l
     return [claim, *limits, f"Verified for this page{left}."]
 
 
-def _claim(document: Mapping[str, Any]) -> str:
+def _describe_claim(document: Mapping[str, Any]) -> str:
     """Return the proved claim, its back ends, and the outcome of a simulation."""
-    status, names = str(document.get("status")), checked_by(document)
+    status, names = str(document.get("status")), list_checkers(document)
     kind = "geometry " if any(name in _GEOMETRIC for name in names) else ""
     by = f" by {kind}({', '.join(names)})" if kind else f" by {', '.join(names)}" if names else ""
-    failure = _simulation_words(document)
-    if failure and status in _FAILED_WORDS and not _of(document, "simulation")["complete"]:
+    failure = _describe_simulation(document)
+    if failure and status in _FAILED_WORDS and not _get_mapping(document, "simulation")["complete"]:
         return _FAILED_WORDS[status].format(by=by, failure=failure)
     claim = _WORDS.get(status, "There is no plan.").format(by=by)
     return f"{claim} The simulation {failure}." if failure else claim
 
 
-def _limits(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+def _describe_limits(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
     """Return a sentence on properties that back ends leave unchecked, if any."""
-    sentences = not_checked(document, certificate)
+    sentences = list_unchecked(document, certificate)
     more = len(sentences) - _MOST_NAMED
     if not sentences:
         return []
@@ -139,7 +144,7 @@ def _limits(document: Mapping[str, Any], certificate: Certificate | None) -> lis
     return [f"Not checked: {shown}."]
 
 
-def checked_by(document: Mapping[str, Any]) -> list[str]:
+def list_checkers(document: Mapping[str, Any]) -> list[str]:
     """Return the back ends of the status; results of old versions have them, too."""
     if document.get("status") not in ("optimal", "solved", "infeasible"):
         return []
@@ -147,26 +152,26 @@ def checked_by(document: Mapping[str, Any]) -> list[str]:
     return [str(name) for name in names if name]
 
 
-def not_checked(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
+def list_unchecked(document: Mapping[str, Any], certificate: Certificate | None) -> list[str]:
     """Return the unchecked properties, from the verification if there is one."""
     if certificate is not None:
         return list(certificate.not_checked)
     return [str(sentence) for sentence in document.get("not_checked") or ()]
 
 
-def _simulation_words(document: Mapping[str, Any]) -> str:
+def _describe_simulation(document: Mapping[str, Any]) -> str:
     """Return the outcome of the simulation as the end of a sentence; empty without one."""
-    simulation = _of(document, "simulation")
+    simulation = _get_mapping(document, "simulation")
     if not simulation:
         return ""
-    return simulation_words(SimulationOutcome(**simulation), len(document.get("steps") or ()))
+    return describe_simulation(SimulationOutcome(**simulation), len(document.get("steps") or ()))
 
 
-def _with(value: str | Markup, small: object) -> Markup:
+def _append_small(value: str | Markup, small: object) -> Markup:
     return join([value, tag("small", {}, small)]) if small else join([value])
 
 
-def summary_section(
+def build_summary_section(
     document: Mapping[str, Any],
     description: str,
     plugins: Sequence[tuple[str, str]],
@@ -179,9 +184,9 @@ def summary_section(
     certificate
         Verification of a stored result; None for a result that was solved for the page.
     """
-    task, stats = _of(document, "task"), _of(document, "stats")
-    origin = _of(document, "origin")
-    changed = ", ".join(f"{key}={value}" for key, value in _of(origin, "set").items())
+    task, stats = _get_mapping(document, "task"), _get_mapping(document, "stats")
+    origin = _get_mapping(document, "origin")
+    changed = ", ".join(f"{key}={value}" for key, value in _get_mapping(origin, "set").items())
     entries: list[tuple[str, object]] = [
         ("Asked", description),
         ("Task", f"{task.get('name')} ({task.get('kind')})"),
@@ -190,10 +195,10 @@ def summary_section(
         ("Hash of the task", tag("code", {}, task.get("sha256") or "-")),
         ("Solver", f"{document.get('solver')}, seed {document.get('seed')}"),
         ("Status", document.get("status")),
-        ("Proved by", ", ".join(checked_by(document))),
-        ("Simulation", _simulation_words(document)),
-        ("Not checked", "; ".join(not_checked(document, certificate))),
-        ("Bound proved by", _unchecked(document.get("bound_method"), certificate)),
+        ("Proved by", ", ".join(list_checkers(document))),
+        ("Simulation", _describe_simulation(document)),
+        ("Not checked", "; ".join(list_unchecked(document, certificate))),
+        ("Bound proved by", _mark_unchecked(document.get("bound_method"), certificate)),
         ("Physics", document.get("physics")),
         ("Collision", document.get("collision")),
         ("Durations from", document.get("timed_by") or "the task's own figures"),
@@ -201,19 +206,19 @@ def summary_section(
         ("Expanded", number(stats.get("expanded"))),
         ("Checks", f"{number(stats.get('checks'))}, {number(stats.get('cache_hits'))} reused"),
         ("Search took", f"{seconds(stats.get('wall_s'))} s"),
-        *_verification(certificate),
+        *_list_verification(certificate),
         ("Versions", ", ".join(f"{name} {version}" for name, version in plugins)),
         ("Report by", f"skillplan {__version__}, Python {platform.python_version()}"),
     ]
     return Section("facts", "What was asked and found", facts(entries))
 
 
-def _unchecked(value: object, certificate: Certificate | None) -> object:
+def _mark_unchecked(value: object, certificate: Certificate | None) -> object:
     """Return a value, marked as unchecked if the result was stored."""
     return value if certificate is None or not value else f"{value}, says the result"
 
 
-def _verification(certificate: Certificate | None) -> list[tuple[str, object]]:
+def _list_verification(certificate: Certificate | None) -> list[tuple[str, object]]:
     """Return the methods that verified a stored result, and the keys without a check."""
     if certificate is None:
         return []
@@ -225,6 +230,6 @@ def _verification(certificate: Certificate | None) -> list[tuple[str, object]]:
     ]
 
 
-def _of(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _get_mapping(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = document.get(key)
     return value if isinstance(value, Mapping) else {}

@@ -1,31 +1,31 @@
-from .chain import appendix_tables as appendix_tables
-from .chain import chain_comparison_tables as chain_comparison_tables
-from .chain import chain_tables as chain_tables
-from .installation import listing_table as listing_table
-from .questions import chart_table as chart_table
-from .questions import evaluation_table as evaluation_table
-from .results import comparison_table as comparison_table
-from .results import csv_files as csv_files
-from .results import plan_table as plan_table
-from .sweep import setting_table as setting_table
-from .sweep import start_table as start_table
-from .training import layouts_table as layouts_table
-from .training import training_tables as training_tables
-from .trials import simulation_tables as simulation_tables
+from .chain import tabulate_appendix as tabulate_appendix
+from .chain import tabulate_chain as tabulate_chain
+from .chain import tabulate_chain_comparison as tabulate_chain_comparison
+from .installation import tabulate_listing as tabulate_listing
+from .questions import tabulate_chart as tabulate_chart
+from .questions import tabulate_evaluation as tabulate_evaluation
+from .results import render_csv_files as render_csv_files
+from .results import tabulate_comparison as tabulate_comparison
+from .results import tabulate_plan as tabulate_plan
+from .sweep import tabulate_settings as tabulate_settings
+from .sweep import tabulate_starts as tabulate_starts
+from .training import tabulate_layouts as tabulate_layouts
+from .training import tabulate_training as tabulate_training
+from .trials import tabulate_simulation as tabulate_simulation
 
 __all__ = [
-    "appendix_tables",
-    "chain_comparison_tables",
-    "chain_tables",
-    "chart_table",
-    "comparison_table",
-    "csv_files",
-    "evaluation_table",
-    "layouts_table",
-    "listing_table",
-    "plan_table",
-    "setting_table",
-    "simulation_tables",
-    "start_table",
-    "training_tables",
+    "render_csv_files",
+    "tabulate_appendix",
+    "tabulate_chain",
+    "tabulate_chain_comparison",
+    "tabulate_chart",
+    "tabulate_comparison",
+    "tabulate_evaluation",
+    "tabulate_layouts",
+    "tabulate_listing",
+    "tabulate_plan",
+    "tabulate_settings",
+    "tabulate_simulation",
+    "tabulate_starts",
+    "tabulate_training",
 ]

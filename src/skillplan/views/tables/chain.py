@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import relative_gap
-from skillplan.views.tables.installation import listing_table
-from skillplan.views.tables.results import PROOF, not_checked_notes, one_line, proved_by_notes
+from skillplan.views.tables.installation import tabulate_listing
+from skillplan.views.tables.results import PROOF, describe_provers, describe_unchecked, join_lines
 from skillplan.views.text.table import Column, Table
-from skillplan.views.text.wording import number, percent
+from skillplan.views.text.wording import format_number, format_percent
 
 
-def chain_tables(result: ChainResult) -> list[Table]:
+def tabulate_chain(result: ChainResult) -> list[Table]:
     """Return the tables of the domain, then a row for every task, with the sum below."""
     columns = (
         Column("task"),
@@ -27,14 +27,15 @@ def chain_tables(result: ChainResult) -> list[Table]:
         Column("iterations", right=True),
         Column("seconds", right=True),
     )
-    rows = [_row(part) for part in result.parts]
-    notes = [f"status     {PROOF[result.status]}{_because(result)}"]
-    notes += [*proved_by_notes(result), *not_checked_notes(result.not_checked)]
+    rows = [_make_row(part) for part in result.parts]
+    notes = [f"status     {PROOF[result.status]}{_describe_reason(result)}"]
+    notes += [*describe_provers(result), *describe_unchecked(result.not_checked)]
     if result.cost is not None:
         main = result.main[0].task
         notes += [
-            f"cost       {main.cost_text(result.cost)}  ({_bounds(result)}), stage {result.stage}",
-            *_makespan(result),
+            f"cost       {main.cost_text(result.cost)}  ({_describe_bound(result)}), "
+            f"stage {result.stage}",
+            *_describe_makespan(result),
         ]
         reused = sum(part.reused for part in result.parts)
         if reused:
@@ -44,13 +45,13 @@ def chain_tables(result: ChainResult) -> list[Table]:
     notes.append(f"effort     {result.wall_s:.2f} s")
     title = f"{result.name}: {result.solver}, physics {result.parts[-1].result.physics}, collision "
     title += result.parts[-1].result.collision or "none"
-    listings = [listing_table(listing) for listing in result.account.listings]
+    listings = [tabulate_listing(listing) for listing in result.account.listings]
     return [*listings, Table(title, columns, rows, notes)]
 
 
-def _makespan(result: ChainResult) -> list[str]:
+def _describe_makespan(result: ChainResult) -> list[str]:
     """Return the length of the plan: in steps of one robot, or in parallel steps of several."""
-    time_s = f"{number(result.makespan_s, 1)} s"
+    time_s = f"{format_number(result.makespan_s, 1)} s"
     steps, bound = result.account.parallel_steps, result.account.parallel_bound
     if steps is None:
         if result.cost_unit == "steps":
@@ -59,7 +60,7 @@ def _makespan(result: ChainResult) -> list[str]:
     proof = (
         ""
         if bound is None
-        else f"  (lower bound {bound}, gap {percent(relative_gap(steps, bound))}"
+        else f"  (lower bound {bound}, gap {format_percent(relative_gap(steps, bound))}"
     )
     proof += ", proved to be the least)" if steps == bound else ")" if proof else ""
     return [
@@ -68,15 +69,15 @@ def _makespan(result: ChainResult) -> list[str]:
     ]
 
 
-def _bounds(result: ChainResult) -> str:
+def _describe_bound(result: ChainResult) -> str:
     """Return the proved bound on a chain's cost."""
     main = result.main[0].task
     if result.lower_bound is None and result.bound_given is not None:
         return f"given the stages before at least {main.cost_text(result.bound_given)}"
-    return f"lower bound {main.cost_text(result.lower_bound)}, gap {percent(result.gap)}"
+    return f"lower bound {main.cost_text(result.lower_bound)}, gap {format_percent(result.gap)}"
 
 
-def _because(result: ChainResult) -> str:
+def _describe_reason(result: ChainResult) -> str:
     """Return the prover, if it is not the solver itself, and the reason of the result."""
     own = all(
         part.result.status is Status.OPTIMAL
@@ -84,32 +85,32 @@ def _because(result: ChainResult) -> str:
         if part.task.preset is None and not part.reused
     )
     by = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
-    return by + (f" ({one_line(result.reason)})" if result.reason else "")
+    return by + (f" ({join_lines(result.reason)})" if result.reason else "")
 
 
-def appendix_tables(result: ChainResult) -> dict[str, Table]:
+def tabulate_appendix(result: ChainResult) -> dict[str, Table]:
     """Return the domain's tables that are saved but not shown, by file name."""
-    return {name: listing_table(listing) for name, listing in result.account.appendix.items()}
+    return {name: tabulate_listing(listing) for name, listing in result.account.appendix.items()}
 
 
-def _row(part: ChainPart) -> tuple[str, ...]:
+def _make_row(part: ChainPart) -> tuple[str, ...]:
     result, decimals = part.result, part.task.metric.decimals
     start, goal = part.ends
     return (
         part.task.name,
         start or "-",
         goal or "-",
-        _path(part),
-        number(result.cost, decimals),
-        number(part.optimum, decimals),
-        number(result.makespan_s, 1),
+        _describe_path(part),
+        format_number(result.cost, decimals),
+        format_number(part.optimum, decimals),
+        format_number(result.makespan_s, 1),
         f"{result.solver}, stored" if part.reused else result.solver,
         "-" if result.expanded is None else str(result.expanded),
         f"{result.wall_s:.3f}",
     )
 
 
-def _path(part: ChainPart) -> str:
+def _describe_path(part: ChainPart) -> str:
     """Return the places and, if their names are short, the skills between them."""
     skills = [step.skill for step in part.result.steps]
     if not part.path:
@@ -129,7 +130,7 @@ _SHORT = 6
 _MOST = 12
 
 
-def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[Table]:
+def tabulate_chain_comparison(results: Sequence[ChainResult], title: str) -> list[Table]:
     """Return the solvers' sums, and their sequences side by side as in the paper's Table 3."""
     unit = next((result.cost_unit for result in results if result.cost is not None), "")
     summary = Table(
@@ -148,18 +149,22 @@ def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[
             (
                 result.solver,
                 result.status.value,
-                _cost(result),
-                percent(result.gap),
-                _steps(result),
-                number(result.makespan_s, 1),
+                _format_cost(result),
+                format_percent(result.gap),
+                _format_steps(result),
+                format_number(result.makespan_s, 1),
                 "-" if result.iterations is None else str(result.iterations),
                 f"{result.wall_s:.3f}",
             )
             for result in results
         ],
         [
-            *(f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason),
-            *_incomparable(results),
+            *(
+                f"{result.solver}: {join_lines(result.reason)}"
+                for result in results
+                if result.reason
+            ),
+            *_note_incomparable(results),
             *(
                 f"{result.solver}: replanned {result.replans} times, with heads closer together"
                 for result in results
@@ -167,10 +172,10 @@ def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[
             ),
         ],
     )
-    return [summary, *_side_by_side([result for result in results if result.complete])]
+    return [summary, *_compare_sequences([result for result in results if result.complete])]
 
 
-def _incomparable(results: Sequence[ChainResult]) -> list[str]:
+def _note_incomparable(results: Sequence[ChainResult]) -> list[str]:
     """Return a note if costs rest on different plans of earlier stages."""
     upper = {
         tuple(
@@ -191,26 +196,26 @@ def _is_single(result: ChainResult) -> bool:
     return result.account.parallel_steps is None
 
 
-def _steps(result: ChainResult) -> str:
+def _format_steps(result: ChainResult) -> str:
     """Return the makespan in steps, which several robots take in parallel."""
     parallel = result.account.parallel_steps
     steps = result.makespan if parallel is None else parallel
     return "-" if steps is None else str(steps)
 
 
-def _cost(result: ChainResult) -> str:
-    return number(result.cost, result.parts[-1].task.metric.decimals)
+def _format_cost(result: ChainResult) -> str:
+    return format_number(result.cost, result.parts[-1].task.metric.decimals)
 
 
-def _side_by_side(results: Sequence[ChainResult]) -> list[Table]:
+def _compare_sequences(results: Sequence[ChainResult]) -> list[Table]:
     """Return tables of solvers whose sequences lead from and to the same places."""
     alike: dict[tuple[tuple[str | None, str | None], ...], list[ChainResult]] = {}
     for result in results:
         alike.setdefault(tuple(part.ends for part in result.main), []).append(result)
-    return [_sequences(group) for group in alike.values()]
+    return [_tabulate_sequences(group) for group in alike.values()]
 
 
-def _sequences(results: Sequence[ChainResult]) -> Table:
+def _tabulate_sequences(results: Sequence[ChainResult]) -> Table:
     """Return makespan, time and iterations of every sequence for every solver."""
     columns = [Column("sequence"), Column("from"), Column("to")]
     columns += [
@@ -228,15 +233,15 @@ def _sequences(results: Sequence[ChainResult]) -> Table:
                 part.task.name,
                 start or "-",
                 goal or "-",
-                *(_figure(result, "makespan") for result in parts),
-                *(_figure(result, "wall_s") for result in parts),
-                *(_figure(result, "expanded") for result in parts),
+                *(_format_figure(result, "makespan") for result in parts),
+                *(_format_figure(result, "wall_s") for result in parts),
+                *(_format_figure(result, "expanded") for result in parts),
             )
         )
     return Table(f"{results[0].name}: sequence by sequence", columns, rows)
 
 
-def _figure(result: Result, name: str) -> str:
+def _format_figure(result: Result, name: str) -> str:
     value = getattr(result, name)
     if value is None:
         return "-"

@@ -15,7 +15,7 @@ from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
 from skillplan.views.text.table import Column, Table
 
 
-def listing_table(listing: Listing) -> Table:
+def tabulate_listing(listing: Listing) -> Table:
     """Return a domain's listing as a table, with columns of numbers aligned to the right."""
     columns = []
     for index, heading in enumerate(listing.columns):
@@ -36,7 +36,7 @@ _BOUNDS = {
 }
 
 
-def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
+def tabulate_plugins(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
     """Return the plugins and the options of a single one."""
     headings = ("kind", "name", "distribution", "version", "what it does")
     rows = [
@@ -51,18 +51,18 @@ def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) 
     ]
     tables = [Table("installed plugins", [Column(heading) for heading in headings], rows)]
     if options is not None:
-        tables.append(_option_table(infos[0].name, options))
+        tables.append(_tabulate_options(infos[0].name, options))
     return tables
 
 
-def _option_table(name: str, options: type[BaseModel]) -> Table:
+def _tabulate_options(name: str, options: type[BaseModel]) -> Table:
     properties = options.model_json_schema().get("properties", {})
     rows = [
         (
             key,
-            _type(field),
-            _default(field),
-            _range(field),
+            _format_type(field),
+            _format_default(field),
+            _format_range(field),
             str(field.get("description", "")),
         )
         for key, field in properties.items()
@@ -72,19 +72,19 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
     return Table(title, [Column(heading) for heading in headings], rows)
 
 
-def _default(field: Mapping[str, Any]) -> str:
+def _format_default(field: Mapping[str, Any]) -> str:
     """Return the default of an option in the syntax of files and ``-O``."""
     default = field.get("default", "required")
     return default if isinstance(default, str) else json.dumps(default)
 
 
-def _type(field: Mapping[str, Any]) -> str:
+def _format_type(field: Mapping[str, Any]) -> str:
     """Return the type of an option; for an optional one, the type of its value."""
     kinds = [kind.get("type") for kind in field.get("anyOf", ())]
     return str(field.get("type") or " or ".join(str(k) for k in kinds if k != "null") or "any")
 
 
-def _range(field: Mapping[str, Any]) -> str:
+def _format_range(field: Mapping[str, Any]) -> str:
     """Return the bounds of an option, or its allowed words."""
     kinds = (field, *field.get("anyOf", ()))
     for kind in kinds:
@@ -97,7 +97,7 @@ def _range(field: Mapping[str, Any]) -> str:
     return "-"
 
 
-def survey_table(survey: CacheSurvey) -> Table:
+def tabulate_survey(survey: CacheSurvey) -> Table:
     """Return a row for every back end and task."""
     columns = [
         Column("back end"),
@@ -112,9 +112,9 @@ def survey_table(survey: CacheSurvey) -> Table:
             f"{row['verdicts']:,}",
             f"{row['feasible']:,}",
             f"{row['infeasible']:,}",
-            _size(row["size_bytes"]),
-            _age(row["newest_s"]),
-            _age(row["oldest_s"]),
+            _format_size(row["size_bytes"]),
+            _format_age(row["newest_s"]),
+            _format_age(row["oldest_s"]),
             f"{row['took_s']:.1f}",
         )
         for row in survey.rows()
@@ -134,7 +134,7 @@ def survey_table(survey: CacheSurvey) -> Table:
     return Table(f"{title}: {len(survey.kept):,}", columns, rows, notes)
 
 
-def cache_test_table(test: CacheTest) -> Table:
+def tabulate_cache_test(test: CacheTest) -> Table:
     """Return a row for every rechecked verdict."""
     columns = [Column(name) for name in ("back end", "skill", "kept", "fresh")]
     columns += [Column("differs in"), Column("rests on", below=True)]
@@ -169,7 +169,7 @@ def cache_test_table(test: CacheTest) -> Table:
     return Table(f"{test.task.name}: kept verdicts checked again", columns, rows, notes)
 
 
-def filling_table(filling: CacheFilling) -> Table:
+def tabulate_filling(filling: CacheFilling) -> Table:
     """Return the counts in one row."""
     counts = filling.counts
     columns = [
@@ -197,25 +197,25 @@ def filling_table(filling: CacheFilling) -> Table:
     return Table(title, columns, rows, notes)
 
 
-def clearing_table(folder: Path, task: str | None, removed: int) -> Table:
+def tabulate_clearing(folder: Path, task: str | None, removed: int) -> Table:
     """Return the number of removed files."""
     columns = [Column("of"), Column("files removed", right=True)]
     rows = [("all tasks" if task is None else task, f"{removed:,}")]
     return Table("kept verdicts removed", columns, rows, [f"folder  {folder}"])
 
 
-def _size(size_bytes: int) -> str:
+def _format_size(size_bytes: int) -> str:
     return f"{size_bytes / 1000:,.1f} kB"
 
 
-def _age(age_s: float) -> str:
+def _format_age(age_s: float) -> str:
     for unit, length_s in (("d", 86_400), ("h", 3_600), ("min", 60)):
         if age_s >= length_s:
             return f"{age_s / length_s:.0f} {unit}"
     return f"{age_s:.0f} s"
 
 
-def imported_table(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
+def tabulate_import(document: Mapping[str, Any], lines: Sequence[str]) -> Table:
     """Return a row for every part, with findings below.
 
     Parameters

@@ -14,18 +14,18 @@ from skillplan.records.stored.product_relation import Obstacle
 from skillplan.task.skill import Outcome
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.results import not_checked_notes, step_rows, times_note
+from skillplan.views.tables.results import describe_times, describe_unchecked, tabulate_steps
 from skillplan.views.text.table import Column, ItemList, Table
 from skillplan.views.text.wording import (
-    direction_name,
-    evidence_items,
-    evidence_text,
-    percent,
-    yes_no,
+    format_evidence,
+    format_percent,
+    format_yes_no,
+    list_evidence,
+    name_direction,
 )
 
 
-def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
+def tabulate_chart(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
     """Return the derived relation, with a comparison with the hand-made chart below."""
     direct = reduction([(r.before, r.after) for r in chart.relations])
     by_hand = set(chart.hand_made or ())
@@ -59,7 +59,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
         notes.append(f"{hidden} more derived pairs follow from these; --format json has all.")
     notes += [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
     notes += chart.beyond_order(task)
-    notes += _choices(chart)
+    notes += _describe_choices(chart)
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.cycle:
         first, *others = explain_conflict(task, chart.relations)
@@ -69,7 +69,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     return Table(title, columns, rows, notes)
 
 
-def _choices(chart: DerivedChart) -> list[str]:
+def _describe_choices(chart: DerivedChart) -> list[str]:
     """Return a note for each choice that orders leave, with all skills that share it."""
     skills: dict[str, list[str]] = {}
     for alternative in chart.alternatives:
@@ -83,7 +83,7 @@ def _choices(chart: DerivedChart) -> list[str]:
 _RESTS_ON = "rests on"
 
 
-def explanation_tables(explanation: Explanation) -> list[Table]:
+def tabulate_explanation(explanation: Explanation) -> list[Table]:
     """Return the stages, with the state and the conditions of the skill below."""
     task = explanation.task
     rows = [
@@ -91,8 +91,8 @@ def explanation_tables(explanation: Explanation) -> list[Table]:
             verdict.stage,
             verdict.status.value,
             verdict.reason or "-",
-            _basis(verdict, task),
-            evidence_text(verdict.evidence) or "-",
+            _describe_basis(verdict, task),
+            format_evidence(verdict.evidence) or "-",
         )
         for verdict in explanation.stages
     ]
@@ -101,22 +101,22 @@ def explanation_tables(explanation: Explanation) -> list[Table]:
     lists = [
         ItemList(
             f"{verdict.stage}: {verdict.status.value}",
-            [(_RESTS_ON, _basis(verdict, task)), *evidence_items(verdict.evidence)],
+            [(_RESTS_ON, _describe_basis(verdict, task)), *list_evidence(verdict.evidence)],
         )
         for verdict in explanation.stages
     ]
     outcome = "feasible" if explanation.feasible else "not feasible"
     title = f"{task.name}: {explanation.skill.name} is {outcome}"
-    return [Table(title, columns, rows, _notes(explanation), lists)]
+    return [Table(title, columns, rows, _write_notes(explanation), lists)]
 
 
-def _notes(explanation: Explanation) -> list[str]:
+def _write_notes(explanation: Explanation) -> list[str]:
     return [
         f"state         {', '.join(explanation.state)}",
         f"precondition  {explanation.skill.condition(explanation.state)}",
-        f"prediction    {_changes(explanation, explanation.prediction)}",
+        f"prediction    {_describe_changes(explanation, explanation.prediction)}",
         *(
-            f"otherwise     {_changes(explanation, outcome)}, "
+            f"otherwise     {_describe_changes(explanation, outcome)}, "
             f"with probability {outcome.probability:g}"
             for outcome in explanation.otherwise
         ),
@@ -124,12 +124,12 @@ def _notes(explanation: Explanation) -> list[str]:
     ]
 
 
-def _changes(explanation: Explanation, outcome: Outcome) -> str:
+def _describe_changes(explanation: Explanation, outcome: Outcome) -> str:
     gone = explanation.state & outcome.delete
     return ", ".join([*outcome.add, *(f"not {fact}" for fact in gone)])
 
 
-def _basis(verdict: Verdict, task: Task) -> str:
+def _describe_basis(verdict: Verdict, task: Task) -> str:
     facts = verdict.facts
     return "all facts" if len(facts) == len(task.facts) else ", ".join(facts) or "no fact"
 
@@ -137,9 +137,9 @@ def _basis(verdict: Verdict, task: Task) -> str:
 _MM_PER_M = 1000.0
 
 
-def freedom_tables(freedom: Freedom) -> list[Table]:
+def tabulate_freedom(freedom: Freedom) -> list[Table]:
     """Return the directions, with the parts in place below."""
-    rows = [_row(way) for way in freedom.ways]
+    rows = [_make_row(way) for way in freedom.ways]
     columns = [
         Column("direction"),
         Column("blocked by"),
@@ -147,7 +147,7 @@ def freedom_tables(freedom: Freedom) -> list[Table]:
         Column("width [mm]", right=True),
         Column("at x y z [mm]"),
     ]
-    free = [direction_name(way.direction) for way in freedom.ways if not way.obstacles]
+    free = [name_direction(way.direction) for way in freedom.ways if not way.obstacles]
     outcome = f"free along {', '.join(free)}" if free else "blocked in all directions"
     notes = [f"in place   {', '.join(freedom.present) or 'no other part'}"]
     if any(obstacle.sensitive for way in freedom.ways for obstacle in way.obstacles):
@@ -157,29 +157,32 @@ def freedom_tables(freedom: Freedom) -> list[Table]:
     return [Table(f"{freedom.task.name}: {freedom.part} is {outcome}", columns, rows, notes)]
 
 
-def _row(way: Way) -> tuple[str, ...]:
-    name = direction_name(way.direction)
+def _make_row(way: Way) -> tuple[str, ...]:
+    name = name_direction(way.direction)
     if not way.obstacles:
         return (name, "nothing: free", "-", "-", "-")
     first = way.obstacles[0]
     parts = ", ".join(
         f"{obstacle.part}{'*' if obstacle.sensitive else ''}" for obstacle in way.obstacles
     )
-    return (name, parts, _mm(first.distance_m), _mm(first.width_m), _place(first))
+    return (name, parts, _format_mm(first.distance_m), _format_mm(first.width_m), _place(first))
 
 
 def _place(obstacle: Obstacle) -> str:
-    return " ".join(_mm(value) for value in obstacle.point_m)
+    return " ".join(_format_mm(value) for value in obstacle.point_m)
 
 
-def _mm(length_m: float) -> str:
+def _format_mm(length_m: float) -> str:
     return f"{length_m * _MM_PER_M:.1f}"
 
 
-def evaluation_table(evaluation: Evaluation) -> Table:
+def tabulate_evaluation(evaluation: Evaluation) -> Table:
     """Return the steps of a sequence with their costs and violations."""
     task, walked = evaluation.task, evaluation.walked
-    notes = [f"feasible   {yes_no(walked.feasible)}", f"complete   {yes_no(walked.complete)}"]
+    notes = [
+        f"feasible   {format_yes_no(walked.feasible)}",
+        f"complete   {format_yes_no(walked.complete)}",
+    ]
     if walked.steps:
         what = "cost" if walked.complete else "so far"
         timed = walked.duration_s and not task.metric.is_duration
@@ -187,20 +190,20 @@ def evaluation_table(evaluation: Evaluation) -> Table:
         notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
     if evaluation.deviation is not None:
         notes.append(
-            f"deviation  {percent(evaluation.deviation)} of the proved optimum "
+            f"deviation  {format_percent(evaluation.deviation)} of the proved optimum "
             f"{task.cost_text(evaluation.optimum)}"
         )
     elif walked.complete and evaluation.optimum is None:
         if task.deterministic:
             notes.append("deviation  unknown: the optimum was not proved in time")
-            notes += _bound_notes(evaluation)
+            notes += _describe_bound(evaluation)
         else:
             notes.append(
                 "deviation  none: under chance a sequence is one run that a policy may take, "
                 "here with every nominal outcome"
             )
     if evaluation.best is not None:
-        notes += times_note(evaluation.best, task.metric)
+        notes += describe_times(evaluation.best, task.metric)
     if walked.total_reward is not None:
         notes.append(f"reward     {walked.total_reward:.5f}")
     for fault in walked.violations:
@@ -211,28 +214,28 @@ def evaluation_table(evaluation: Evaluation) -> Table:
     start = [place.name for place in task.places_in(task.initial)]
     if start:
         notes.insert(0, f"from       {', '.join(start)}")
-    columns, rows = step_rows(walked.steps, task.metric)
+    columns, rows = tabulate_steps(walked.steps, task.metric)
     return Table(f"{task.name}: evaluation", columns, rows, notes)
 
 
-def _bound_notes(evaluation: Evaluation) -> list[str]:
+def _describe_bound(evaluation: Evaluation) -> list[str]:
     """Return the bound and the best plan if no optimum was proved."""
     best, task = evaluation.best, evaluation.task
     if best is None or best.lower_bound is None:
         return []
     bound = task.cost_text(best.lower_bound)
-    notes = [f"bound      {bound} by {best.bound_method}, gap {percent(evaluation.gap)}"]
+    notes = [f"bound      {bound} by {best.bound_method}, gap {format_percent(evaluation.gap)}"]
     if best.cost is not None and best.cost < evaluation.walked.cost - tolerance(best.cost):
         notes.append(f"found      a plan of {task.cost_text(best.cost)}")
     return notes
 
 
-def checked_tables(checked: Checked) -> list[Table]:
+def tabulate_checked(checked: Checked) -> list[Table]:
     """Return a row for every task of a file."""
-    return [_tasks(checked)]
+    return [_tabulate_tasks(checked)]
 
 
-def _tasks(checked: Checked) -> Table:
+def _tabulate_tasks(checked: Checked) -> Table:
     columns = [
         Column("task"),
         Column("actions", right=True),
@@ -247,13 +250,16 @@ def _tasks(checked: Checked) -> Table:
         for task in checked.document()["tasks"]
     ]
     notes = [f"kind       {checked.problem.kind}", f"sha256     {checked.problem.sha256}"]
-    notes += not_checked_notes(checked.not_checked)
+    notes += describe_unchecked(checked.not_checked)
     return Table(
-        f"{checked.problem.name}: valid", columns, rows, [*notes, *_preview_notes(checked.preview)]
+        f"{checked.problem.name}: valid",
+        columns,
+        rows,
+        [*notes, *_describe_preview(checked.preview)],
     )
 
 
-def _preview_notes(preview: Preview) -> list[str]:
+def _describe_preview(preview: Preview) -> list[str]:
     """Return findings before solving: overview, orders and warnings."""
     notes = list(preview.overview.lines)
     for order in preview.orders:

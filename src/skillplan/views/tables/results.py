@@ -14,8 +14,8 @@ from skillplan.records.result import Result, SimulationOutcome, Status
 from skillplan.records.stored.result_folder import PLAN
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
-from skillplan.views.text.table import Column, Table, as_csv
-from skillplan.views.text.wording import number, percent
+from skillplan.views.text.table import Column, Table, render_csv
+from skillplan.views.text.wording import format_number, format_percent
 
 if TYPE_CHECKING:
     from skillplan.records.chain_result import ChainResult
@@ -36,25 +36,25 @@ PROOF = {
 _MOST_OWNERS = 6
 
 
-def plan_table(result: Result, task: Task) -> Table:
+def tabulate_plan(result: Result, task: Task) -> Table:
     """Return the steps of a plan, with the figures of the result below."""
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
-    notes = status_notes(result.status, result.reason)
-    notes += [*proved_by_notes(result), *_simulation_note(result, task)]
-    notes += not_checked_notes(result.not_checked)
-    bound = _bound_note(result, task)
+    notes = describe_status(result.status, result.reason)
+    notes += [*describe_provers(result), *_note_simulation(result, task)]
+    notes += describe_unchecked(result.not_checked)
+    bound = _describe_bound(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
         notes += [
             f"cost       {task.cost_text(result.cost)}  (lower bound "
-            f"{task.cost_text(result.lower_bound)}, gap {percent(result.gap)})",
+            f"{task.cost_text(result.lower_bound)}, gap {format_percent(result.gap)})",
             *bound,
             f"sequence   {actions}",
             f"plan       {result.makespan} skills"
-            + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
-            *times_note(result, task.metric),
-            *dwells_note(task),
+            + (f", {format_number(result.makespan_s, 1)} s" if result.makespan_s else ""),
+            *describe_times(result, task.metric),
+            *describe_dwells(task),
         ]
     else:
         notes += bound
@@ -71,11 +71,11 @@ def plan_table(result: Result, task: Task) -> Table:
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {trajectories}"
         f"{nodes} nodes, {result.wall_s:.2f} s"
     )
-    notes += _ahead_note(result)
-    return Table(title, *step_rows(result.steps, task.metric), notes)
+    notes += _describe_ahead(result)
+    return Table(title, *tabulate_steps(result.steps, task.metric), notes)
 
 
-def _ahead_note(result: Result) -> list[str]:
+def _describe_ahead(result: Result) -> list[str]:
     """Return a note on checks that idle processes made ahead of the search, if any."""
     match result.trace.get("ahead"):
         case {"useful": int(useful), "wasted": int(wasted)}:
@@ -83,7 +83,7 @@ def _ahead_note(result: Result) -> list[str]:
     return []
 
 
-def _bound_note(result: Result, task: Task) -> list[str]:
+def _describe_bound(result: Result, task: Task) -> list[str]:
     """Return the lower bound and its method; nothing without a bound."""
     if result.lower_bound is None or not math.isfinite(result.lower_bound):
         return []
@@ -92,7 +92,7 @@ def _bound_note(result: Result, task: Task) -> list[str]:
     return [f"bound      {claim} by {result.bound_method or result.solver}"]
 
 
-def times_note(result: Result, metric: Metric) -> list[str]:
+def describe_times(result: Result, metric: Metric) -> list[str]:
     """Return the source of times if time is minimised."""
     if not metric.is_duration:
         return []
@@ -104,7 +104,7 @@ def times_note(result: Result, metric: Metric) -> list[str]:
     ]
 
 
-def dwells_note(task: Task) -> list[str]:
+def describe_dwells(task: Task) -> list[str]:
     """Return a note on parts, screws and tools with dwell times of their own, if any."""
     own = list(dict.fromkeys(path.rpartition(".durations_s")[0] for path in task.dwells_from[:-1]))
     if not own:
@@ -114,7 +114,7 @@ def dwells_note(task: Task) -> list[str]:
     return [f"dwells     of {shown}{more} by their own durations_s, others by the task's"]
 
 
-def step_rows(
+def tabulate_steps(
     steps: Sequence[Step], metric: Metric
 ) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
     """Return columns and rows of the steps of a plan, without empty columns."""
@@ -149,7 +149,7 @@ def step_rows(
     return columns, rows
 
 
-def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
+def tabulate_comparison(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
     """Return the results of several solvers side by side.
 
     If costs are times by back ends, a column shows the number of computed trajectories.
@@ -173,10 +173,10 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
         (
             result.solver,
             result.status.value,
-            number(result.cost, decimals),
-            percent(result.gap),
+            format_number(result.cost, decimals),
+            format_percent(result.gap),
             "-" if result.makespan is None else str(result.makespan),
-            number(result.makespan_s, 1),
+            format_number(result.makespan_s, 1),
             str(result.checks),
             *([str(result.trajectories)] if timed else []),
             "-" if result.expanded is None else str(result.expanded),
@@ -185,11 +185,11 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
         )
         for result in results
     ]
-    notes = [f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason]
+    notes = [f"{result.solver}: {join_lines(result.reason)}" for result in results if result.reason]
     for result in results:
         notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
     sentences = chain.from_iterable(result.not_checked for result in results)
-    notes += not_checked_notes(tuple(dict.fromkeys(sentences)))
+    notes += describe_unchecked(tuple(dict.fromkeys(sentences)))
     return Table(title, columns, rows, notes)
 
 
@@ -214,7 +214,7 @@ def _trace_notes(result: Result, decimals: int) -> list[str]:
     return notes
 
 
-def status_notes(status: Status, reason: str) -> list[str]:
+def describe_status(status: Status, reason: str) -> list[str]:
     """Return the status with its reason; a reason of several lines follows below."""
     lines = reason.splitlines()
     if len(lines) < 2:
@@ -227,22 +227,22 @@ def status_notes(status: Status, reason: str) -> list[str]:
     ]
 
 
-def proved_by_notes(result: Result | ChainResult) -> list[str]:
+def describe_provers(result: Result | ChainResult) -> list[str]:
     """Return the back ends under which the status was checked."""
     label = "checked by" if result.status is Status.SOLVED else "proved by"
     return [f"{label:<9}  {', '.join(result.proved_by)}"] if result.proved_by else []
 
 
-def _simulation_note(result: Result, task: Task) -> list[str]:
+def _note_simulation(result: Result, task: Task) -> list[str]:
     """Return the outcome of the simulation of the plan, if the task has bodies."""
     if result.cost is None or not task.scene.bodies:
         return []
     if result.simulation is None:
         return ["simulation  not run"]
-    return [f"simulation  {simulation_words(result.simulation, len(result.steps))}"]
+    return [f"simulation  {describe_simulation(result.simulation, len(result.steps))}"]
 
 
-def simulation_words(simulation: SimulationOutcome, steps: int) -> str:
+def describe_simulation(simulation: SimulationOutcome, steps: int) -> str:
     """Return the outcome of the simulation of a plan as the end of a sentence."""
     by = f"by {simulation.engine}"
     if simulation.complete:
@@ -253,12 +253,12 @@ def simulation_words(simulation: SimulationOutcome, steps: int) -> str:
     return f"{by} fails at {place}, {simulation.skill}: {simulation.reason}"
 
 
-def not_checked_notes(sentences: Sequence[str]) -> list[str]:
+def describe_unchecked(sentences: Sequence[str]) -> list[str]:
     """Return a note for each sentence about unchecked properties."""
     return [f"not checked  {sentence}" for sentence in sentences]
 
 
-def one_line(reason: str) -> str:
+def join_lines(reason: str) -> str:
     """Return a reason in one line."""
     return "; ".join(reason.splitlines())
 
@@ -267,7 +267,7 @@ def _point(point: Point | None) -> str:
     return "-" if point is None else " ".join(f"{value:.3f}" for value in point)
 
 
-def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
+def tabulate_result(result: Result | ChainResult, task: Task) -> list[Table]:
     """Return the tables of a result: its plan, or the tables of a chain.
 
     Parameters
@@ -276,35 +276,35 @@ def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
         The task, or any task of the chain.
     """
     if isinstance(result, Result):
-        return [plan_table(result, task)]
-    from skillplan.views.tables.chain import chain_tables
+        return [tabulate_plan(result, task)]
+    from skillplan.views.tables.chain import tabulate_chain
 
-    return chain_tables(result)
+    return tabulate_chain(result)
 
 
-def saved_tables(result: Result | ChainResult) -> dict[str, Table]:
+def tabulate_saved(result: Result | ChainResult) -> dict[str, Table]:
     """Return the tables that are saved but not shown, by file name."""
     if isinstance(result, Result):
         return {}
-    from skillplan.views.tables.chain import appendix_tables
+    from skillplan.views.tables.chain import tabulate_appendix
 
-    return appendix_tables(result)
+    return tabulate_appendix(result)
 
 
-def comparison_tables(
+def tabulate_comparisons(
     results: Sequence[Result] | Sequence[ChainResult], title: str, decimals: int
 ) -> list[Table]:
     """Return several solvers side by side."""
     single = [result for result in results if isinstance(result, Result)]
     chains = [result for result in results if not isinstance(result, Result)]
     if not chains:
-        return [comparison_table(single, title, decimals)]
-    from skillplan.views.tables.chain import chain_comparison_tables
+        return [tabulate_comparison(single, title, decimals)]
+    from skillplan.views.tables.chain import tabulate_chain_comparison
 
-    return chain_comparison_tables(chains, title)
+    return tabulate_chain_comparison(chains, title)
 
 
-def csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
+def render_csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
     """Return the CSV files of a result by name: its plan and tables of the domain.
 
     Parameters
@@ -312,8 +312,8 @@ def csv_files(result: Result | ChainResult, task: Task) -> dict[str, str]:
     task
         The task, or any task of the chain.
     """
-    tables = {PLAN: solved_tables(result, task)[-1], **saved_tables(result)}
-    return {name: as_csv(table) for name, table in tables.items()}
+    tables = {PLAN: tabulate_result(result, task)[-1], **tabulate_saved(result)}
+    return {name: render_csv(table) for name, table in tables.items()}
 
 
 # Labels of methods; every other method is a proof.
@@ -322,39 +322,41 @@ _PROOF = "proof"
 _MOST_NAMED = 5
 
 
-def certificate_table(certificate: Certificate) -> Table:
+def tabulate_certificate(certificate: Certificate) -> Table:
     """Return a row for every claim, with the verdict below."""
     everything = len(certificate.claims)
     back_ends = [_describe_back_end(back_end) for back_end in certificate.asked]
     notes = [
-        *_task_notes(certificate),
+        *_describe_task(certificate),
         f"asked      {'; '.join(back_ends) or 'no back end'}"
         + (", with verdicts kept on disk" if certificate.warm else ""),
         *(f"unchecked  {key}: {why}" for key, why in certificate.unchecked.items()),
     ]
-    notes += not_checked_notes(certificate.not_checked)
-    return _table(certificate, certificate.claims, [*notes, _verdict(certificate, everything)])
+    notes += describe_unchecked(certificate.not_checked)
+    return _table(
+        certificate, certificate.claims, [*notes, _describe_verdict(certificate, everything)]
+    )
 
 
-def certificate_summary(certificate: Certificate) -> Table:
+def summarize_certificate(certificate: Certificate) -> Table:
     """Return a row for every claim that does not hold, with a summary of the others below."""
     amiss = [claim for claim in certificate.claims if claim.outcome is not Outcome.HOLDS]
     groups: dict[str, list[Claim]] = {}
     for claim in certificate.claims:
         groups.setdefault(_LABELS.get(claim.method, _PROOF), []).append(claim)
     notes = [
-        *_task_notes(certificate),
+        *_describe_task(certificate),
         *(
             f"{label:<10} {_describe_held(groups[label])}"
             for label in dict.fromkeys((*_LABELS.values(), _PROOF))
             if label in groups
         ),
     ]
-    notes += not_checked_notes(certificate.not_checked)
-    return _table(certificate, amiss, [*notes, _verdict(certificate, _MOST_NAMED)])
+    notes += describe_unchecked(certificate.not_checked)
+    return _table(certificate, amiss, [*notes, _describe_verdict(certificate, _MOST_NAMED)])
 
 
-def _task_notes(certificate: Certificate) -> list[str]:
+def _describe_task(certificate: Certificate) -> list[str]:
     """Return a note on options that changed the task of the file, if any."""
     origin = certificate.origin
     if origin is None or not origin.given():
@@ -387,18 +389,18 @@ def _describe_held(claims: Sequence[Claim]) -> str:
     return f"{words}, by {' and '.join(methods)}" if methods else words
 
 
-def _verdict(certificate: Certificate, most: int) -> str:
+def _describe_verdict(certificate: Certificate, most: int) -> str:
     """Return the conclusion with the names of the claims that do not hold, or their number."""
     refuted = [claim.claim for claim in certificate.refuted]
     if refuted:
-        return f"verdict    NOT VALID: {_named(refuted, most)}"
+        return f"verdict    NOT VALID: {_name_claims(refuted, most)}"
     unconfirmed = [claim.claim for claim in certificate.unconfirmed]
     if unconfirmed:
-        return f"verdict    NOT CONFIRMED: not checked: {_named(unconfirmed, most)}"
+        return f"verdict    NOT CONFIRMED: not checked: {_name_claims(unconfirmed, most)}"
     open_ = [claim.claim for claim in certificate.claims if claim.outcome is Outcome.NOT_CHECKED]
-    rest = f", but for what was not checked: {_named(open_, most)}" if open_ else ""
+    rest = f", but for what was not checked: {_name_claims(open_, most)}" if open_ else ""
     return f"verdict    valid{rest}"
 
 
-def _named(claims: Sequence[str], most: int) -> str:
+def _name_claims(claims: Sequence[str], most: int) -> str:
     return ", ".join(claims) if len(claims) <= most else f"{len(claims)} claims"

@@ -22,7 +22,7 @@ _MOST_SAMPLED = 20
 _SHORT = 12
 
 
-def setting_table(result: SweepResult) -> Table:
+def tabulate_settings(result: SweepResult) -> Table:
     """Return a row for every setting: mean steps from each start, and share of complete runs.
 
     If a sampler chose the settings, only the best are shown.
@@ -30,7 +30,7 @@ def setting_table(result: SweepResult) -> Table:
     plan = result.plan
     sampled = isinstance(plan, SampledPlan)
     starts = [start.name for start in plan.starts]
-    shorts = _short_names(starts)
+    shorts = _shorten_names(starts)
     columns = [Column("trial", right=True)] if sampled else []
     columns += [Column(axis.option, right=axis.numeric) for axis in plan.axes]
     columns += [Column("runs", right=True)]
@@ -51,23 +51,23 @@ def setting_table(result: SweepResult) -> Table:
                 *([str(plan.about(index)["trial"])] if sampled else []),
                 *(format_value(setting[axis.option]) for axis in plan.axes),
                 str(every.runs),
-                *(_steps(result.summary([index], name)) for name in starts),
+                *(_format_steps(result.summary([index], name)) for name in starts),
                 str(every.arrived),
-                _percent(every.arrived_share),
+                _format_percent(every.arrived_share),
                 "-" if every.best is None else str(every.best),
-                _percent(every.best_share),
-                _plus_minus(every.excess, decimals),
-                _plus_minus(every.learning_s, 3),
+                _format_percent(every.best_share),
+                _format_plus_minus(every.excess, decimals),
+                _format_plus_minus(every.learning_s, 3),
             ]
         )
-    title = f"{plan.name}: {plan.solver}, {_shape(result)}"
+    title = f"{plan.name}: {plan.solver}, {_describe_shape(result)}"
     named = (
         [] if shorts == starts else [ItemList("starts:", list(zip(shorts, starts, strict=True)))]
     )
-    return Table(title, columns, rows, _notes(result), named)
+    return Table(title, columns, rows, _write_notes(result), named)
 
 
-def _short_names(starts: Sequence[str]) -> list[str]:
+def _shorten_names(starts: Sequence[str]) -> list[str]:
     """Return names for headings: places, or numbers instead of whole states."""
     if all(len(name) <= _SHORT for name in starts):
         return list(starts)
@@ -76,7 +76,7 @@ def _short_names(starts: Sequence[str]) -> list[str]:
     return [f"start {number}" for number, _ in enumerate(starts, 1)]
 
 
-def start_table(result: SweepResult) -> Table:
+def tabulate_starts(result: SweepResult) -> Table:
     """Return a row for every setting and start, with the ends of all intervals."""
     plan = result.plan
     columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
@@ -92,16 +92,21 @@ def start_table(result: SweepResult) -> Table:
         for start in plan.starts:
             summary = result.summary([index], start.name)
             cells = [format_value(setting[axis.option]) for axis in plan.axes]
-            cells += [start.name, _number(start.optimum), str(summary.runs), str(summary.arrived)]
-            cells += _ends(summary.arrived_share)
+            cells += [
+                start.name,
+                _format_number(start.optimum),
+                str(summary.runs),
+                str(summary.arrived),
+            ]
+            cells += _format_ends(summary.arrived_share)
             cells.append("" if summary.best is None else str(summary.best))
             for estimate in (summary.steps, summary.excess, summary.learning_s):
-                cells += _ends(estimate)
+                cells += _format_ends(estimate)
             rows.append(cells)
     return Table(f"{plan.name}: {plan.solver}, by start", columns, rows)
 
 
-def _shape(result: SweepResult) -> str:
+def _describe_shape(result: SweepResult) -> str:
     plan = result.plan
     if isinstance(plan, SampledPlan):
         return f"{len(plan.settings)} trials of {len(plan.seeds)} runs, chosen by {plan.sampler}"
@@ -109,9 +114,9 @@ def _shape(result: SweepResult) -> str:
     return f"{runs}, {plan.design}" if plan.axes else runs
 
 
-def _notes(result: SweepResult) -> list[str]:
+def _write_notes(result: SweepResult) -> list[str]:
     plan = result.plan
-    optima = [f"{start.name} {_number(start.optimum) or '?'}" for start in plan.starts]
+    optima = [f"{start.name} {_format_number(start.optimum) or '?'}" for start in plan.starts]
     unit = f" {plan.cost_unit}" if plan.cost_unit else ""
     notes = [
         "starts     mean steps of the runs that arrive; in brackets how many, where not all do; "
@@ -124,7 +129,7 @@ def _notes(result: SweepResult) -> list[str]:
     if plan.design == ONE_AT_A_TIME and plan.axes:
         notes.append(f"centre     {format_setting(plan.centre)}")
     if isinstance(plan, SampledPlan):
-        notes += _sampled_notes(plan)
+        notes += _describe_sampled(plan)
     fixed = [
         f"{plugin}.{key} = {value}"
         for plugin, kv in plan.fixed.items()
@@ -147,7 +152,7 @@ def _notes(result: SweepResult) -> list[str]:
     return notes
 
 
-def _sampled_notes(plan: SampledPlan) -> list[str]:
+def _describe_sampled(plan: SampledPlan) -> list[str]:
     """Return notes on settings that a sampler chose."""
     notes = [
         f"minimised  {AIMS[plan.minimise]}; the share of runs that do not arrive counts first",
@@ -161,7 +166,7 @@ def _sampled_notes(plan: SampledPlan) -> list[str]:
     return notes
 
 
-def _steps(summary: StartSummary) -> str:
+def _format_steps(summary: StartSummary) -> str:
     if summary.steps is None:
         return "-" if not summary.runs else f"- (0/{summary.runs})"
     text = f"{summary.steps.value:.2f}"
@@ -170,13 +175,13 @@ def _steps(summary: StartSummary) -> str:
     return f"{text} ({summary.arrived}/{summary.runs})"
 
 
-def _percent(estimate: Estimate | None) -> str:
+def _format_percent(estimate: Estimate | None) -> str:
     if estimate is None or estimate.low is None or estimate.high is None:
         return "-"
     return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"
 
 
-def _plus_minus(estimate: Estimate | None, decimals: int) -> str:
+def _format_plus_minus(estimate: Estimate | None, decimals: int) -> str:
     if estimate is None:
         return "-"
     text = f"{estimate.value:.{decimals}f}"
@@ -185,11 +190,15 @@ def _plus_minus(estimate: Estimate | None, decimals: int) -> str:
     return f"{text} ± {estimate.high - estimate.value:.{decimals}f}"
 
 
-def _ends(estimate: Estimate | None) -> list[str]:
+def _format_ends(estimate: Estimate | None) -> list[str]:
     if estimate is None:
         return ["", "", ""]
-    return [_number(estimate.value), _number(estimate.low), _number(estimate.high)]
+    return [
+        _format_number(estimate.value),
+        _format_number(estimate.low),
+        _format_number(estimate.high),
+    ]
 
 
-def _number(value: float | None) -> str:
+def _format_number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"

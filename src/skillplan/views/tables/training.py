@@ -17,12 +17,12 @@ from skillplan.records.training.result import (
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.solvers.solution import deviation
 from skillplan.task.task import Task
-from skillplan.views.tables.results import not_checked_notes
+from skillplan.views.tables.results import describe_unchecked
 from skillplan.views.text.table import Column, Table
-from skillplan.views.text.wording import count, number, percent
+from skillplan.views.text.wording import count, format_number, format_percent
 
 
-def layouts_table(result: LayoutsResult, task: Task) -> Table:
+def tabulate_layouts(result: LayoutsResult, task: Task) -> Table:
     """Return a row for every layout; all costs are in the metric of the task."""
     unit, decimals = task.metric.unit, task.metric.decimals
     columns = [
@@ -38,21 +38,21 @@ def layouts_table(result: LayoutsResult, task: Task) -> Table:
     rows = [
         [
             row.name,
-            number(row.optimum.cost, decimals),
-            number(row.optimum.wall_s, 4),
+            format_number(row.optimum.cost, decimals),
+            format_number(row.optimum.wall_s, 4),
             f"{row.completed} of {len(row.answers)}",
-            *_spread(row.deviations),
-            number(statistics.median(row.answer_s) if row.answer_s else None, 4),
+            *_format_spread(row.deviations),
+            format_number(statistics.median(row.answer_s) if row.answer_s else None, 4),
         ]
         for row in result.rows
     ]
     learned = f"{result.learned_on} others" if result.learned_on else "the file's own"
     count = f"{len(result.rows)} layout" if len(result.rows) == 1 else f"{len(result.rows)} layouts"
     title = f"{task.name}: {count} that no run has seen, learned on {learned}"
-    return Table(title, columns, rows, _notes(result))
+    return Table(title, columns, rows, _write_layout_notes(result))
 
 
-def _notes(result: LayoutsResult) -> list[str]:
+def _write_layout_notes(result: LayoutsResult) -> list[str]:
     notes = []
     complete, off = result.complete_share, result.deviation_iqm
     if complete is not None and complete.low is not None and complete.high is not None:
@@ -63,9 +63,9 @@ def _notes(result: LayoutsResult) -> list[str]:
             "within 1 % of the optimum"
         )
     if off is not None:
-        note = f"deviation  interquartile mean over the layouts {percent(off.value)}"
+        note = f"deviation  interquartile mean over the layouts {format_percent(off.value)}"
         if off.low is not None:
-            note += f" (95 %: {percent(off.low)} to {percent(off.high)})"
+            note += f" (95 %: {format_percent(off.low)} to {format_percent(off.high)})"
         notes.append(f"{note}, of the answers that complete")
     answer_s, proof_s = result.answer_s, result.proof_s
     if answer_s is not None and proof_s is not None:
@@ -77,11 +77,11 @@ def _notes(result: LayoutsResult) -> list[str]:
         if result.training_s is not None:
             useful = complete is not None and complete.value > 0
             saved_s = proof_s - answer_s if useful else 0.0
-            notes.append(_pays_off(result.training_s, saved_s, useful))
+            notes.append(_describe_savings(result.training_s, saved_s, useful))
     return notes
 
 
-def _pays_off(training_s: float, saved_s: float, useful: bool) -> str:
+def _describe_savings(training_s: float, saved_s: float, useful: bool) -> str:
     """Return the number of layouts after which training saves time."""
     note = f"training   took {training_s:.1f} s for all runs, which"
     if not useful:
@@ -91,16 +91,20 @@ def _pays_off(training_s: float, saved_s: float, useful: bool) -> str:
     return f"{note} pays off after {training_s / saved_s:,.0f} layouts"
 
 
-def _spread(values: Sequence[float]) -> list[str]:
+def _format_spread(values: Sequence[float]) -> list[str]:
     if not values:
         return ["N/A"] * 3
-    return [percent(min(values)), percent(statistics.fmean(values)), percent(max(values))]
+    return [
+        format_percent(min(values)),
+        format_percent(statistics.fmean(values)),
+        format_percent(max(values)),
+    ]
 
 
 _MOST_NAMED = 5
 
 
-def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str:
+def describe_cause(cause: str, progress_step: int | None, steps: int | None) -> str:
     """Return the reason why runs do not complete a task.
 
     Parameters
@@ -120,7 +124,7 @@ def cause_words(cause: str, progress_step: int | None, steps: int | None) -> str
     return f"exploration: nothing further was reached after step {progress_step:,}{of}"
 
 
-def shortfall_notes(result: TrainingResult) -> list[str]:
+def describe_shortfall(result: TrainingResult) -> list[str]:
     """Return the progress of incomplete runs, their failures, and advice, if there are any."""
     short = result.shortfall
     if short is None:
@@ -132,20 +136,20 @@ def shortfall_notes(result: TrainingResult) -> list[str]:
         note += f", first at step {short.last_progress_step:,} of {result.steps:,}"
     notes = [note]
     if short.missing:
-        notes.append(f"never      reached: {_listed(short.missing)}")
+        notes.append(f"never      reached: {_list_names(short.missing)}")
     if short.never:
-        notes.append(f"skills     never executed: {_listed(short.never)}")
-    notes += _ends(short)
+        notes.append(f"skills     never executed: {_list_names(short.never)}")
+    notes += _describe_ends(short)
     if short.hidden is not None:
         notes.append(
             f"mask       {result.options['mask']}: preconditions hid {short.hidden:.1f} of "
             f"{count(short.skills, 'skill')} on average, and left {short.skills - short.hidden:.1f}"
         )
-    cause = cause_words(short.cause, short.last_progress_step, result.steps)
+    cause = describe_cause(short.cause, short.last_progress_step, result.steps)
     return [*notes, f"cause      {cause}", f"try        {short.advice}"]
 
 
-def _ends(short: Shortfall) -> list[str]:
+def _describe_ends(short: Shortfall) -> list[str]:
     notes = []
     episodes = count(short.episodes, "episode")
     if short.dead_states:
@@ -155,14 +159,14 @@ def _ends(short: Shortfall) -> list[str]:
             "applicable skill failed, or led to such a state"
         )
     if short.failed:
-        worst = _listed([f"{name} {times:,} times" for name, times in short.failed])
+        worst = _list_names([f"{name} {times:,} times" for name, times in short.failed])
         notes.append(f"failed     {worst}")
     if short.out_of_time:
         notes.append(f"time       {short.out_of_time:,} of {episodes} reached the step limit")
     return notes
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     more = len(names) - _MOST_NAMED
     shown = ", ".join(names[:_MOST_NAMED])
     return shown if more <= 0 else f"{shown} and {more} more"
@@ -173,7 +177,7 @@ NONE = "N/A"
 _MOST_RUNS = 10
 
 
-def training_tables(result: TrainingResult) -> list[Table]:
+def tabulate_training(result: TrainingResult) -> list[Table]:
     """Return a row for every run, with published results if the task is the paper's."""
     metric = result.task.metric
     cost = metric.heading
@@ -188,32 +192,37 @@ def training_tables(result: TrainingResult) -> list[Table]:
     columns += [Column(seen, right=True), Column("first at step", right=True)]
     if result.published:
         columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
-    rows = [_row(result, *entry) for entry in enumerate(result.outcomes)]
+    rows = [_make_row(result, *entry) for entry in enumerate(result.outcomes)]
     runs = count(len(result.outcomes), "run")
     title = f"{result.task.name}: {runs} of {result.learner}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
         if key in result.options:
             title += f", {key} {result.options[key]}"
     title += f"; physics {result.physics}, collision {result.collision or 'none'}"
-    table = Table(title, columns, rows, _training_notes(result))
+    table = Table(title, columns, rows, _write_notes(result))
     # CSV contains the last table.
     return (
-        [table] if result.layouts is None else [layouts_table(result.layouts, result.task), table]
+        [table]
+        if result.layouts is None
+        else [tabulate_layouts(result.layouts, result.task), table]
     )
 
 
-def _row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[str]:
+def _make_row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[str]:
     decimals, greedy = result.task.metric.decimals, outcome.greedy
     shown = greedy is not None and greedy.complete
     sequence = NONE if greedy is None or not shown else ",".join(map(str, greedy.actions))
     off = deviation(outcome.cost, result.optimum.cost)
     cells = [str(outcome.run), str(outcome.seed), sequence]
-    cells += [number(outcome.cost, decimals) if shown else NONE]
-    cells += [percent(off) if shown else NONE, _rate(outcome.tally)]
+    cells += [format_number(outcome.cost, decimals) if shown else NONE]
+    cells += [format_percent(off) if shown else NONE, _format_rate(outcome.tally)]
     if result.sampling is not None:
-        cells.append("-" if outcome.training is None else _rate(outcome.training.recent))
+        cells.append("-" if outcome.training is None else _format_rate(outcome.training.recent))
     first = None if outcome.training is None else outcome.training.first_success_step
-    cells += [number(outcome.best_cost_seen, decimals), "-" if first is None else f"{first:,}"]
+    cells += [
+        format_number(outcome.best_cost_seen, decimals),
+        "-" if first is None else f"{first:,}",
+    ]
     if result.published:
         theirs = result.published[index] if index < len(result.published) else None
         if theirs is None:
@@ -221,27 +230,27 @@ def _row(result: TrainingResult, index: int, outcome: RunOutcome) -> list[str]:
         elif theirs.cost is None:
             cells += [NONE, NONE]
         else:
-            cells += [number(theirs.cost, 3), percent(theirs.deviation)]
+            cells += [format_number(theirs.cost, 3), format_percent(theirs.deviation)]
     return cells
 
 
-def _training_notes(result: TrainingResult) -> list[str]:
+def _write_notes(result: TrainingResult) -> list[str]:
     task = result.task
-    notes = [_optimum_note(result), *not_checked_notes(result.optimum.not_checked)]
-    notes.append(_runs_note(result))
+    notes = [_describe_optimum(result), *describe_unchecked(result.optimum.not_checked)]
+    notes.append(_describe_runs(result))
     off, cost = result.deviation_iqm, result.cost_iqm
     if off is not None:
-        notes.append(f"deviation  interquartile mean {_interval(off, percent)}")
+        notes.append(f"deviation  interquartile mean {_format_interval(off, format_percent)}")
     elif cost is not None:
-        notes.append(f"cost       interquartile mean {_interval(cost, task.cost_text)}")
+        notes.append(f"cost       interquartile mean {_format_interval(cost, task.cost_text)}")
     if off is not None or cost is not None:
         notes[-1] += f", of the {count(result.completed, 'run')} that complete"
-    notes += _success_notes(result)
+    notes += _describe_success(result)
     if result.best_seen is not None:
         note = f"best seen  {task.cost_text(result.best_seen)} while learning"
         seen_off = deviation(result.best_seen, result.seen_optimum)
-        notes.append(note if seen_off is None else f"{note}, deviation {percent(seen_off)}")
-    notes += _plan_notes(result) + _baseline_notes(result) + _paper_notes(result)
+        notes.append(note if seen_off is None else f"{note}, deviation {format_percent(seen_off)}")
+    notes += _describe_plans(result) + _describe_baseline(result) + _describe_paper(result)
     faults = [outcome for outcome in result.outcomes if outcome.reason]
     for outcome in faults[:_MOST_RUNS]:
         notes.append(f"run {outcome.run:<7}{outcome.status.value}: {outcome.reason}")
@@ -249,7 +258,7 @@ def _training_notes(result: TrainingResult) -> list[str]:
         notes.append(f"runs       {len(faults) - _MOST_RUNS} more do not complete")
     if result.warm_start is not None:
         notes.append(f"begun      {result.warm_start.text}")
-    notes += shortfall_notes(result)
+    notes += describe_shortfall(result)
     if result.interrupted:
         notes.append("stopped    before all steps were done; train --resume goes on")
     notes += result.notes
@@ -260,7 +269,7 @@ def _training_notes(result: TrainingResult) -> list[str]:
     return notes
 
 
-def _plan_notes(result: TrainingResult) -> list[str]:
+def _describe_plans(result: TrainingResult) -> list[str]:
     """Return notes on plans with a learned model, and on runs that explored instead."""
     records = [run.training for run in result.outcomes if run.training is not None]
     notes = []
@@ -280,7 +289,7 @@ def _plan_notes(result: TrainingResult) -> list[str]:
     return notes
 
 
-def _optimum_note(result: TrainingResult) -> str:
+def _describe_optimum(result: TrainingResult) -> str:
     best = result.optimum
     if best.cost is None:
         return f"optimum    not proved: {best.reason}"
@@ -289,7 +298,7 @@ def _optimum_note(result: TrainingResult) -> str:
     return note if best.wall_s is None else f"{note} in {best.wall_s:.2f} s"
 
 
-def _runs_note(result: TrainingResult) -> str:
+def _describe_runs(result: TrainingResult) -> str:
     total = len(result.outcomes)
     note = f"runs       {result.completed} of {total} complete"
     if result.optimum.cost is not None:
@@ -298,43 +307,45 @@ def _runs_note(result: TrainingResult) -> str:
     return f"{note}, {len(result.failed)} failed" if result.failed else note
 
 
-def _success_notes(result: TrainingResult) -> list[str]:
+def _describe_success(result: TrainingResult) -> list[str]:
     notes = []
     if result.sampling is not None and result.success.estimate is not None:
         drawn = result.sampling
         notes.append(
-            f"success    {_interval(result.success.estimate, _one_decimal)} of "
+            f"success    {_format_interval(result.success.estimate, _format_share)} of "
             f"{count(result.success.episodes, 'sampled roll-out')}, temperature "
             f"{drawn.temperature:g}, seed {drawn.seed}"
         )
         spread = result.success_iqm
         if spread is not None and len(result.outcomes) > 1:
-            notes[-1] += f"; interquartile mean of the runs {_interval(spread, _one_decimal)}"
+            notes[-1] += (
+                f"; interquartile mean of the runs {_format_interval(spread, _format_share)}"
+            )
     trained = result.training_success
     if trained.estimate is not None:
         notes.append(
-            f"training   {_interval(trained.estimate, _one_decimal)} of the "
+            f"training   {_format_interval(trained.estimate, _format_share)} of the "
             f"{count(trained.episodes, 'episode')} that ended in the last "
             f"{result.recent_steps:,} steps of a run completed the task"
         )
     return notes
 
 
-def _baseline_notes(result: TrainingResult) -> list[str]:
+def _describe_baseline(result: TrainingResult) -> list[str]:
     base = result.baseline
     if base is None or base.tally.estimate is None:
         return []
-    rate = _interval(base.tally.estimate, _one_decimal)
+    rate = _format_interval(base.tally.estimate, _format_share)
     note = f"random     {rate} of {count(base.tally.episodes, 'episode')} of even chance, mask "
     note += base.mask
     if base.best_cost is not None:
         off = deviation(base.best_cost, result.episode_optimum)
         note += f"; the best costs {result.task.cost_text(base.best_cost)}"
-        note += "" if off is None else f", deviation {percent(off)}"
+        note += "" if off is None else f", deviation {format_percent(off)}"
     return [note]
 
 
-def _paper_notes(result: TrainingResult) -> list[str]:
+def _describe_paper(result: TrainingResult) -> list[str]:
     theirs = result.published
     if not theirs:
         return []
@@ -346,21 +357,21 @@ def _paper_notes(result: TrainingResult) -> list[str]:
     ]
 
 
-def _interval(estimate: Estimate, text: Callable[[float], str]) -> str:
+def _format_interval(estimate: Estimate, text: Callable[[float], str]) -> str:
     if estimate.low is None or estimate.high is None:
         return text(estimate.value)
     return f"{text(estimate.value)} (95 %: {text(estimate.low)} to {text(estimate.high)})"
 
 
-def _one_decimal(fraction: float) -> str:
+def _format_share(fraction: float) -> str:
     return f"{100 * fraction:.1f} %"
 
 
-def _rate(tally: Tally) -> str:
-    return "-" if tally.rate is None else _one_decimal(tally.rate)
+def _format_rate(tally: Tally) -> str:
+    return "-" if tally.rate is None else _format_share(tally.rate)
 
 
-def family_table(learned: RelationalContent, folder: str) -> Table:
+def tabulate_family(learned: RelationalContent, folder: str) -> Table:
     """Return the training boards of a policy and its trial on other boards."""
     columns = [
         Column("boards", right=True),
@@ -378,7 +389,7 @@ def family_table(learned: RelationalContent, folder: str) -> Table:
         row += ["-", "-", "-", "-"]
     else:
         deviations = (trial.median_deviation, trial.greatest_deviation)
-        row += [str(trial.boards), str(trial.completed), *map(percent, deviations)]
+        row += [str(trial.boards), str(trial.completed), *map(format_percent, deviations)]
     notes = [f"written to {folder}; on any task: skillplan evaluate {folder} --task FILE"]
     if trial is None:
         notes.insert(0, "interrupted: it has learned as far as the figures say, and was not tried")
@@ -395,7 +406,7 @@ def family_table(learned: RelationalContent, folder: str) -> Table:
 _ABSENT = "-"
 
 
-def trainings_table(results: Sequence[TrainingResult]) -> Table:
+def tabulate_trainings(results: Sequence[TrainingResult]) -> Table:
     """Return a row for every training, at least one."""
     columns = [
         Column("runs in"),
@@ -418,29 +429,29 @@ def trainings_table(results: Sequence[TrainingResult]) -> Table:
         "the bootstrap where there are several; the share that completes has Wilson's"
     ]
     notes += [f"{result.run_dir}: interrupted" for result in results if result.interrupted]
-    return Table(title, columns, [_trainings_row(result) for result in results], notes)
+    return Table(title, columns, [_make_training_row(result) for result in results], notes)
 
 
-def _trainings_row(result: TrainingResult) -> list[str]:
+def _make_training_row(result: TrainingResult) -> list[str]:
     optimal, decimals = result.at_most(0.0), result.task.metric.decimals
     return [
         result.run_dir,
         result.task.name,
         result.learner,
-        _seeds([outcome.seed for outcome in result.outcomes]),
+        _format_seeds([outcome.seed for outcome in result.outcomes]),
         str(len(result.outcomes)),
         f"{result.steps:,}",
         str(result.completed),
-        _figure(result.completion, _whole),
+        _format_figure(result.completion, _format_whole),
         _ABSENT if optimal is None else str(optimal),
-        _figure(result.deviation_iqm, percent),
-        _figure(result.cost_iqm, lambda cost: number(cost, decimals)),
-        _figure(result.success_iqm, percent),
-        number(result.best_seen, decimals),
+        _format_figure(result.deviation_iqm, format_percent),
+        _format_figure(result.cost_iqm, lambda cost: format_number(cost, decimals)),
+        _format_figure(result.success_iqm, format_percent),
+        format_number(result.best_seen, decimals),
     ]
 
 
-def _figure(estimate: Estimate | None, text: Callable[[float], str]) -> str:
+def _format_figure(estimate: Estimate | None, text: Callable[[float], str]) -> str:
     if estimate is None:
         return _ABSENT
     if estimate.low is None or estimate.high is None:
@@ -448,11 +459,11 @@ def _figure(estimate: Estimate | None, text: Callable[[float], str]) -> str:
     return f"{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]"
 
 
-def _whole(fraction: float) -> str:
+def _format_whole(fraction: float) -> str:
     return f"{100 * fraction:.0f} %"
 
 
-def _seeds(seeds: Sequence[int]) -> str:
+def _format_seeds(seeds: Sequence[int]) -> str:
     """Return the seeds, consecutive ones as a range."""
     ranges: list[list[int]] = []
     for seed in sorted(seeds):

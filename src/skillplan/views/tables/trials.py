@@ -19,10 +19,10 @@ from skillplan.trials.detector_trials import CHART, DetectorTrials
 from skillplan.trials.engine_agreement import EngineAgreement
 from skillplan.trials.fault_injection import Truth
 from skillplan.views.text.table import Column, Table
-from skillplan.views.text.wording import evidence_text, yes_no
+from skillplan.views.text.wording import format_evidence, format_yes_no
 
 
-def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> list[Table]:
+def tabulate_agreement(agreement: EngineAgreement, pictures: Pictures = ()) -> list[Table]:
     """Return all contradictions with the verdicts of each engine, and a summary.
 
     Parameters
@@ -61,7 +61,7 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
             verdict.status.value,
             verdict.reason or "-",
             "; ".join(
-                f"{stage.stage}: {evidence_text(stage.evidence)}"
+                f"{stage.stage}: {format_evidence(stage.evidence)}"
                 for stage in contradiction.stages[name]
                 if stage.evidence
             )
@@ -79,7 +79,7 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
     return [Table(f"{task.name}: contradictions", columns, contradictions), summary]
 
 
-def detectors_tables(trials: DetectorTrials) -> list[Table]:
+def tabulate_detectors(trials: DetectorTrials) -> list[Table]:
     """Return the wrong verdicts of each detector, and a summary with numbers and readings."""
     rows = []
     for name in trials.detectors:
@@ -91,8 +91,8 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
                 f"{misses}/{len(trials.of(Truth.COLLISION))}",
                 f"{undecided}/{len(trials.checked)}",
                 _share_detected(trials, name),
-                _reading_text(find_decisive(trials, name, Truth.LEGITIMATE)),
-                _reading_text(find_decisive(trials, name, Truth.COLLISION)),
+                _format_reading(find_decisive(trials, name, Truth.LEGITIMATE)),
+                _format_reading(find_decisive(trials, name, Truth.COLLISION)),
             )
         )
     columns = [
@@ -104,7 +104,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
         Column("largest reading where right", below=True),
         Column("smallest reading where wrong", below=True),
     ]
-    notes = [f"right is      what {_reference(trials.reference)}"]
+    notes = [f"right is      what {_describe_reference(trials.reference)}"]
     notes += [
         f"trials        {len(trials.of(Truth.LEGITIMATE))} right, "
         f"{len(trials.of(Truth.COLLISION))} collisions, "
@@ -123,7 +123,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
             checked.trial.fault or "-",
             checked.verdicts[name].status.value,
             checked.verdicts[name].reason or "-",
-            evidence_text(checked.verdicts[name].evidence) or "-",
+            format_evidence(checked.verdicts[name].evidence) or "-",
         )
         for name in trials.detectors
         for checked in list_wrong(trials, name)
@@ -141,7 +141,7 @@ def _share_detected(trials: DetectorTrials, name: str) -> str:
     return f"{seen}/{len(trials.of(Truth.OUTCOME))}"
 
 
-def _reading_text(trial: Mapping[str, Any] | None) -> str:
+def _format_reading(trial: Mapping[str, Any] | None) -> str:
     if trial is None:
         return "-"
     figures = [
@@ -152,7 +152,7 @@ def _reading_text(trial: Mapping[str, Any] | None) -> str:
     return f"{', '.join(figures)} at {trial['skill']}{fault}"
 
 
-def _reference(reference: str) -> str:
+def _describe_reference(reference: str) -> str:
     return (
         f"{reference} allows, and the same with a block close by"
         if reference == CHART
@@ -164,7 +164,7 @@ def _reference(reference: str) -> str:
 _LEAST_SHOWN_S = 0.05
 
 
-def simulation_tables(simulation: Simulation) -> list[Table]:
+def tabulate_simulation(simulation: Simulation) -> list[Table]:
     """Return the final places of bodies, and the skills with a summary below."""
     title = f"{simulation.task.name}: simulated by {simulation.physics}"
     columns = [
@@ -194,11 +194,11 @@ def simulation_tables(simulation: Simulation) -> list[Table]:
         Column("reason"),
         Column("measured", below=True),
     ]
-    rows = [_row(simulation, *entry) for entry in enumerate(simulation.performance.skills)]
-    return [*tables, Table(title, columns, rows, _notes(simulation))]
+    rows = [_make_row(simulation, *entry) for entry in enumerate(simulation.performance.skills)]
+    return [*tables, Table(title, columns, rows, _write_notes(simulation))]
 
 
-def _row(simulation: Simulation, index: int, skill: PerformedSkill) -> tuple[str, ...]:
+def _make_row(simulation: Simulation, index: int, skill: PerformedSkill) -> tuple[str, ...]:
     return (
         str(index + 1),
         str(simulation.task.action(simulation.skills[index])),
@@ -208,15 +208,15 @@ def _row(simulation: Simulation, index: int, skill: PerformedSkill) -> tuple[str
         f"{skill.end_s:.1f}",
         *([] if simulation.planned is None else [f"{simulation.planned.durations_s[index]:.1f}"]),
         skill.verdict.reason or "-",
-        evidence_text(skill.verdict.evidence) or "-",
+        format_evidence(skill.verdict.evidence) or "-",
     )
 
 
-def _notes(simulation: Simulation) -> list[str]:
+def _write_notes(simulation: Simulation) -> list[str]:
     performance = simulation.performance
     notes = [
-        f"feasible   {yes_no(simulation.feasible)}",
-        f"complete   {yes_no(simulation.complete)}",
+        f"feasible   {format_yes_no(simulation.feasible)}",
+        f"complete   {format_yes_no(simulation.complete)}",
     ]
     failed = performance.failed
     if failed is not None:
@@ -234,7 +234,7 @@ def _notes(simulation: Simulation) -> list[str]:
     if largest_mm is not None and largest_deg is not None:
         notes.append(f"arrival    within {largest_mm:.3f} mm and {largest_deg:.3f} degrees")
     if simulation.times is not None:
-        notes.append(f"times      {difference_words(simulation.times, performance.pace)}")
+        notes.append(f"times      {describe_difference(simulation.times, performance.pace)}")
     rate = simulation.steps_per_s
     speed = f", {rate:,.0f} steps/s" if rate is not None else ""
     speed += ", filming included" if "video" in (simulation.files or {}) else ""
@@ -245,12 +245,12 @@ def _notes(simulation: Simulation) -> list[str]:
         f"{simulation.wall_s:.1f} s{speed}"
     )
     if performance.figures:
-        notes.append(f"measured   {evidence_text(performance.figures)}")
+        notes.append(f"measured   {format_evidence(performance.figures)}")
     notes += [f"{option:<10} {path}" for option, path in (simulation.files or {}).items()]
     return notes
 
 
-def difference_words(times: TimeDifference, pace: str) -> str:
+def describe_difference(times: TimeDifference, pace: str) -> str:
     """Return the difference of simulated and planned time in words, with its reasons.
 
     Parameters

@@ -79,7 +79,7 @@ class Table:
                 raise ValueError(f"Row {row} does not have {len(self.columns)} cells.")
 
 
-def as_csv(table: Table) -> str:
+def render_csv(table: Table) -> str:
     """Return the rows as CSV with a heading line."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -88,23 +88,25 @@ def as_csv(table: Table) -> str:
     return text.getvalue()
 
 
-def as_markdown(table: Table) -> str:
+def render_markdown(table: Table) -> str:
     """Return the table as Markdown."""
-    lines = [f"**{_plain(table.title)}**", ""]
+    lines = [f"**{_escape_markdown(table.title)}**", ""]
     if table.rows:
-        lines.append("| " + " | ".join(_cell(c.heading) for c in table.columns) + " |")
+        lines.append("| " + " | ".join(_escape_cell(c.heading) for c in table.columns) + " |")
         lines.append("|" + "|".join("--:" if c.right else "---" for c in table.columns) + "|")
-        lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in table.rows]
+        lines += [
+            "| " + " | ".join(_escape_cell(cell) for cell in row) + " |" for row in table.rows
+        ]
         lines.append("")
-    lines += [f"- {_plain(note)}" for note in table.notes]
+    lines += [f"- {_escape_markdown(note)}" for note in table.notes]
     return "\n".join(lines) + "\n"
 
 
-def _cell(text: str) -> str:
-    return _plain(text).replace("|", "\\|")
+def _escape_cell(text: str) -> str:
+    return _escape_markdown(text).replace("|", "\\|")
 
 
-def _plain(text: str) -> str:
+def _escape_markdown(text: str) -> str:
     """Return a text as one line, with Markdown characters escaped."""
     return re.sub(r"([\\`*<])", r"\\\1", " ".join(text.split()))
 
@@ -122,10 +124,10 @@ def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
         Output stream, whose width and colours count.
     """
     if style == "csv":
-        return as_csv(tables[-1])
+        return render_csv(tables[-1])
     if style == "md":
-        return "\n".join(as_markdown(table) for table in tables)
+        return "\n".join(render_markdown(table) for table in tables)
     # CSV and Markdown must not wait for rich.
-    from skillplan.views.text.terminal import as_terminal_text
+    from skillplan.views.text.terminal import render_terminal_text
 
-    return as_terminal_text(tables, out)
+    return render_terminal_text(tables, out)

@@ -9,17 +9,17 @@ from functools import cache
 from typing import Any
 
 
-def percent(fraction: float | None) -> str:
+def format_percent(fraction: float | None) -> str:
     """Return a fraction in per cent with two decimals, or a dash."""
     return "-" if fraction is None else f"{100 * fraction:.2f} %"
 
 
-def number(value: float | None, decimals: int) -> str:
+def format_number(value: float | None, decimals: int) -> str:
     """Return a number, or a dash."""
     return "-" if value is None else f"{value:.{decimals}f}"
 
 
-def yes_no(value: bool) -> str:
+def format_yes_no(value: bool) -> str:
     """Return a truth value as a word."""
     return "yes" if value else "no"
 
@@ -37,17 +37,17 @@ _INVISIBLE = frozenset((0x34F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x3164, 0xFFA0, 0
 _UNUSUAL = re.compile(r"[^\n\t\x20-\x7e]")
 
 
-def escaped(text: str) -> str:
+def escape(text: str) -> str:
     r"""Return a text with control and invisible characters written out, as ``\x1b``.
 
     Line breaks and tabs stay. Texts of documents, file names, exceptions and verdicts pass through
     this function before they reach a terminal or a page.
     """
-    return _UNUSUAL.sub(lambda match: _shown(match.group()), text)
+    return _UNUSUAL.sub(lambda match: _write_out(match.group()), text)
 
 
 @cache
-def _shown(character: str) -> str:
+def _write_out(character: str) -> str:
     code = ord(character)
     tag = 0xE0000 <= code <= 0xE00FF or 0xE01F0 <= code <= 0xE0FFF
     reserved = 0xFFF0 <= code <= 0xFFF8
@@ -59,20 +59,25 @@ def _shown(character: str) -> str:
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
-def evidence_text(evidence: Mapping[str, Any]) -> str:
+def format_evidence(evidence: Mapping[str, Any]) -> str:
     """Return evidence as ``key value`` pairs, with nested evidence in brackets."""
-    return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
+    return ", ".join(f"{key} {_format_value(value)}" for key, value in evidence.items())
 
 
-def evidence_items(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
+def list_evidence(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return evidence as names and texts, one for each measured quantity."""
     return [
-        (key, (evidence_text(value) or "none") if isinstance(value, Mapping) else _plain(value))
+        (
+            key,
+            (format_evidence(value) or "none")
+            if isinstance(value, Mapping)
+            else _format_value(value),
+        )
         for key, value in evidence.items()
     ]
 
 
-def _plain(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if value is None:
         return "unknown"
     if isinstance(value, bool):
@@ -81,13 +86,13 @@ def _plain(value: Any) -> str:
         # Adding 0.0 turns minus zero into zero.
         return f"{value + 0.0:.4g}"
     if isinstance(value, Mapping):
-        return f"({evidence_text(value)})" if value else "none"
+        return f"({format_evidence(value)})" if value else "none"
     if isinstance(value, list | tuple):
-        return " ".join(_plain(item) for item in value) or "none"
+        return " ".join(_format_value(item) for item in value) or "none"
     return str(value)
 
 
-def direction_name(direction: Sequence[float]) -> str:
+def name_direction(direction: Sequence[float]) -> str:
     """Return ``+x`` and the like, or the three numbers of any other direction."""
     for axis, value in zip("xyz", direction, strict=True):
         if abs(abs(value) - 1) < 1e-6:

@@ -25,9 +25,9 @@ from skillplan.views.figures.figure_style import (
     PAPER,
     SMALL_PT,
     Heading,
-    axes_in,
-    legend_columns,
-    sheet,
+    add_axes_in,
+    create_sheet,
+    fit_legend,
 )
 from skillplan_swarmitfix.bench.bench import Bench
 
@@ -123,10 +123,10 @@ class BenchCanvas:
         return polygon
 
     def add_legend(self, entries: Sequence[tuple[Artist, str]]) -> None:
-        """Put the legend below the axes, into the room that `bench_canvas` leaves."""
+        """Put the legend below the axes, into the room that `open_bench_canvas` leaves."""
         labels = [label for _, label in entries]
         width_in, height_in = self.figure.get_size_inches()
-        columns, _ = legend_columns(labels, width_in - 0.4)
+        columns, _ = fit_legend(labels, width_in - 0.4)
         self.figure.legend(
             [artist for artist, _ in entries],
             labels,
@@ -137,18 +137,18 @@ class BenchCanvas:
             columnspacing=1.4,
             borderaxespad=0.0,
             handler_map={
-                Circle: HandlerPatch(patch_func=_small_circle),
-                FancyArrow: HandlerPatch(patch_func=_small_arrow),
+                Circle: HandlerPatch(patch_func=_make_circle),
+                FancyArrow: HandlerPatch(patch_func=_make_arrow),
             },
         )
 
 
-def _small_circle(*, width: float, height: float, fontsize: float, **_: Any) -> Circle:
+def _make_circle(*, width: float, height: float, fontsize: float, **_: Any) -> Circle:
     """Return the mark of a circle in a legend."""
     return Circle((width / 2, height / 2), 0.62 * fontsize)
 
 
-def _small_arrow(*, width: float, height: float, fontsize: float, **_: Any) -> FancyArrow:
+def _make_arrow(*, width: float, height: float, fontsize: float, **_: Any) -> FancyArrow:
     """Return the mark of an arrow in a legend."""
     return FancyArrow(
         0.0,
@@ -162,7 +162,7 @@ def _small_arrow(*, width: float, height: float, fontsize: float, **_: Any) -> F
     )
 
 
-def bench_canvas(
+def open_bench_canvas(
     bench: Bench,
     heading: Heading,
     *,
@@ -191,12 +191,12 @@ def bench_canvas(
     )
     axes_w, axes_h = (float(side) for side in span_m * inch_per_m)
     width_in = max(LEAST_WIDTH_IN, _LEFT_IN + axes_w + _RIGHT_IN + right_in)
-    _, legend_in = legend_columns(list(legend), width_in - 0.4)
+    _, legend_in = fit_legend(list(legend), width_in - 0.4)
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + axes_h + _AXIS_IN + legend_in
-    figure = sheet(width_in, height_in, heading)
+    figure = create_sheet(width_in, height_in, heading)
     left_in = _LEFT_IN + (width_in - _LEFT_IN - axes_w - _RIGHT_IN - right_in) / 2
-    axes = axes_in(figure, left_in, _AXIS_IN + legend_in, axes_w, axes_h)
+    axes = add_axes_in(figure, left_in, _AXIS_IN + legend_in, axes_w, axes_h)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_xlabel("x [m]")
@@ -207,7 +207,7 @@ def bench_canvas(
     )
 
 
-def requested_bench(request: FigureRequest, account: Account | None = None) -> Bench:
+def get_requested_bench(request: FigureRequest, account: Account | None = None) -> Bench:
     """Return the lattice of a request's file, from the account of a solved file if given.
 
     Raises

@@ -21,12 +21,16 @@ from skillplan.views.figures.figure_style import (
     PALETTE,
     PAPER,
     Heading,
+    darken_colour,
     in_house_style,
-    text_colour,
 )
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import (
+    BenchCanvas,
+    get_requested_bench,
+    open_bench_canvas,
+)
 
 SOLVER = "fleet"
 _ASIDE = 0.095
@@ -34,7 +38,7 @@ _MARK_PT = 8.0
 
 
 @in_house_style
-def fleet_figure(
+def draw_fleet(
     bench: Bench,
     starts: Mapping[str, int],
     schedule: Sequence[Sequence[tuple[str, int]]],
@@ -54,14 +58,14 @@ def fleet_figure(
     ValueError
         If robots are missing, or a robot moves that has no start.
     """
-    paths = paths_of(starts, schedule)
-    entries = _legend(paths)
-    canvas = bench_canvas(bench, heading, legend=[label for _, label in entries])
+    paths = find_paths(starts, schedule)
+    entries = _list_legend(paths)
+    canvas = open_bench_canvas(bench, heading, legend=[label for _, label in entries])
     canvas.draw_lattice(pins=False)
     placer = LabelPlacer(*canvas.size_in)
     names_pt = canvas.font_pt(4.8, 6.0)
     points = {
-        robot: _points(canvas, number, len(paths), path)
+        robot: _place_points(canvas, number, len(paths), path)
         for number, (robot, path) in enumerate(paths.items())
     }
     for number, (robot, path) in enumerate(paths.items()):
@@ -81,14 +85,14 @@ def fleet_figure(
                 va="center_baseline",
                 size=size_pt,
                 weight="bold",
-                color=text_colour(PALETTE[number % len(PALETTE)]),
+                color=darken_colour(PALETTE[number % len(PALETTE)]),
                 zorder=8,
             )
     canvas.add_legend(entries)
     return canvas.figure
 
 
-def paths_of(
+def find_paths(
     starts: Mapping[str, int], schedule: Sequence[Sequence[tuple[str, int]]]
 ) -> dict[str, list[tuple[int, int]]]:
     """Return the steps and positions of each robot; step 0 is the start.
@@ -109,7 +113,7 @@ def paths_of(
     return paths
 
 
-def _points(
+def _place_points(
     canvas: BenchCanvas, number: int, count: int, path: Sequence[tuple[int, int]]
 ) -> list[tuple[float, float]]:
     """Return the points of a path [m], shifted a little for each robot."""
@@ -194,7 +198,7 @@ def _draw_names(canvas: BenchCanvas, placer: LabelPlacer, size_pt: float) -> Non
         )
 
 
-def _legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist, str]]:
+def _list_legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist, str]]:
     entries: list[tuple[Artist, str]] = [
         (
             Line2D([], [], color=PALETTE[number % len(PALETTE)], linewidth=2.2),
@@ -228,7 +232,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
     OptionError
         If the file has no robots that share a bench.
     """
-    requested_bench(request)
+    get_requested_bench(request)
     tasks = request.problem.tasks
     task = tasks[-1] if request.part is None else request.problem.part(request.part)
     if len(task.places_in(task.initial)) < 2:
@@ -239,7 +243,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the schedule of a solver, or else the schedule of its plan."""
     result = outcomes[0].result
-    bench = requested_bench(request)
+    bench = get_requested_bench(request)
     plan = [step.skill for step in result.steps]
     account = request.problem.account({result.task: plan})
     schedule = result.trace.get("schedule") or account.document["schedule"]
@@ -248,16 +252,18 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         entry["robot"]: bench.position(entry["start"]) for entry in account.document["robots"]
     }
     swings = sum(len(moves) for moves in steps)
-    whole_s = sum(_steps_s(account.document, schedule))
+    whole_s = sum(_measure_steps_s(account.document, schedule))
     heading = Heading(
         f"Paths of {len(starts)} bases of {request.problem.name}: {swings} swings in "
         f"{len(steps)} parallel steps, {whole_s:.1f} s",
         request.details(outcomes[0].run),
     )
-    return fleet_figure(bench, starts, steps, heading)
+    return draw_fleet(bench, starts, steps, heading)
 
 
-def _steps_s(known: Mapping[str, Any], schedule: Sequence[Sequence[Sequence[str]]]) -> list[float]:
+def _measure_steps_s(
+    known: Mapping[str, Any], schedule: Sequence[Sequence[Sequence[str]]]
+) -> list[float]:
     """Return the durations of the steps of a schedule with the same swings as the known one [s]."""
     swings = zip(chain.from_iterable(known["schedule"]), chain(*known["swings_s"]), strict=True)
     swing_s = {tuple(move): time_s for move, time_s in swings}

@@ -25,13 +25,13 @@ from skillplan.views.figures.figure_style import (
     PURPLE,
     SMALL_PT,
     Heading,
-    axes_in,
+    add_axes_in,
+    create_sheet,
+    fit_legend,
     in_house_style,
-    legend_columns,
-    sheet,
-    text_width_in,
+    measure_text_in,
 )
-from skillplan_swarmitfix.figures.bench_canvas import requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import get_requested_bench
 
 SOLVER = "exact"
 STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}
@@ -84,7 +84,7 @@ class Bar:
 
 
 @in_house_style
-def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
+def draw_gantt(bars: Sequence[Bar], heading: Heading) -> Figure:
     """Draw a Gantt chart in as many lines as needed.
 
     Parameters
@@ -99,21 +99,21 @@ def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
     """
     if not bars:
         raise ValueError("A Gantt chart needs at least one step.")
-    lines, per_line_s = _lines(bars)
+    lines, per_line_s = _split_lines(bars)
     width_in = _LEFT_IN + _LINE_IN + _RIGHT_IN
     used = [step for step in STEPS if any(bar.step == step for bar in bars)]
-    columns, legend_in = legend_columns(used, width_in - 0.4)
+    columns, legend_in = fit_legend(used, width_in - 0.4)
     tall_in = _BAR_IN * len(ROWS)
     each_in = tall_in + _GAP_IN
     head_in = heading.height_in(width_in - 0.4)
     height_in = head_in + each_in * len(lines) + legend_in + 0.05
-    figure = sheet(width_in, height_in, heading)
+    figure = create_sheet(width_in, height_in, heading)
     for number, line in enumerate(lines):
         top_in = height_in - head_in - 0.25 - number * each_in
         begin_s = line[0].start_s
         span_s = max(line[-1].end_s - begin_s, 1e-3 * per_line_s)
         wide_in = _LINE_IN * span_s / per_line_s
-        axes = axes_in(figure, _LEFT_IN, top_in - tall_in, wide_in, tall_in)
+        axes = add_axes_in(figure, _LEFT_IN, top_in - tall_in, wide_in, tall_in)
         axes.set_xlim(begin_s, begin_s + span_s)
         _draw_line(axes, line, wide_in / span_s, last=number == len(lines) - 1)
     handles = [Patch(facecolor=STEPS[step], edgecolor=INK, linewidth=0.5) for step in used]
@@ -128,7 +128,7 @@ def gantt_figure(bars: Sequence[Bar], heading: Heading) -> Figure:
     return figure
 
 
-def _lines(bars: Sequence[Bar]) -> tuple[list[list[Bar]], float]:
+def _split_lines(bars: Sequence[Bar]) -> tuple[list[list[Bar]], float]:
     """Return the bars of every line, broken between sequences, and the time of a line [s]."""
     total_s = bars[-1].end_s - bars[0].start_s
     per_line_s = max(_LINE_IN / _SCALE_IN_PER_S, total_s / _MOST_LINES * 1.15)
@@ -173,7 +173,7 @@ def _draw_line(axes: Axes, bars: Sequence[Bar], in_per_s: float, *, last: bool) 
 def _write_in(axes: Axes, bar: Bar, agent: str, label: str, in_per_s: float) -> None:
     """Write a label into the bar of an agent, as large as fits."""
     room_in = (bar.end_s - bar.start_s) * in_per_s - 0.06
-    size_pt = SMALL_PT * min(1.0, room_in / max(1e-6, text_width_in(label, SMALL_PT)))
+    size_pt = SMALL_PT * min(1.0, room_in / max(1e-6, measure_text_in(label, SMALL_PT)))
     if size_pt >= LEAST_PT:
         axes.text(
             (bar.start_s + bar.end_s) / 2,
@@ -200,9 +200,9 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
         middle_s = (start_s + until[sequence]) / 2
         text = f"sequence {sequence}"
         room_in = (until[sequence] - start_s) * in_per_s
-        if text_width_in(text, SMALL_PT) + 0.08 > room_in:
+        if measure_text_in(text, SMALL_PT) + 0.08 > room_in:
             text = str(sequence)
-        half_s = (text_width_in(text, SMALL_PT) / 2 + 0.02) / in_per_s
+        half_s = (measure_text_in(text, SMALL_PT) / 2 + 0.02) / in_per_s
         if middle_s - half_s < free_from_s:
             continue
         free_from_s = middle_s + half_s
@@ -222,7 +222,7 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the whole chain."""
-    requested_bench(request)
+    get_requested_bench(request)
     last = request.problem.tasks[-1]
     if len(last.places_in(last.initial)) != 1:
         raise request.unfit("it shows one base that walks, but the file has several")
@@ -250,7 +250,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
                 tuple(phase["agents"]),
                 phase["start_s"],
                 phase["end_s"],
-                _labels(phase.get("swing")),
+                _list_labels(phase.get("swing")),
             )
         )
     swings = sum(bar.step == "swing" for bar in bars)
@@ -258,10 +258,10 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         f"The five steps of {chain.name}: {swings} swings, {bars[-1].end_s:.1f} s, "
         f"{bars[-1].sequence} sequences"
     )
-    return gantt_figure(bars, Heading(title, request.details(outcomes[0].run)))
+    return draw_gantt(bars, Heading(title, request.details(outcomes[0].run)))
 
 
-def _labels(swing: Mapping[str, Any] | None) -> dict[str, str]:
+def _list_labels(swing: Mapping[str, Any] | None) -> dict[str, str]:
     """Return the labels of base and PKM in a swing."""
     if swing is None:
         return {}

@@ -31,12 +31,16 @@ from skillplan.views.figures.figure_style import (
     RED,
     SKY,
     Heading,
+    darken_colour,
     in_house_style,
-    text_colour,
 )
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import (
+    BenchCanvas,
+    get_requested_bench,
+    open_bench_canvas,
+)
 
 Point2 = tuple[float, float]
 RADIUS = 0.2
@@ -91,7 +95,7 @@ class BaseGoal:
     supports_m: tuple[Point2, ...]
 
 
-def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
+def find_visits(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
     """Return the numbers of the goals, from 1, by position."""
     visits: dict[int, list[int]] = {}
     for number, goal in enumerate(goals, start=1):
@@ -99,10 +103,10 @@ def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
     return visits
 
 
-def colours_of(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
+def assign_colours(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
     """Return a colour by position of goals; goals of the same colour are far from each other."""
     colours: dict[int, str] = {}
-    for position in visits_of(goals):
+    for position in find_visits(goals):
         at_m = bench.centroids_m[position]
         nearest_m = dict.fromkeys(_COLOURS, math.inf)
         for other, colour in colours.items():
@@ -111,7 +115,7 @@ def colours_of(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
     return colours
 
 
-def ranges_text(numbers: Sequence[int]) -> str:
+def format_ranges(numbers: Sequence[int]) -> str:
     """Return ascending numbers as text, such as ``1, 3-5``."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -124,15 +128,15 @@ def ranges_text(numbers: Sequence[int]) -> str:
     )
 
 
-def holds_of(goals: Sequence[BaseGoal]) -> list[tuple[int, Point2]]:
+def find_holds(goals: Sequence[BaseGoal]) -> list[tuple[int, Point2]]:
     """Return the positions of goals with the supports held from there, without duplicates [m]."""
     return list(dict.fromkeys((goal.position, at) for goal in goals for at in goal.supports_m))
 
 
-def links_m(bench: Bench, goals: Sequence[BaseGoal]) -> list[tuple[Point2, Point2]]:
+def find_links_m(bench: Bench, goals: Sequence[BaseGoal]) -> list[tuple[Point2, Point2]]:
     """Return the lines from the circles of goals to the supports that they hold [m]."""
     lines = []
-    for position, (x_m, y_m) in holds_of(goals):
+    for position, (x_m, y_m) in find_holds(goals):
         from_x, from_y = map(float, bench.centroids_m[position])
         long_m = math.dist((from_x, from_y), (x_m, y_m))
         share = min(1.0, RADIUS * bench.pitch_m / long_m) if long_m else 1.0
@@ -172,7 +176,7 @@ def draw_labels(
     if name_pt is None:
         return
     number_pt = number_pt or LEAST_PT
-    placer = _placer(canvas, points_m, heads, goals)
+    placer = _make_placer(canvas, points_m, heads, goals)
     radius_in = RADIUS * canvas.pitch_in
     rings = sorted({*visits, *between, *(() if home is None else (home,))})
     centres = {position: canvas.to_inches(bench.centroids_m[position]) for position in rings}
@@ -189,11 +193,11 @@ def draw_labels(
             name = bench.name(position)
             place = placer.place(centres[position], name, name_pt, distances_in)
             _write(canvas, canvas.to_metres(place), name, name_pt, INK, bold=True)
-    colours = colours_of(canvas.bench, goals)
+    colours = assign_colours(canvas.bench, goals)
     for position, numbers in sorted(visits.items()):
-        text = f"b{ranges_text(numbers)}"
+        text = f"b{format_ranges(numbers)}"
         place = placer.place(centres[position], text, number_pt, distances_in)
-        _write(canvas, canvas.to_metres(place), text, number_pt, text_colour(colours[position]))
+        _write(canvas, canvas.to_metres(place), text, number_pt, darken_colour(colours[position]))
     if home is not None and home not in visits:
         place = placer.place(centres[home], "home", number_pt, distances_in)
         _write(canvas, canvas.to_metres(place), "home", number_pt, "#8a5a00")
@@ -209,7 +213,9 @@ def _number_heads(
 ) -> None:
     """Write the numbers of the heads, outside the trajectory if there is room."""
     for number, head in enumerate(heads, start=1):
-        distances_in = [_corner_in(canvas, head) + extra for extra in (0.03, 0.08, 0.15, 0.25)]
+        distances_in = [
+            _measure_corner_in(canvas, head) + extra for extra in (0.03, 0.08, 0.15, 0.25)
+        ]
         outward = np.array(head.position_m) - middle_m
         angle_rad = math.atan2(outward[1], outward[0])
         anchor, text = canvas.to_inches(head.position_m), f"h{number}"
@@ -217,7 +223,7 @@ def _number_heads(
         _write(canvas, canvas.to_metres(place), text, size_pt, MUTED)
 
 
-def _placer(
+def _make_placer(
     canvas: BenchCanvas,
     points_m: NDArray[np.float64],
     heads: Sequence[HeadMark],
@@ -226,14 +232,14 @@ def _placer(
     """Return a placer that avoids the trajectory, the heads and the lines to them."""
     placer = LabelPlacer(*canvas.size_in)
     placer.avoid_line([canvas.to_inches(point) for point in points_m.tolist()])
-    for link in links_m(canvas.bench, goals):
+    for link in find_links_m(canvas.bench, goals):
         placer.avoid_line([canvas.to_inches(end) for end in link])
     for head in heads:
-        placer.avoid_disc(canvas.to_inches(head.position_m), _corner_in(canvas, head))
+        placer.avoid_disc(canvas.to_inches(head.position_m), _measure_corner_in(canvas, head))
     return placer
 
 
-def _corner_in(canvas: BenchCanvas, head: HeadMark) -> float:
+def _measure_corner_in(canvas: BenchCanvas, head: HeadMark) -> float:
     """Return the distance of the corners of a head from its centroid on paper [in]."""
     return head.side_m / math.sqrt(3) * canvas.inch_per_m
 
@@ -264,7 +270,7 @@ _TRAJECTORY = "#3c4043"
 
 
 @in_house_style
-def placement_figure(
+def draw_placement(
     bench: Bench,
     trajectory_m: Sequence[Point2],
     heads: Sequence[HeadMark],
@@ -299,24 +305,29 @@ def placement_figure(
     if len(goals) != len(paths):
         raise ValueError(f"{len(goals)} goals need as many paths, not {len(paths)}.")
     points_m = np.array([*trajectory_m, *trajectory_m[:1]] if closed else trajectory_m)
-    visits = visits_of(goals)
+    visits = find_visits(goals)
     between = sorted({p for path in paths for p in path[1:-1]} - set(visits))
     home = paths[0][0] if paths and paths[0] else None
-    entries = _legend(closed, bool(between), home is not None and home not in visits)
-    canvas = bench_canvas(
-        bench, heading, legend=[label for _, label in entries], around_m=_around(points_m, heads)
+    entries = _list_legend(closed, bool(between), home is not None and home not in visits)
+    canvas = open_bench_canvas(
+        bench,
+        heading,
+        legend=[label for _, label in entries],
+        around_m=_collect_points(points_m, heads),
     )
     canvas.draw_lattice(pins=False)
     _draw_trajectory(canvas, points_m)
     _draw_links(canvas, goals)
-    _draw_bases(canvas, colours_of(canvas.bench, goals), between, home)
+    _draw_bases(canvas, assign_colours(canvas.bench, goals), between, home)
     _draw_heads(canvas, heads)
     draw_labels(canvas, points_m, heads, goals, visits, between, home)
     canvas.add_legend(entries)
     return canvas.figure
 
 
-def _around(points_m: NDArray[np.float64], heads: Sequence[HeadMark]) -> NDArray[np.float64]:
+def _collect_points(
+    points_m: NDArray[np.float64], heads: Sequence[HeadMark]
+) -> NDArray[np.float64]:
     return np.concatenate([points_m, *(head.corners_m() for head in heads)])
 
 
@@ -338,10 +349,10 @@ def _draw_trajectory(canvas: BenchCanvas, points_m: NDArray[np.float64]) -> None
 
 
 def _draw_links(canvas: BenchCanvas, goals: Sequence[BaseGoal]) -> None:
-    colours = colours_of(canvas.bench, goals)
+    colours = assign_colours(canvas.bench, goals)
     lines = LineCollection(
-        links_m(canvas.bench, goals),
-        colors=[colours[position] for position, _ in holds_of(goals)],
+        find_links_m(canvas.bench, goals),
+        colors=[colours[position] for position, _ in find_holds(goals)],
         linewidths=1.1,
         zorder=3,
     )
@@ -354,14 +365,14 @@ def _draw_bases(
 ) -> None:
     radius_m, name = RADIUS * canvas.bench.pitch_m, canvas.bench.name
     for position, colour in goals.items():
-        _ring(canvas, position, radius_m, colour, "-", 2.2, f"goal-{name(position)}")
+        _draw_ring(canvas, position, radius_m, colour, "-", 2.2, f"goal-{name(position)}")
     for position in between:
-        _ring(canvas, position, radius_m, MUTED, "--", 1.0, f"between-{name(position)}")
+        _draw_ring(canvas, position, radius_m, MUTED, "--", 1.0, f"between-{name(position)}")
     if home is not None and home not in goals:
-        _ring(canvas, home, radius_m, ORANGE, ":", 2.2, f"home-{canvas.bench.name(home)}")
+        _draw_ring(canvas, home, radius_m, ORANGE, ":", 2.2, f"home-{canvas.bench.name(home)}")
 
 
-def _ring(
+def _draw_ring(
     canvas: BenchCanvas,
     position: int,
     radius_m: float,
@@ -398,7 +409,7 @@ def _draw_heads(canvas: BenchCanvas, heads: Sequence[HeadMark]) -> None:
     canvas.axes.add_collection(drawn)
 
 
-def _legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]:
+def _list_legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]:
     def ring(colour: str, dashes: str) -> Circle:
         return Circle((0, 0), 1, facecolor=PAPER, edgecolor=colour, linestyle=dashes, linewidth=2.0)
 
@@ -425,7 +436,7 @@ def _legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the whole chain."""
     account = request.problem.account({})
-    requested_bench(request, account)
+    get_requested_bench(request, account)
     if "workpiece" not in account.document:
         raise request.unfit("the file has no trajectory along which heads are placed")
     return [request.chain_run()]
@@ -435,7 +446,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the placements of a solved chain."""
     chain = outcomes[0].chain
     document = chain.account.document
-    bench, workpiece = requested_bench(request, chain.account), document["workpiece"]
+    bench, workpiece = get_requested_bench(request, chain.account), document["workpiece"]
     heads = [
         HeadMark(
             (entry["position_m"][0], entry["position_m"][1]),
@@ -459,4 +470,4 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         f"Placement of heads and bases of {chain.name}: {makespan}",
         request.details(outcomes[0].run),
     )
-    return placement_figure(bench, points_m, heads, goals, paths, heading, closed=closed)
+    return draw_placement(bench, points_m, heads, goals, paths, heading, closed=closed)

@@ -27,11 +27,15 @@ from skillplan.views.figures.figure_style import (
     MUTED,
     RED,
     Heading,
-    axes_in,
+    add_axes_in,
     in_house_style,
 )
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.figures.bench_canvas import BenchCanvas, bench_canvas, requested_bench
+from skillplan_swarmitfix.figures.bench_canvas import (
+    BenchCanvas,
+    get_requested_bench,
+    open_bench_canvas,
+)
 
 SOLVER = "sarsa"
 _SHADES = LinearSegmentedColormap.from_list("steps", ["#f2f7fb", "#8fb8d8"])
@@ -40,7 +44,7 @@ _RIGHT_IN = 0.95
 
 
 @in_house_style
-def policy_figure(
+def draw_policy(
     bench: Bench,
     recommended: Mapping[int, int],
     goal: int,
@@ -64,13 +68,13 @@ def policy_figure(
     ValueError
         If a position or action does not exist, or an action leaves the bench.
     """
-    ends = _ends(bench, recommended)
-    steps = steps_to(goal, ends, bench.n_positions)
-    path = [] if start is None else _path(start, goal, ends)
+    ends = _find_ends(bench, recommended)
+    steps = count_steps_to(goal, ends, bench.n_positions)
+    path = [] if start is None else _find_path(start, goal, ends)
     has_rings = any(end == here for here, end in ends.items() if here != goal)
     has_lost = bool((steps < 0).any())
-    entries = _legend(len(path) > 1, has_rings, has_lost)
-    canvas = bench_canvas(
+    entries = _list_legend(len(path) > 1, has_rings, has_lost)
+    canvas = open_bench_canvas(
         bench, heading, legend=[label for _, label in entries], right_in=_RIGHT_IN
     )
     most = max(1, int(steps.max()))
@@ -86,7 +90,7 @@ def policy_figure(
     return canvas.figure
 
 
-def steps_to(goal: int, ends: Mapping[int, int], n_positions: int) -> NDArray[np.int64]:
+def count_steps_to(goal: int, ends: Mapping[int, int], n_positions: int) -> NDArray[np.int64]:
     """Return the steps of a policy from every position to the goal; -1 if it never gets there.
 
     Parameters
@@ -110,7 +114,7 @@ def steps_to(goal: int, ends: Mapping[int, int], n_positions: int) -> NDArray[np
     return steps
 
 
-def _ends(bench: Bench, recommended: Mapping[int, int]) -> dict[int, int]:
+def _find_ends(bench: Bench, recommended: Mapping[int, int]) -> dict[int, int]:
     ends = {}
     for here, action in recommended.items():
         name = bench.name(here)
@@ -123,7 +127,7 @@ def _ends(bench: Bench, recommended: Mapping[int, int]) -> dict[int, int]:
     return ends
 
 
-def _path(start: int, goal: int, ends: Mapping[int, int]) -> list[int]:
+def _find_path(start: int, goal: int, ends: Mapping[int, int]) -> list[int]:
     """Return the positions from start to goal; none if the policy does not get there."""
     path = [start]
     while path[-1] != goal:
@@ -207,7 +211,7 @@ def _draw_names(canvas: BenchCanvas, recommended: Mapping[int, int]) -> None:
         canvas.axes.text(x_m + gap_m, wide_m, f"B{action}", ha="left", color=BLUE, **common)
 
 
-def _legend(path: bool, rings: bool, lost: bool) -> list[tuple[Artist, str]]:
+def _list_legend(path: bool, rings: bool, lost: bool) -> list[tuple[Artist, str]]:
     def mark(marker: str, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, **style)
 
@@ -235,7 +239,7 @@ def _draw_scale(canvas: BenchCanvas, most: int) -> None:
     place = canvas.axes.get_position()
     tall_in = min(place.height * height_in, 3.4)
     bottom_in = (place.y0 + place.height / 2) * height_in - tall_in / 2
-    axes = axes_in(figure, width_in - _RIGHT_IN, bottom_in, 0.16, tall_in)
+    axes = add_axes_in(figure, width_in - _RIGHT_IN, bottom_in, 0.16, tall_in)
     colours = ListedColormap([_SHADES(step / most) for step in range(most + 1)])
     norm = BoundaryNorm(np.arange(-0.5, most + 1.5), most + 1)
     bar = Colorbar(axes, cmap=colours, norm=norm)
@@ -247,7 +251,7 @@ def _draw_scale(canvas: BenchCanvas, most: int) -> None:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return the run that solves the task of walking."""
-    requested_bench(request)
+    get_requested_bench(request)
     return [Run(request.walk())]
 
 
@@ -259,7 +263,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     OptionError
         If the solver gave a plan but no policy.
     """
-    bench, task, result = requested_bench(request), request.walk(), outcomes[0].result
+    bench, task, result = get_requested_bench(request), request.walk(), outcomes[0].result
     if result.policy is None:
         raise request.unfit(
             f"{result.solver} plans a sequence, not a policy; name a solver such as sarsa or "
@@ -275,6 +279,6 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     heading = Heading(
         f"Policy of {task.name}: from {start} to {goal}", request.details(outcomes[0].run)
     )
-    return policy_figure(
+    return draw_policy(
         bench, recommended, bench.position(goal), heading, start=bench.position(start)
     )

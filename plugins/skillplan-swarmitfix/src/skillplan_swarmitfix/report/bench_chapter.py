@@ -14,15 +14,19 @@ from skillplan.views.figures.picture import (
     SMALL_PX,
     Note,
     Picture,
-    number_rows,
-    rectangle,
-    text_width_px,
+    make_rectangle,
+    measure_text_px,
+    place_number_rows,
 )
-from skillplan.views.report.chapters import ChainInput, chain_account
+from skillplan.views.report.chapters import ChainInput, get_chain_account
 from skillplan.views.report.markup import Markup
-from skillplan.views.report.plan_sections import figure
+from skillplan.views.report.plan_sections import caption_picture
 from skillplan_swarmitfix.bench.bench import Bench
-from skillplan_swarmitfix.report.bench_playback import bench_playback, fleet_playback, swings_of
+from skillplan_swarmitfix.report.bench_playback import (
+    build_bench_playback,
+    build_fleet_playback,
+    list_swings,
+)
 
 _WIDTH_PX, _MARGIN_PX, _LEGEND_PX = 960.0, 20.0, 40.0
 # Visible margin round the outermost pins [m].
@@ -30,7 +34,7 @@ _RIM_M = 0.12
 _HEAD_PX, _NAME_PX = 5.0, 9.5
 
 
-def bench_picture(name: str, bench: Bench, known: Mapping[str, Any]) -> tuple[Picture, str]:
+def draw_bench(name: str, bench: Bench, known: Mapping[str, Any]) -> tuple[Picture, str]:
     """Return the bench with its bases, heads and paths, and a caption.
 
     Parameters
@@ -86,7 +90,7 @@ class _BenchSheet:
             self._draw_head(goal, SERIES[list(stands).index(goal["goal"]) % len(SERIES)])
         ends_at = {self._at(stand): numbers for stand, numbers in stands.items()}
         names = {self._at(stand): stand for stand in stands}
-        rows = number_rows(ends_at, (_WIDTH_PX, self.foot_px))
+        rows = place_number_rows(ends_at, (_WIDTH_PX, self.foot_px))
         for row in rows:
             row.draw_leader(self.picture)
         for row in rows:
@@ -105,7 +109,7 @@ class _BenchSheet:
         reach = goal.get("pkm") or {}
         beyond = reach.get("status") == "infeasible"
         self.picture.line((self._at(goal["goal"]), (x, y)), role, 1.4, dashed=beyond)
-        box = rectangle(x - _HEAD_PX, y - _HEAD_PX, x + _HEAD_PX, y + _HEAD_PX)
+        box = make_rectangle(x - _HEAD_PX, y - _HEAD_PX, x + _HEAD_PX, y + _HEAD_PX)
         why = f": {reach['reason']}" if beyond else ""
         note = Note(f"support {goal['sequence']} from {goal['goal']}{why}")
         self.picture.polygon(box, "paper" if beyond else role, role, 1.4, note=note)
@@ -123,7 +127,7 @@ class _BenchSheet:
                 self.picture.arrow(begin, end, role, 2.0, short_px=3.0)
             words = f"{robot['robot']}, {robot['start']} to {robot['goal']}"
             x, y = points[0]
-            half_px = text_width_px(words, SMALL_PX) / 2 + 8
+            half_px = measure_text_px(words, SMALL_PX) / 2 + 8
             middle = min(max(x, half_px), _WIDTH_PX - half_px)
             label_y = y - 15 if y < self.foot_px / 2 else y + 15
             self.picture.label((middle, label_y), words, role, SMALL_PX, bold=True, halo=True)
@@ -134,10 +138,10 @@ class _BenchSheet:
             ("blue", "head, held from the number that its line leads to"),
             ("paper", "beyond the legs of the machine"),
         ):
-            box = rectangle(left, top - _HEAD_PX, left + 2 * _HEAD_PX, top + _HEAD_PX)
+            box = make_rectangle(left, top - _HEAD_PX, left + 2 * _HEAD_PX, top + _HEAD_PX)
             self.picture.polygon(box, fill, "blue", 1.4)
             self.picture.label((left + 16, top), words, "muted", SMALL_PX, "start")
-            left += 36 + text_width_px(words, SMALL_PX)
+            left += 36 + measure_text_px(words, SMALL_PX)
         self.picture.line(((left, top), (left + 18, top)), "muted", dashed=True)
         self.picture.label((left + 24, top), "way of the base", "muted", SMALL_PX, "start")
 
@@ -153,7 +157,7 @@ class _BenchSheet:
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 
 
-def bench_input(
+def prepare_bench_input(
     problem: Problem, document: Mapping[str, Any], name: str, playing: bool
 ) -> ChainInput:
     """Return the input of a chapter on a chain of tasks.
@@ -163,33 +167,35 @@ def bench_input(
     playing
         True if the chapter may bring the playback of the page.
     """
-    account = chain_account(problem, document)
+    account = get_chain_account(problem, document)
     known = account.document
     playback, images = None, tuple[Markup, ...]()
     missing = "the file describes no bench, or nothing has been planned"
     if "bench" in known:
         shape = known["bench"]
         bench = Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
-        picture, words = bench_picture(problem.name, bench, known)
-        images = (figure(picture, f"{name}-bench", words),)
+        picture, words = draw_bench(problem.name, bench, known)
+        images = (caption_picture(picture, f"{name}-bench", words),)
         if not playing:
             missing = "the page plays another plan"
         elif known.get("timeline"):
-            playback = bench_playback(problem.name, bench, known).document()
+            playback = build_bench_playback(problem.name, bench, known).document()
         elif known.get("schedule"):
-            playback = fleet_playback(problem.name, bench, known).document()
+            playback = build_fleet_playback(problem.name, bench, known).document()
     return ChainInput(
         document,
         listings=account.listings,
-        refused=_refused(known, document),
+        refused=_list_refused(known, document),
         images=images,
-        bars=_bars(known),
+        bars=_list_bars(known),
         playback=playback,
         missing=missing,
     )
 
 
-def _refused(known: Mapping[str, Any], document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+def _list_refused(
+    known: Mapping[str, Any], document: Mapping[str, Any]
+) -> list[tuple[str, str, str]]:
     """Return the supports that the machine cannot hold, and the reason of the status."""
     rows = [
         (f"support {goal['sequence']} from {goal['goal']}", "out of reach", goal["pkm"]["reason"])
@@ -202,7 +208,7 @@ def _refused(known: Mapping[str, Any], document: Mapping[str, Any]) -> list[tupl
     return rows
 
 
-def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
+def _list_bars(known: Mapping[str, Any]) -> list[PlanBar]:
     """Return the five steps of each sequence, or the swings of each base, as bars."""
     bars = []
     for phase in known.get("timeline") or ():
@@ -216,7 +222,7 @@ def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
             row = _AGENTS[agent]
             bars.append(PlanBar(row, label, phase["step"], begin_s, end_s, title, short))
     if not bars and known.get("schedule"):
-        for number, robot, action, (start, end), times in swings_of(known):
+        for number, robot, action, (start, end), times in list_swings(known):
             words = f"{start} to {end}, {times[0]:.2f} s to {times[1]:.2f} s"
             title = f"step {number}: {robot} {action}, {words}"
             bars.append(PlanBar(robot, end, "swing", *times, title))

@@ -16,9 +16,9 @@ import numpy as np
 
 from skillplan.task.pose import Pose
 from skillplan.views.figures.figure_style import PALETTE
-from skillplan.views.playback.document import Playback, box, cylinder
-from skillplan.views.playback.meshes import hull_mesh
-from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, rows_of
+from skillplan.views.playback.document import Playback, make_box, make_cylinder
+from skillplan.views.playback.meshes import build_hull_mesh
+from skillplan.views.playback.tracks import FRAMES_PER_S, Numbers, make_rows
 from skillplan_swarmitfix.bench.bench import Bench
 from skillplan_swarmitfix.bench.swings import Direction
 from skillplan_swarmitfix.pkm.kinematics import OutsideWorkspace, PkmGeometry, inverse, zyz_matrix
@@ -40,7 +40,9 @@ class Turning:
     angle_rad: float
 
 
-def turning(bench: Bench, start: int, action: int, begin_s: float, end_s: float) -> Turning | None:
+def make_turning(
+    bench: Bench, start: int, action: int, begin_s: float, end_s: float
+) -> Turning | None:
     """Return the swing that an action makes, spread over a time; None for staying."""
     swing = bench.swing(start, action)
     if swing is None:
@@ -51,7 +53,7 @@ def turning(bench: Bench, start: int, action: int, begin_s: float, end_s: float)
     return Turning(begin_s, end_s, (x, y), signed)
 
 
-def base_rows(
+def compute_base_rows(
     bench: Bench, start: int, turnings: Sequence[Turning], times_s: Numbers
 ) -> tuple[Numbers, Numbers, Numbers]:
     """Return the centre x, y [m] and the rotation [rad] of a base at ascending times [s]."""
@@ -75,7 +77,7 @@ def base_rows(
     return xs, ys, yaws
 
 
-def upright_rows(xs: Numbers, ys: Numbers, yaws: Numbers, z_m: float = 0.0) -> Numbers:
+def make_upright_rows(xs: Numbers, ys: Numbers, yaws: Numbers, z_m: float = 0.0) -> Numbers:
     """Return upright poses, shape (n, 7)."""
     zero = np.zeros(len(xs))
     return np.stack([xs, ys, zero + z_m, zero, zero, np.sin(yaws / 2), np.cos(yaws / 2)], axis=1)
@@ -86,9 +88,9 @@ def add_bench(playback: Playback, bench: Bench) -> None:
     low, high = bench.pins_m.min(axis=0) - 0.15, bench.pins_m.max(axis=0) + 0.15
     middle = ((low + high) / 2).tolist()
     size = (*(high - low).tolist(), 0.03)
-    plate = box(size, Pose((middle[0], middle[1], -0.015)))
+    plate = make_box(size, Pose((middle[0], middle[1], -0.015)))
     playback.add_body("bench", "environment", [plate])
-    pins = [cylinder(_PIN_M, 0.012, Pose((x, y, 0.006))) for x, y in bench.pins_m.tolist()]
+    pins = [make_cylinder(_PIN_M, 0.012, Pose((x, y, 0.006))) for x, y in bench.pins_m.tolist()]
     playback.add_body("pins", "dock", pins)
     far = float(max(high - low))
     playback.view = (
@@ -112,9 +114,10 @@ def add_base(
             angle = 2 * math.pi * turn / 8
             corner = (x + 0.045 * math.cos(angle), y + 0.045 * math.sin(angle))
             plate += [(*corner, BASE_TOP_M - 0.08), (*corner, BASE_TOP_M)]
-    shapes = [playback.mesh(*hull_mesh(plate))]
+    shapes = [playback.mesh(*build_hull_mesh(plate))]
     shapes += [
-        cylinder(_LEG_M, BASE_TOP_M - 0.06, Pose((x, y, (BASE_TOP_M - 0.06) / 2))) for x, y in feet
+        make_cylinder(_LEG_M, BASE_TOP_M - 0.06, Pose((x, y, (BASE_TOP_M - 0.06) / 2)))
+        for x, y in feet
     ]
     playback.add_body(name, "base", shapes, rows=rows, label=True, color=color)
 
@@ -127,7 +130,7 @@ _HEAD_M = 0.02
 _LEG_COLOUR, _ROD_COLOUR = "#8b929b", "#d5d9de"
 
 
-def bench_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
+def build_bench_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
     """Return the motion of a job on the bench.
 
     Parameters
@@ -155,8 +158,8 @@ class _BenchPlayback:
         """Return the playback."""
         add_bench(self.playback, self.bench)
         self._add_sheet()
-        xs, ys, yaws = base_rows(self.bench, self._start(), self._turnings(), self.times_s)
-        add_base(self.playback, self.bench, "base", self._dense(upright_rows(xs, ys, yaws)))
+        xs, ys, yaws = compute_base_rows(self.bench, self._start(), self._turnings(), self.times_s)
+        add_base(self.playback, self.bench, "base", self._dense(make_upright_rows(xs, ys, yaws)))
         self._animate_machine(xs, ys)
         self._add_skills()
         return self.playback
@@ -172,7 +175,7 @@ class _BenchPlayback:
             if swing:
                 start = self.bench.position(swing["start"])
                 times = float(phase["start_s"]), float(phase["end_s"])
-                turn = turning(self.bench, start, int(swing["action"][1:]), *times)
+                turn = make_turning(self.bench, start, int(swing["action"][1:]), *times)
                 turnings += [turn] if turn is not None else []
         return turnings
 
@@ -188,7 +191,7 @@ class _BenchPlayback:
         xs, ys = [p[0] for p in points], [p[1] for p in points]
         size = (max(xs) - min(xs) + 0.16, max(ys) - min(ys) + 0.16, 0.003)
         middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2, self.mount.sheet_m + 0.0015)
-        self.playback.add_body("sheet", "sheet", [box(size)], Pose(middle))
+        self.playback.add_body("sheet", "sheet", [make_box(size)], Pose(middle))
 
     def _reaches(self) -> list[tuple[float, float, float, float]]:
         """Return keys of the head: time [s], place in the plane [m] and depth [m]."""
@@ -200,9 +203,9 @@ class _BenchPlayback:
             spot = phase.get("support_m")
             if phase["step"] == "support" and spot:
                 at = spot
-                keys += [(begin, *_plane(at), _DOWN_M), (end, *_plane(at), 0.0)]
+                keys += [(begin, *_find_centre(at), _DOWN_M), (end, *_find_centre(at), 0.0)]
             elif phase["step"] == "retract":
-                keys += [(begin, *_plane(at), 0.0), (end, *_plane(at), _DOWN_M)]
+                keys += [(begin, *_find_centre(at), 0.0), (end, *_find_centre(at), _DOWN_M)]
         return keys
 
     def _animate_machine(self, xs: Numbers, ys: Numbers) -> None:
@@ -294,17 +297,17 @@ class _BenchPlayback:
         column[:, :3, :3] = head[:, :3, :3]
         column[:, 2, 3] = BASE_TOP_M
         shapes = [
-            cylinder(0.06, foot, Pose((-self.mount.offset_m, 0.0, foot / 2))),
-            box((self.mount.offset_m + 0.12, 0.13, 0.04), Pose((-0.05, 0.0, foot - 0.03))),
+            make_cylinder(0.06, foot, Pose((-self.mount.offset_m, 0.0, foot / 2))),
+            make_box((self.mount.offset_m + 0.12, 0.13, 0.04), Pose((-0.05, 0.0, foot - 0.03))),
         ]
-        playback.add_body("column", "link", shapes, rows=self._dense(rows_of(column)))
+        playback.add_body("column", "link", shapes, rows=self._dense(make_rows(column)))
         corners = [
             (*point[:2], z) for point in self.geometry.platform_points_m for z in (-0.012, 0.012)
         ]
         corners += [(-0.03, 0.0, -0.012), (-0.03, 0.0, 0.012)]
-        wrist = cylinder(0.022, self.geometry.wrist_offset_m, Pose((0, 0, 0.045)))
-        shapes = [playback.mesh(*hull_mesh(corners)), wrist]
-        playback.add_body("platform", "link", shapes, rows=self._dense(rows_of(platform)))
+        wrist = make_cylinder(0.022, self.geometry.wrist_offset_m, Pose((0, 0, 0.045)))
+        shapes = [playback.mesh(*build_hull_mesh(corners)), wrist]
+        playback.add_body("platform", "link", shapes, rows=self._dense(make_rows(platform)))
         for number, name in enumerate("ABC"):
             self._add_leg(name, joints[:, number])
         side = 0.1
@@ -317,9 +320,9 @@ class _BenchPlayback:
             for k in range(3)
             for z in (-_HEAD_M, 0.0)
         ]
-        stem = cylinder(0.018, 0.07, Pose((0.0, 0.0, -0.05)))
-        shapes = [playback.mesh(*hull_mesh(points)), stem]
-        rows = self._dense(rows_of(head))
+        stem = make_cylinder(0.018, 0.07, Pose((0.0, 0.0, -0.05)))
+        shapes = [playback.mesh(*build_hull_mesh(points)), stem]
+        rows = self._dense(make_rows(head))
         track = playback.add_body("head", "head", shapes, rows=rows, label=True)
         playback.arms.append({"name": "PKM", "tip_track": track})
 
@@ -338,8 +341,8 @@ class _BenchPlayback:
         ):
             own = frames.copy()
             own[:, :3, 3] = ends[:, start]
-            shapes = [cylinder(radius, 0.18, Pose((0.0, 0.0, sign * 0.09)))]
-            rows = self._dense(rows_of(own))
+            shapes = [make_cylinder(radius, 0.18, Pose((0.0, 0.0, sign * 0.09)))]
+            rows = self._dense(make_rows(own))
             self.playback.add_body(f"leg {name}, {part}", "link", shapes, rows=rows, color=colour)
 
     def _dense(self, rows: Numbers) -> Numbers:
@@ -366,14 +369,14 @@ class _BenchPlayback:
             )
 
 
-def _plane(spot: Any) -> tuple[float, float]:
+def _find_centre(spot: Any) -> tuple[float, float]:
     """Return the centre of one or several supports [m]."""
     points = np.atleast_2d(np.array(spot, dtype=np.float64))
     x, y = points.mean(axis=0).tolist()
     return x, y
 
 
-def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
+def build_fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playback:
     """Return the motion of a fleet, in which each swing takes its own time.
 
     Parameters
@@ -389,10 +392,10 @@ def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playbac
     for number, entry in enumerate(known["robots"]):
         robot, start = entry["robot"], bench.position(entry["start"])
         moves: list[Turning] = []
-        for _, who, action, (begin, end), times in swings_of(known):
+        for _, who, action, (begin, end), times in list_swings(known):
             if who != robot:
                 continue
-            turn = turning(bench, bench.position(begin), int(action[1:]), *times)
+            turn = make_turning(bench, bench.position(begin), int(action[1:]), *times)
             if turn is not None:
                 moves.append(turn)
             playback.skills.append(
@@ -406,13 +409,13 @@ def fleet_playback(name: str, bench: Bench, known: Mapping[str, Any]) -> Playbac
                     "note": f"{begin} to {end}",
                 }
             )
-        rows = upright_rows(*base_rows(bench, start, moves, times_s))
+        rows = make_upright_rows(*compute_base_rows(bench, start, moves, times_s))
         add_base(playback, bench, robot, rows, PALETTE[number % len(PALETTE)])
     playback.skills.sort(key=itemgetter("start_s"))
     return playback
 
 
-def swings_of(
+def list_swings(
     known: Mapping[str, Any],
 ) -> Iterator[tuple[int, str, str, tuple[str, str], tuple[float, float]]]:
     """Yield step from 1, robot, action, positions and times [s] of every swing of a schedule.
