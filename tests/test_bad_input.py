@@ -534,11 +534,11 @@ def test_no_file_hangs_or_exhausts_memory(tmp_path, names):
         check=True,
         timeout=300,
     )
-    found = {Path(path).stem: answer for path, answer in json.loads(done.stdout).items()}
+    results = {Path(path).stem: answer for path, answer in json.loads(done.stdout).items()}
     expected = {name: PATHOLOGICAL[name][0] for name in names}
-    assert expected == {name: code for name, (code, _, _) in found.items()}
-    assert [] == [(name, seconds) for name, (_, seconds, _) in found.items() if seconds > 20]
-    for _, _, err in found.values():
+    assert expected == {name: code for name, (code, _, _) in results.items()}
+    assert [] == [(name, seconds) for name, (_, seconds, _) in results.items() if seconds > 20]
+    for _, _, err in results.values():
         lines = err.splitlines()
         in_words = ("skillplan: error: ", "skillplan: and ")
         assert [] == [line for line in lines if not line.startswith(in_words)]

@@ -129,17 +129,17 @@ def printed_costs(path: Path) -> list[tuple[list[int], float, float]]:
 
 def complete_sequences(model: SkillModel) -> dict[int, list[tuple[float, tuple[int, ...]]]]:
     """Return cost and actions of every complete sequence, by length; a walk of its own."""
-    found: dict[int, list[tuple[float, tuple[int, ...]]]] = {}
+    results: dict[int, list[tuple[float, tuple[int, ...]]]] = {}
     stack: list[tuple[Any, float, tuple[int, ...]]] = [(model.initial, 0.0, ())]
     while stack:
         state, cost, actions = stack.pop()
         for step in model.transitions(state):
             total, longer = cost + step.cost, (*actions, model.task.action(step.skill))
             if model.is_goal(step.next_state):
-                found.setdefault(len(longer), []).append((total, longer))
+                results.setdefault(len(longer), []).append((total, longer))
             elif len(longer) < model.step_limit:
                 stack.append((step.next_state, total, longer))
-    return found
+    return results
 
 
 def count_sequences(model: SkillModel) -> dict[int, int]:
@@ -184,16 +184,16 @@ def board_sequences(board):
     return complete_sequences(make_model(board))
 
 
-def add(one: Point, other: Point) -> Point:
+def add(first: Point, other: Point) -> Point:
     """Return the sum of two vectors."""
-    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
+    return (first[0] + other[0], first[1] + other[1], first[2] + other[2])
 
 
-def overlaps(one: Box, other: Box) -> list[float]:
+def overlaps(first: Box, other: Box) -> list[float]:
     """Return by how much two boxes overlap along each axis; negative where they are apart."""
     return [
         (a + b) / 2 - abs(p - q)
-        for a, b, p, q in zip(one.size, other.size, one.centre, other.centre, strict=True)
+        for a, b, p, q in zip(first.size, other.size, first.centre, other.centre, strict=True)
     ]
 
 
@@ -403,11 +403,11 @@ class TestTheBoard:
     )
     def test_it_reproduces_table_3(self, board, actions, cost, deviation):
         """Costs and deviations from the optimum, in the digits that the paper prints."""
-        least = optimum(BOARD).cost
-        assert least is not None
+        minimum = optimum(BOARD).cost
+        assert minimum is not None
         walked = walk(board, actions)
         assert cost == f"{walked.cost:.3f}"
-        assert deviation == f"{100 * (walked.cost / least - 1):.2f} %"
+        assert deviation == f"{100 * (walked.cost / minimum - 1):.2f} %"
 
     def test_the_order_of_the_paper_s_prose_is_hardly_worse(self, board):
         """Two hundredths of a millimetre: both print 1.867."""
@@ -439,12 +439,12 @@ class TestTheBoard:
     def test_an_independent_walk_agrees_with_brute_force(self, brute_force, board_sequences):
         """The same number, the same best and the same worst of each length."""
         result = brute_force
-        assert 12_420 == sum(len(found) for found in board_sequences.values())
+        assert 12_420 == sum(len(results) for results in board_sequences.values())
         assert 12_420 == result.trace["sequences"]
-        best = min(min(found)[0] for found in board_sequences.values())
+        best = min(min(outcome)[0] for outcome in board_sequences.values())
         assert best == pytest.approx(result.cost, abs=1e-12)
-        for length, found in board_sequences.items():
-            assert max(found)[0] == pytest.approx(
+        for length, board_sequence in board_sequences.items():
+            assert max(board_sequence)[0] == pytest.approx(
                 result.trace["worst_cost_by_length"][length], abs=1e-12
             )
 

@@ -89,29 +89,29 @@ def calls(path: Path) -> Iterator[tuple[str, str]]:
 
 def imports(path: Path) -> set[str]:
     """Return the top-level modules that a module imports, wherever it does."""
-    found: set[str] = set()
+    result: set[str] = set()
     for node in nodes(path):
         if isinstance(node, ast.Import):
-            found |= {alias.name.partition(".")[0] for alias in node.names}
+            result |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            found.add(node.module.partition(".")[0])
-    return found
+            result.add(node.module.partition(".")[0])
+    return result
 
 
 def opening(path: Path) -> set[str]:
     """Return by what a module opens, replaces or links files."""
-    found = OPENING_MODULES & imports(path)
+    result = OPENING_MODULES & imports(path)
     for holder, name in calls(path):
         # By its bare name only `open`: the others are functions of the floor `files`.
         if name in OPENING_OF.get(holder, ()) or (name in OPENING if holder else name == "open"):
-            found.add(f"{holder}.{name}" if holder else name)
-    return found
+            result.add(f"{holder}.{name}" if holder else name)
+    return result
 
 
 def starting(path: Path) -> set[str]:
     """Return by what a module starts processes."""
-    found = STARTING_MODULES & imports(path)
-    return found | {
+    result = STARTING_MODULES & imports(path)
+    return result | {
         name
         for holder, name in calls(path)
         if holder == "os" and (name in STARTING_OF_OS or name.startswith(("exec", "spawn")))
@@ -120,16 +120,18 @@ def starting(path: Path) -> set[str]:
 
 def test_only_the_floor_of_files_opens_files():
     """Whoever else opens anything is listed, with what it is."""
-    found = {place(path): opening(path) for path in MODULES}
-    openers = {name for name, by in found.items() if by and not name.startswith("files/")}
-    assert set(OPENS) == openers, {name: found.get(name) for name in openers ^ set(OPENS)}
+    results = {place(path): opening(path) for path in MODULES}
+    openers = {name for name, by in results.items() if by and not name.startswith("files/")}
+    assert set(OPENS) == openers, {name: results.get(name) for name in openers ^ set(OPENS)}
 
 
 def test_only_the_floor_of_workers_starts_processes():
     """No exception: programs of others are started there, too."""
-    found = {place(path): starting(path) for path in MODULES}
+    results = {place(path): starting(path) for path in MODULES}
     starters = {"processes", "local_processes", "supervisor"}
-    assert {f"workers/{name}.py" for name in starters} == {name for name, by in found.items() if by}
+    assert {f"workers/{name}.py" for name in starters} == {
+        name for name, by in results.items() if by
+    }
 
 
 def test_tasks_are_pure_data():

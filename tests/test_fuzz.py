@@ -236,12 +236,12 @@ def survives(*words):
         pytest.raises(SystemExit) as ended,
     ):
         main([str(word) for word in words])
-    said = err.buffer.getvalue().decode()
-    assert (False, False) == ("Traceback" in said, "internal error" in said), (words, said)
-    assert ended.value.code in {0, 1, 2}, (words, said)
+    message = err.buffer.getvalue().decode()
+    assert (False, False) == ("Traceback" in message, "internal error" in message), (words, message)
+    assert ended.value.code in {0, 1, 2}, (words, message)
     if ended.value.code == 2:
         # A line that names no command is answered by the help, which goes to stdout.
-        assert said.strip() or b"COMMAND [ARGS]..." in out.buffer.getvalue(), words
+        assert message.strip() or b"COMMAND [ARGS]..." in out.buffer.getvalue(), words
     return ended.value.code
 
 
@@ -399,17 +399,17 @@ def drawn_from(schema):
         # A coordinate, on the bench of the paper.
         return st.floats(0.2, 1.7)
     if kind in ("integer", "number"):
-        least = max(schema.get("minimum", schema.get("exclusiveMinimum", -3)), -3)
-        most = max(least, min(schema.get("maximum", schema.get("exclusiveMaximum", 13)), 13))
+        maximum = max(schema.get("minimum", schema.get("exclusiveMinimum", -3)), -3)
+        most = max(maximum, min(schema.get("maximum", schema.get("exclusiveMaximum", 13)), 13))
         if kind == "integer":
-            return st.integers(int(least), int(most))
-        return st.floats(least, most, exclude_min="exclusiveMinimum" in schema)
+            return st.integers(int(maximum), int(most))
+        return st.floats(maximum, most, exclude_min="exclusiveMinimum" in schema)
     if kind == "array":
-        least = schema.get("minItems", 0)
-        most = max(least, min(schema.get("maxItems", 4), 4))
-        return st.lists(drawn_from(schema["items"]), min_size=least, max_size=most)
+        maximum = schema.get("minItems", 0)
+        most = max(maximum, min(schema.get("maxItems", 4), 4))
+        return st.lists(drawn_from(schema["items"]), min_size=maximum, max_size=most)
     if kind == "object":
-        values = {key: drawn_from(one) for key, one in schema.get("properties", {}).items()}
+        values = {key: drawn_from(item) for key, item in schema.get("properties", {}).items()}
         needed = schema.get("required", ())
         if values:
             return st.fixed_dictionaries({key: values.pop(key) for key in needed}, optional=values)

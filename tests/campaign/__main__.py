@@ -67,8 +67,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="campaign-cache-") as cache:
         os.environ["SKILLPLAN_CACHE_DIR"] = cache
         task = Path(cache) / "task.yaml"
-        code, said = call("init", "assembly", "--out", str(task))
-        assert code == 0, said
+        code, message = call("init", "assembly", "--out", str(task))
+        assert code == 0, message
         try:
             if "lies" in parts:
                 progress("liars")

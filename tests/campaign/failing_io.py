@@ -124,8 +124,8 @@ def _functions(shim: Shim) -> dict[str, Any]:
         counts = shim.counts(file)
         if counts and not isinstance(file, int):
             shim.step(file)
-        made = _PLAIN["io_open"](file, mode, *more, **options)
-        return ShimmedFile(made, shim) if counts and set(mode) & set("wax+") else made
+        created = _PLAIN["io_open"](file, mode, *more, **options)
+        return ShimmedFile(created, shim) if counts and set(mode) & set("wax+") else created
 
     def os_write(number: int, content: Any) -> int:
         if shim.counts(number) and shim.due():

@@ -89,7 +89,7 @@ def jobs(task: Path) -> dict[str, Job]:
     page = ("report", str(solved), "--no-simulation", "--out", "OUT/page.html")
     code = ("export", str(solved), "--to", "st", "--out", "OUT/plan.st")
     imported = ("import-cad", str(product), "--no-cache", "--out", "OUT")
-    found = [
+    results = [
         Job("search", ("search-optimal", str(task), "--out", "OUT"), (), searched, "result.json"),
         Job("report", page, (), files, "page.html"),
         Job("export", code, (), files, "plan.st"),
@@ -98,14 +98,14 @@ def jobs(task: Path) -> dict[str, Job]:
         Job("sweep", ("sweep", str(task), *study, "--out", "OUT"), ("--resume",), swept),
         Job("cache-fill", ("cache", "fill", str(task), *physics), (), verdicts),
     ]
-    return {job.name: job for job in found}
+    return {job.name: job for job in results}
 
 
 def timeless(document: Any) -> Any:
     """Return a document without what a clock decides."""
     if isinstance(document, dict):
-        return {key: timeless(one) for key, one in document.items() if key not in CLOCKS}
-    return [timeless(one) for one in document] if isinstance(document, list) else document
+        return {key: timeless(item) for key, item in document.items() if key not in CLOCKS}
+    return [timeless(entry) for entry in document] if isinstance(document, list) else document
 
 
 def searched(folder: Path) -> Any:
@@ -209,19 +209,19 @@ def kill_at_random(tally: Tally, task: Path, counts: Mapping[str, int]) -> None:
                 job: Job = job,
                 inside: Path = inside,
                 lasts_s: float = lasts_s,
-                wanted: tuple[int, Any] = (code, whole),
+                expected: tuple[int, Any] = (code, whole),
             ) -> None:
                 shutil.rmtree(inside / "cut", ignore_errors=True)
                 for _ in range(chance.choice((1, 1, 2))):
                     after_s = chance.uniform(0.0, 1.05 * lasts_s)
                     killed(job, inside / "cut", after_s, group=chance.random() < 0.5)
-                _comes_to_the_same(job, inside / "cut", wanted)
+                _comes_to_the_same(job, inside / "cut", expected)
 
             for number in range(number_of_kills):
                 tally.case(f"kill-{job.name}", number, check)
 
 
-def _comes_to_the_same(job: Job, folder: Path, wanted: tuple[int, Any]) -> None:
+def _comes_to_the_same(job: Job, folder: Path, expected: tuple[int, Any]) -> None:
     """Assert that a job, done again, comes to what an uninterrupted one came to."""
     before = whole_result(folder, job)
     done = subprocess.run(
@@ -238,8 +238,8 @@ def _comes_to_the_same(job: Job, folder: Path, wanted: tuple[int, Any]) -> None:
         assert any(words in done.stderr for words in NOT_OVERWRITTEN), done.stderr
         assert before == whole_result(folder, job), "a whole result was changed"
     else:
-        assert wanted[0] == done.returncode, done.stderr
-    assert wanted[1] == job.kept(folder), "not what an uninterrupted run comes to"
+        assert expected[0] == done.returncode, done.stderr
+    assert expected[1] == job.kept(folder), "not what an uninterrupted run comes to"
 
 
 def whole_result(folder: Path, job: Job) -> bytes | None:
@@ -264,16 +264,16 @@ def fail_every_call_of_a_search(tally: Tally, task: Path, modes: Sequence[str], 
             for old in (folder, counter):
                 shutil.rmtree(old) if old.is_dir() else old.unlink(missing_ok=True)
             with failing(folder, counter, number, mode):
-                code, said = call(*job.line(folder))
-            holds_to_its_word(code, said)
-            assert code == 0 or "cannot be" in said, said
+                code, message = call(*job.line(folder))
+            holds_to_its_word(code, message)
+            assert code == 0 or "cannot be" in message, message
             if code == 0 and whole_result(folder, job) is not None:
                 assert whole == job.kept(folder), "exit code 0, and not all is there"
                 return
             before = whole_result(folder, job)
-            code, said = call(*job.line(folder))
+            code, message = call(*job.line(folder))
             if before is None:
-                assert code == 0, f"it cannot be repeated: {said}"
+                assert code == 0, f"it cannot be repeated: {message}"
             assert whole == job.kept(folder), "the repeated search comes to something else"
 
         cases = [(mode, number) for mode in modes for number in range(1, calls + 1, step)]

@@ -142,11 +142,11 @@ def _resting_on_nothing(task: Task) -> Any:
 
 def _fickle(task: Task) -> Any:
     """Return answers that change whenever the same is asked again."""
-    nothing, asked = task.facts.none, Counter[tuple[str, Any]]()
+    nothing, queries = task.facts.none, Counter[tuple[str, Any]]()
 
     def answer(skill: Any, state: Any) -> Verdict:
-        asked[skill.name, state] += 1
-        if asked[skill.name, state] % 2:
+        queries[skill.name, state] += 1
+        if queries[skill.name, state] % 2:
             return Verdict.feasible(nothing, nothing)
         return Verdict.infeasible("not any more", nothing, nothing)
 

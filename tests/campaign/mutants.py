@@ -265,8 +265,8 @@ def run(mutant: Mutant | None, control: Mutant) -> tuple[bool, str]:
 
 def main() -> int:
     """Run all mutants, and each part without one; return 1 if anything is not as it should be."""
-    chosen = [one for one in MUTANTS if not sys.argv[1:] or one.name in sys.argv[1:]]
-    controls = {(one.part, one.kinds, one.scale): one for one in chosen}
+    chosen = [item for item in MUTANTS if not sys.argv[1:] or item.name in sys.argv[1:]]
+    controls = {(choice.part, choice.kinds, choice.scale): choice for choice in chosen}
     missed = 0
     for control in controls.values():
         failed, failure = run(None, control)

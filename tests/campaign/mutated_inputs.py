@@ -119,22 +119,22 @@ def fuzz_tests() -> ModuleType:
 
 def spoilt(chance: random.Random, content: bytes) -> bytes:
     """Return bytes of which one to four pieces are cut, doubled, flipped or replaced."""
-    made = bytearray(content)
+    created = bytearray(content)
     for _ in range(chance.randint(1, 4)):
-        at = chance.randrange(len(made) + 1)
-        end = min(len(made), at + chance.choice((1, 1, 4, 20, 200)))
+        at = chance.randrange(len(created) + 1)
+        end = min(len(created), at + chance.choice((1, 1, 4, 20, 200)))
         match chance.randrange(5):
             case 0:
-                del made[at:end]
+                del created[at:end]
             case 1:
-                made[at:at] = made[at:end]
+                created[at:at] = created[at:end]
             case 2:
-                made[at:end] = bytes(chance.randrange(256) for _ in range(end - at))
+                created[at:end] = bytes(chance.randrange(256) for _ in range(end - at))
             case 3:
-                made[at:at] = chance.choice(TOKENS)
+                created[at:at] = chance.choice(TOKENS)
             case _:
-                del made[at:]
-    return bytes(made)
+                del created[at:]
+    return bytes(created)
 
 
 def spoilt_document(chance: random.Random, content: Any, fuzz: ModuleType) -> Any:
@@ -156,7 +156,7 @@ def box_stl(shift_mm: float) -> bytes:
     triangles = [(a, b, c) for a, b, c, _ in faces] + [(a, c, d) for a, _, c, d in faces]
     content = bytes(80) + struct.pack("<I", len(triangles))
     for triangle in triangles:
-        values = [0.0, 0.0, 0.0, *(value for one in triangle for value in corners[one])]
+        values = [0.0, 0.0, 0.0, *(value for index in triangle for value in corners[index])]
         content += struct.pack("<12fH", *values, 0)
     return content
 
@@ -262,17 +262,17 @@ class Inputs:
         if chance.random() < 0.5:
             path.write_bytes(spoilt(chance, self.fuzz.TASK.encode()))
         else:
-            made = spoilt_document(chance, self.fuzz.yaml_text(self.fuzz.TASK), self.fuzz)
-            text = yaml.safe_dump(made, allow_unicode=True, sort_keys=False)
+            document = spoilt_document(chance, self.fuzz.yaml_text(self.fuzz.TASK), self.fuzz)
+            text = yaml.safe_dump(document, allow_unicode=True, sort_keys=False)
             path.write_bytes(text.encode("utf-8", "replace"))
         self.solve(path)
 
     def bench(self, chance: random.Random) -> None:
         """Spoil nodes of a bench."""
         text = self.fuzz.BENCHES[chance.choice(sorted(self.fuzz.BENCHES))]
-        made = spoilt_document(chance, self.fuzz.yaml_text(text), self.fuzz)
+        document = spoilt_document(chance, self.fuzz.yaml_text(text), self.fuzz)
         path = self.folder / "bench.yaml"
-        text = yaml.safe_dump(made, allow_unicode=True, sort_keys=False)
+        text = yaml.safe_dump(document, allow_unicode=True, sort_keys=False)
         path.write_bytes(text.encode("utf-8", "replace"))
         self.solve(path)
 
@@ -313,8 +313,8 @@ class Inputs:
             value = chance.choice(("1e999", "NaN", "-Infinity", "9" * 400, "-0"))
             path.write_text(text[: number.start()] + value + text[number.end() :], "utf-8")
         else:
-            made = spoilt_document(chance, self.result, self.fuzz)
-            path.write_text(json.dumps(made), "utf-8")
+            document = spoilt_document(chance, self.result, self.fuzz)
+            path.write_text(json.dumps(document), "utf-8")
         task = str(self.starter)
         survives("verify", folder, "--task", task, "--time-limit", "5", "--format", "json")
         survives("evaluate", task, "--from", path, *QUICK)
@@ -348,7 +348,7 @@ class Inputs:
         survives("evaluate", self.folder / "chance.yaml", "--policy", path, *QUICK)
         if code == 0:
             # Only choices in states that the policy never reaches may differ.
-            before, after = (json.loads(one) for one in (self.policies, path.read_bytes()))
+            before, after = (json.loads(item) for item in (self.policies, path.read_bytes()))
             for document in (before, after):
                 document["policies"][0].pop("choices")
             assert before == after, "a spoilt policy is valid"

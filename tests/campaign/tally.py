@@ -68,7 +68,7 @@ class Tally:
 
     def text(self) -> str:
         """Return the counts, and every failure in a line."""
-        failed = Counter(one.split(":")[1] for one in self.failures)
+        failed = Counter(failure.split(":")[1] for failure in self.failures)
         lines = [f"{'kind':<24}{'cases':>8}{'failed':>8}"]
         lines += [f"{kind:<24}{self.cases[kind]:>8}{failed[kind]:>8}" for kind in self.cases]
         lines.append(f"{'all':<24}{sum(self.cases.values()):>8}{len(self.failures):>8}")
@@ -102,20 +102,20 @@ def call(*words: str | Path) -> tuple[int, str]:
 
 def survives(*words: str | Path) -> int:
     """Run a command line and hold it to its word: no traceback, a documented exit code."""
-    code, said = call(*words)
-    holds_to_its_word(code, said)
+    code, message = call(*words)
+    holds_to_its_word(code, message)
     return code
 
 
-def holds_to_its_word(code: int, said: str) -> None:
+def holds_to_its_word(code: int, message: str) -> None:
     """Assert that a command ended as all are documented to."""
-    assert "Traceback" not in said, said
-    assert "internal error" not in said, said
+    assert "Traceback" not in message, message
+    assert "internal error" not in message, message
     # A built-in part that raises is blamed by name, as a plugin is.
-    assert "shows the traceback" not in said, said
-    assert code in DOCUMENTED, (code, said)
+    assert "shows the traceback" not in message, message
+    assert code in DOCUMENTED, (code, message)
     if code == 2:
-        assert said.strip(), "exit code 2 without a word"
+        assert message.strip(), "exit code 2 without a word"
 
 
 @contextlib.contextmanager

@@ -61,7 +61,10 @@ def test_a_choice_of_several_skills_is_told_once():
         for axis in "xy"
     }
     chart = derive_chart(Feasibility(task, [closing(task, closed)]))
-    assert [one.skill for one in chart.alternatives] == ["pick(drawer)", "place(drawer)"]
+    assert [alternative.skill for alternative in chart.alternatives] == [
+        "pick(drawer)",
+        "place(drawer)",
+    ]
     expected = (
         "pick(drawer) and place(drawer) leave a choice: drawer before left, or drawer before right"
     )
@@ -71,7 +74,9 @@ def test_a_choice_of_several_skills_is_told_once():
 def test_what_closes_both_directions_is_a_relation():
     """No choice is left; and where a stop closes one only, there is nothing to be ordered."""
     chart = chart_of(dict.fromkeys(ALONG, ("placed(left)",)))
-    assert [(one.before, one.after) for one in chart.relations] == [("drawer", "left")]
+    assert [(relation.before, relation.after) for relation in chart.relations] == [
+        ("drawer", "left")
+    ]
     assert chart.alternatives == ()
     assert chart_of({ALONG[0]: ("placed(left)",)}).alternatives == ()
 
@@ -103,9 +108,9 @@ def test_exact_search_agrees_with_brute_force_whatever_closes_what(seed):
     rng = random.Random(seed)
     task = drawer_task()
     parts = list(task.operations)
-    asked = [*ALONG, "place(left)", "place(right)", "pick(drawer)"]
+    queries = [*ALONG, "place(left)", "place(right)", "pick(drawer)"]
     closed = {
-        name: tuple(f"placed({other})" for other in parts if rng.random() < 0.3) for name in asked
+        name: tuple(f"placed({other})" for other in parts if rng.random() < 0.3) for name in queries
     }
     model = model_of(task, closing(task, closed))
     solution = ExactSolver().solve(model)
@@ -137,7 +142,7 @@ def test_orders_that_can_be_carried_out_are_those_that_chart_and_choices_allow(s
         def holds(pair, names=names):
             return names.index(pair[0]) < names.index(pair[1])
 
-        allowed = all(holds((one.before, one.after)) for one in chart.relations)
+        allowed = all(holds((relation.before, relation.after)) for relation in chart.relations)
         allowed &= all(
             any(all(holds(pair) for pair in group) for group in choice.any_of)
             for choice in chart.alternatives

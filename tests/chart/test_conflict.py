@@ -178,8 +178,8 @@ class TestLines:
 
     def test_without_evidence_the_reason_is_what_was_said(self):
         """And nothing is known to change but a goal."""
-        found = [relation("fuse", "lid"), relation("lid", "fuse")]
-        first, second = explain_conflict(lid_task(), found)
+        results = [relation("fuse", "lid"), relation("lid", "fuse")]
+        first, second = explain_conflict(lid_task(), results)
         assert "fuse before lid before fuse: lid needs fuse and fuse needs lid" == first
         assert "with another goal for lid, all 4 components would have an order" == second
 

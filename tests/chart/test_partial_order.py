@@ -15,8 +15,8 @@ def test_a_closed_relation_tells_element_by_element_what_its_pairs_tell(drawn):
     closed = closure(drawn)
     relation = ClosedRelation(closed)
     for node in NODES:
-        assert relation.before(node) == {one for one, other in closed if other == node}
-        assert relation.after(node) == {other for one, other in closed if one == node}
+        assert relation.before(node) == {first for first, other in closed if other == node}
+        assert relation.after(node) == {other for left, other in closed if left == node}
 
 
 @given(pairs)
@@ -24,12 +24,12 @@ def test_without_the_pairs_that_close_cycles_a_relation_has_none(drawn):
     kept, closing = break_cycles(drawn, NODES)
     assert kept | closing == drawn
     assert not kept & closing
-    assert not any(one == other for one, other in closure(kept))
+    assert not any(first == other for first, other in closure(kept))
 
 
 @given(pairs)
 def test_each_pair_that_closes_a_cycle_leads_back_to_where_the_others_come_from(drawn):
     """None is taken out in vain: together with what is kept it makes a cycle."""
     kept, closing = break_cycles(drawn, NODES)
-    for one, other in closing:
-        assert one == other or (other, one) in closure(kept)
+    for first, other in closing:
+        assert first == other or (other, first) in closure(kept)

@@ -25,16 +25,16 @@ def pairs(chart):
 # Random pairs i < j, so that there is no cycle.
 acyclic = st.lists(
     st.tuples(st.integers(0, 7), st.integers(0, 7)).filter(lambda pair: pair[0] < pair[1])
-).map(lambda drawn: {(f"n{one}", f"n{other}") for one, other in drawn})
+).map(lambda drawn: {(f"n{first}", f"n{other}") for first, other in drawn})
 
 
 def paths(relation):
     """Return the pairs joined by a path, by Warshall's algorithm."""
     nodes = sorted({node for pair in relation for node in pair})
     joined = set(relation)
-    for via, one, other in itertools.product(nodes, repeat=3):
-        if (one, via) in joined and (via, other) in joined:
-            joined.add((one, other))
+    for via, first, other in itertools.product(nodes, repeat=3):
+        if (first, via) in joined and (via, other) in joined:
+            joined.add((first, other))
     return joined
 
 
@@ -213,7 +213,7 @@ def test_exactly_the_orders_that_respect_the_derived_relation_can_be_carried_out
     for order in itertools.permutations(parts):
         when = {part: i for i, part in enumerate(order)}
         respects = all(
-            when[one] < when[other] for one, other in relation if {one, other} <= set(when)
+            when[first] < when[other] for first, other in relation if {first, other} <= set(when)
         )
         state, feasible = board_task.initial, True
         for part in order:
@@ -242,8 +242,8 @@ def test_an_optimal_plan_respects_the_relation(name):
     }
     relation = pairs(derived(task))
     assert relation
-    for one, other in relation:
-        assert when[one] < when[other]
+    for first, other in relation:
+        assert when[first] < when[other]
 
 
 def test_relations_on_a_circle_stay_and_the_circle_is_named():

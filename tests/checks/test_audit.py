@@ -56,11 +56,11 @@ class RestsOnTooFew(Honest):
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict, resting on the circuit board only."""
-        said = self.rule(skill, state, named=False)
+        verdict = self.rule(skill, state, named=False)
         board = self.task.facts.of("placed(pcb)")
         nothing = self.task.facts.of()
         here, gone = (board, nothing) if "placed(pcb)" in state else (nothing, board)
-        return Verdict(said.status, said.reason, "", here, gone)
+        return Verdict(verdict.status, verdict.reason, "", here, gone)
 
 
 class RestsOnNothing(Honest):
@@ -129,17 +129,17 @@ def audit_often(feasibility: Feasibility, size: int) -> None:
 class TestRestingOnTooFewFacts:
     def test_the_fact_is_named_with_the_skill_and_both_states(self, task):
         """The smallest difference that turns the answer."""
-        said = found_out(task, RestsOnTooFew)
-        assert said.startswith("Back end 'too-few' contradicts itself about place(clock): ")
-        assert "feasible in {" in said
-        assert "infeasible (the brace is in the way) in {" in said
-        assert "placed(brace)" in said.rpartition("should have named")[2]
+        message = found_out(task, RestsOnTooFew)
+        assert message.startswith("Back end 'too-few' contradicts itself about place(clock): ")
+        assert "feasible in {" in message
+        assert "infeasible (the brace is in the way) in {" in message
+        assert "placed(brace)" in message.rpartition("should have named")[2]
 
     def test_resting_on_nothing_is_too_few(self, task):
         """A verdict that claims to hold everywhere."""
-        said = found_out(task, RestsOnNothing)
-        assert "resting on no fact" in said
-        assert "placed(brace)" in said.rpartition("should have named")[2]
+        message = found_out(task, RestsOnNothing)
+        assert "resting on no fact" in message
+        assert "placed(brace)" in message.rpartition("should have named")[2]
 
     def test_an_honest_detector_passes(self, task):
         """Whatever is drawn."""

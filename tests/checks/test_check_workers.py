@@ -103,8 +103,8 @@ def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
     """Real ones: evidence is the same bit for bit."""
     folder = tmp_path_factory.mktemp("processes")
     questions = all_questions(task)
-    one, two, three = (outcome(task, questions, n, folder / str(n), seed) for n in (1, 2, 3))
-    assert one == two == three
+    item, two, three = (outcome(task, questions, n, folder / str(n), seed) for n in (1, 2, 3))
+    assert item == two == three
 
 
 @settings(max_examples=examples(40))
@@ -114,23 +114,23 @@ def test_verdicts_and_cache_do_not_depend_on_the_order_of_questions(tmp_path_fac
     folder = tmp_path_factory.mktemp("orders")
     questions = all_questions(task)
     shuffled = random.Random(seed).sample(questions, len(questions))
-    found = []
-    for name, asked in (("one", questions), ("other", shuffled)):
+    results = []
+    for name, queries in (("one", questions), ("other", shuffled)):
         cache = DiskVerdictCache(folder / name)
         feasibility = Feasibility(task, chain(task, seed=seed), cache)
-        verdicts = feasibility.verdicts(asked)
-        by_question = {(k.name, s): v for (k, s), v in zip(asked, verdicts, strict=True)}
+        verdicts = feasibility.verdicts(queries)
+        by_question = {(k.name, s): v for (k, s), v in zip(queries, verdicts, strict=True)}
         decided = {kept.rpartition("/")[2] for kept in kept_in(folder / name)}
-        found.append((by_question, dict(feasibility.queried), decided))
-    assert found[0] == found[1]
+        results.append((by_question, dict(feasibility.queried), decided))
+    assert results[0] == results[1]
 
 
 def test_no_answer_is_worked_out_twice(tmp_path):
     """Of one skill one question is under way at a time: its verdict answers the others."""
     pick = TASK.skill("pick(box)")
     states = [s for s in reachable_states(SkillModel(Feasibility(TASK))) if pick.applicable(s)]
-    asked = one_engine(plugin=SharingDetector, log=str(tmp_path))
-    feasibility = Feasibility(TASK, asked, jobs=3)
+    queries = one_engine(plugin=SharingDetector, log=str(tmp_path))
+    feasibility = Feasibility(TASK, queries, jobs=3)
     feasibility.verdicts([(pick, state) for state in states])
     assert len(states) > 1
     assert len(checks_in(tmp_path)) == 1
@@ -164,14 +164,14 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
         by_question.setdefault((skill, bits), []).append(process)
     pairs = [processes for processes in by_question.values() if len(processes) == 2]
     assert pairs
-    assert all(one == other for one, other in pairs)
+    assert all(first == other for first, other in pairs)
 
 
 @pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
 def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     """As this one does."""
     plain = Feasibility(TASK, one_engine())
-    question = next(one for one in all_questions(TASK) if plain.verdict(*one).is_feasible)
+    question = next(item for item in all_questions(TASK) if plain.verdict(*item).is_feasible)
     sharing = SharingDetector(TASK)
     feasibility = Feasibility(TASK, [*one_engine(), sharing], jobs=jobs)
     feasibility.verdict(*question)
@@ -216,15 +216,17 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path):
     assert lost.status == "unknown"
     assert lost.reason == f"the process that checked it was ended by {what}, twice"
     assert lost.stage == "expensive-engine"
-    assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
+    assert len([check for check in checks_in(log) if check[1] == "pick(fuse)"]) == 2
     expected = Feasibility(TASK, one_engine()).verdicts(questions)
     expected = dict(zip([k.name for k, _ in questions], expected, strict=True))
     del expected["pick(fuse)"]
     assert verdicts == expected
     assert '"skill": "pick(fuse)"' not in "".join(kept_in(tmp_path / "kept").values())
     # Within the run it is not tried again.
-    feasibility.verdict(*next(one for one in questions if one[0].name == "pick(fuse)"))
-    assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
+    feasibility.verdict(
+        *next(question for question in questions if question[0].name == "pick(fuse)")
+    )
+    assert len([item for item in checks_in(log) if item[1] == "pick(fuse)"]) == 2
 
 
 @pytest.mark.slow(reason="two processes that end; one that is killed twice in every run")
@@ -279,12 +281,12 @@ def test_a_back_end_that_raises_in_a_process_is_the_same_error_as_in_this_one(tm
     """To the letter; of several the first question's."""
     options = {"log": str(tmp_path), "fail_on": "pick(fuse)", "how": "raise"}
     questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())
-    said = []
+    messages = []
     for jobs in (1, 2):
         with pytest.raises(BackEndError, match="RuntimeError: the simulator has gone") as caught:
             Feasibility(TASK, one_engine(**options), jobs=jobs).verdicts(questions)
-        said.append(str(caught.value))
-    assert said[0] == said[1]
+        messages.append(str(caught.value))
+    assert messages[0] == messages[1]
     assert caught.value.exit_code == 3
 
 
@@ -408,7 +410,7 @@ def test_processes_end_with_the_program_that_started_them(tmp_path, number):
     finally:
         process.kill()
         process.communicate()
-    wait_until_gone({one for *_, one in checks_in(log)})
+    wait_until_gone({check for *_, check in checks_in(log)})
 
 
 @pytest.mark.slow(
@@ -430,7 +432,7 @@ def test_a_program_ends_at_once_though_its_processes_were_never_closed(tmp_path)
     process, log = program(tmp_path, 0)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out, err) == (0, "done\n", "")
-    wait_until_gone({one for *_, one in checks_in(log)})
+    wait_until_gone({check for *_, check in checks_in(log)})
 
 
 @pytest.mark.slow(reason="processes; ending a trial early in every run")
@@ -464,7 +466,7 @@ def test_progress_counts_checks_done_reused_and_to_go(jobs):
     feasibility.verdicts(questions)
     assert counts[0] == CheckCount(0, 0, 20)
     assert counts[-1].checks == feasibility.checks
-    assert all(one.checks + one.hits + one.to_go == 20 for one in counts)
+    assert all(count.checks + count.hits + count.to_go == 20 for count in counts)
     seen = len(counts)
     feasibility.verdicts(questions)
     assert len(counts) == seen
@@ -478,11 +480,11 @@ def test_a_model_asks_for_all_skills_of_a_state_at_once(tmp_path):
     """Its transitions are those of one that asks one after the other."""
     (tmp_path / "log").mkdir()
     engine = one_engine(log=str(tmp_path / "log"), wait_s=0.05)
-    found = [
+    results = [
         SkillModel(Feasibility(TASK, back_ends, jobs=jobs)).transitions(TASK.initial)
         for jobs, back_ends in ((1, one_engine()), (2, engine))
     ]
-    assert found[0] == found[1]
+    assert results[0] == results[1]
     assert len({process for *_, process in checks_in(tmp_path / "log")}) == 2
 
 
@@ -496,11 +498,11 @@ def test_there_is_at_least_one_process(make):
 @pytest.mark.slow(reason="processes; verdicts in several processes in every run")
 def test_an_enumeration_is_the_same_in_several_processes():
     """A whole level of states at a time."""
-    found = [
+    results = [
         enumerate_feasibility(Feasibility(TASK, chain(TASK, seed=5), jobs=jobs)) for jobs in (1, 2)
     ]
-    assert found[0] == found[1]
-    assert found[0].executions > 0
+    assert results[0] == results[1]
+    assert results[0].executions > 0
 
 
 def test_a_verdict_is_the_same_object_of_facts_wherever_it_was_made():

@@ -55,17 +55,17 @@ def test_where_nobody_tells_time_the_tasks_figures_are_the_cost():
 
 def test_a_bound_asks_for_no_time():
     """Without one of its own a back end's is 0."""
-    asked = []
+    queries = []
 
     def duration_s(self, skill, state):
-        asked.append(skill.name)
+        queries.append(skill.name)
         return 2.5
 
     for least_s, expected in ((None, 0.0), (1.5, 1.5)):
         more = {} if least_s is None else {"least_duration_s": says(least_s)}
         model = model_of(TIMED, fake_back_end(TIMED, duration_s=duration_s, **more))
         assert model.least_cost(SKILL, START.bits, 0) == expected
-        assert not asked
+        assert not queries
 
 
 def test_where_a_back_end_never_tells_a_time_the_bound_is_of_the_tasks_figure():
@@ -122,8 +122,8 @@ def test_a_screen_tells_no_time():
 
 def test_the_least_bound_counts_where_several_tell_time():
     """Any of them may be the one that knows."""
-    one, other = timing(None, 1.0, "one"), timing(2.5, 2.0, "other")
-    model = model_of(TIMED, one, other)
+    first, other = timing(None, 1.0, "one"), timing(2.5, 2.0, "other")
+    model = model_of(TIMED, first, other)
     assert model.least_cost(SKILL, START.bits, 0) == 1.0
     assert model.cost(START, SKILL) == 2.5
 

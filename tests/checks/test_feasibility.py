@@ -64,8 +64,8 @@ def test_an_inapplicable_skill_asks_nobody():
 
 def test_a_feasible_verdict_rests_on_the_facts_of_all_stages():
     """And on the precondition."""
-    one = fake_back_end(TASK, yes(absent=("b",)), name="one")
-    verdict = Feasibility(TASK, [one]).verdict(SKILL, START)
+    back_end = fake_back_end(TASK, yes(absent=("b",)), name="one")
+    verdict = Feasibility(TASK, [back_end]).verdict(SKILL, START)
     assert verdict.present == FACTS.of("a")
     assert verdict.absent == FACTS.of("b", "done")
 
@@ -107,8 +107,10 @@ def test_a_verdict_is_asked_for_again_where_its_facts_differ():
 
     back_end = fake_back_end(TASK, answer)
     feasibility = Feasibility(TASK, [back_end])
-    found = [feasibility.verdict(SKILL, FACTS.of("a", *more)) for more in ((), ("b",), (), ("b",))]
-    assert [verdict.is_feasible for verdict in found] == [True, False, True, False]
+    results = [
+        feasibility.verdict(SKILL, FACTS.of("a", *more)) for more in ((), ("b",), (), ("b",))
+    ]
+    assert [verdict.is_feasible for verdict in results] == [True, False, True, False]
     assert len(back_end.asked) == 2
 
 
@@ -174,8 +176,8 @@ def test_several_questions_are_answered_in_order():
     feasibility = Feasibility(TASK, [back_end])
     polls = []
     questions = [(SKILL, FACTS.of(*names)) for names in (("a",), ("b",), ("a", "b"))]
-    found = feasibility.verdicts(questions, lambda: polls.append(1))
-    assert [verdict.status for verdict in found] == ["feasible", "infeasible", "feasible"]
+    verdicts = feasibility.verdicts(questions, lambda: polls.append(1))
+    assert [verdict.status for verdict in verdicts] == ["feasible", "infeasible", "feasible"]
     assert (len(back_end.asked), feasibility.checks, feasibility.hits) == (1, 1, 1)
     assert len(polls) == 3
 
@@ -195,21 +197,21 @@ def test_executions_are_counted_of_expensive_back_ends_only():
 
 def test_every_back_end_is_told_once_what_is_beside_it():
     """Before it is asked anything."""
-    told = []
+    messages = []
 
     class Social(Engine):
         name = "social"
 
         def beside(self, others):
-            told.append([other.name for other in others])
+            messages.append([other.name for other in others])
 
         def check(self, skill, state):
             return Verdict.feasible()
 
     feasibility = Feasibility(TASK, [Social(TASK), fake_back_end(TASK, name="other")])
-    assert told == [["other"]]
+    assert messages == [["other"]]
     feasibility.verdict(SKILL, START)
-    assert len(told) == 1
+    assert len(messages) == 1
 
 
 @pytest.mark.parametrize(
@@ -228,8 +230,8 @@ def test_a_back_end_that_does_not_get_on_with_others_is_named(attributes, messag
 
 def test_evidence_is_as_a_file_or_another_process_would_give_it_back():
     """Lists for tuples: what is kept equals what was said."""
-    said = Verdict.feasible(FACTS.none, FACTS.none, {"point": (1, 2.5), 3: "three"})
-    back_end = fake_back_end(TASK, said)
+    feasible = Verdict.feasible(FACTS.none, FACTS.none, {"point": (1, 2.5), 3: "three"})
+    back_end = fake_back_end(TASK, feasible)
     (_, verdict) = Feasibility(TASK, [back_end]).stages(SKILL, START)
     assert verdict.evidence == {"point": [1, 2.5], "3": "three"}
 
@@ -241,9 +243,9 @@ def timing(answer, name="clock"):
         self.timed.append((skill.name, str(state)))
         return answer(skill, state) if callable(answer) else answer
 
-    made = fake_back_end(TASK, name=name, expected_s=1e-3, duration_s=duration_s)
-    made.timed = []
-    return made
+    created = fake_back_end(TASK, name=name, expected_s=1e-3, duration_s=duration_s)
+    created.timed = []
+    return created
 
 
 def test_a_back_end_that_can_says_how_long_a_skill_takes():
@@ -267,10 +269,10 @@ def test_where_no_back_end_knows_the_tasks_figure_counts():
 
 def test_time_is_asked_again_where_the_robot_stands_elsewhere(board_task):
     """And where it holds another tool; not for what has been done meanwhile."""
-    task, asked = board_task, []
+    task, queries = board_task, []
 
     def duration_s(self, skill, state):
-        asked.append(state)
+        queries.append(state)
         return 1.0
 
     clock = fake_back_end(task, name="clock", duration_s=duration_s)
@@ -280,12 +282,12 @@ def test_time_is_asked_again_where_the_robot_stands_elsewhere(board_task):
     here, there, *_ = robot.places
     state = task.initial - task.facts.of(*robot.places) | task.facts.of(here)
     done = task.facts.of(next(iter(task.operations.values())))
-    for one in (state, state | done, state - task.facts.of(here) | task.facts.of(there)):
-        model.feasibility.times.duration_s(skill, one)
-    assert len(asked) == 2
+    for item in (state, state | done, state - task.facts.of(here) | task.facts.of(there)):
+        model.feasibility.times.duration_s(skill, item)
+    assert len(queries) == 2
     tools = task.facts.of(*(tool.fact for tool in robot.tools))
     model.feasibility.times.duration_s(skill, state - tools | (tools - state))
-    assert len(asked) == 3
+    assert len(queries) == 3
 
 
 @pytest.mark.parametrize(

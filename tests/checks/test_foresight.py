@@ -49,8 +49,8 @@ def searched(task, jobs, folder=None, *, executor=AnyOrder, seed=0, **options):
 def test_solution_counts_and_cache_are_those_of_one_process(tmp_path_factory, task, seed, jobs):
     """Whatever was checked ahead, and whichever process is the faster."""
     folder = tmp_path_factory.mktemp("ahead")
-    one, _ = searched(task, 1, folder / "1", seed=seed)
-    assert searched(task, jobs, folder / "n", seed=seed)[0] == one
+    item, _ = searched(task, 1, folder / "1", seed=seed)
+    assert searched(task, jobs, folder / "n", seed=seed)[0] == item
 
 
 class Granting(ExpensiveEngine):
@@ -90,13 +90,13 @@ def test_a_process_lost_while_it_checks_ahead_changes_nothing(task, seed):
 @pytest.mark.parametrize("skill", [skill.name for skill in TASK.skills])
 def test_a_back_end_that_fails_ahead_fails_where_it_is_asked_or_not_at_all(tmp_path, skill):
     """The search comes to what it comes to in one process."""
-    found = []
+    results = []
     for jobs in (1, 3):
         try:
-            found.append(searched(TASK, jobs, fail_on=skill, how="raise", log=str(tmp_path))[0])
+            results.append(searched(TASK, jobs, fail_on=skill, how="raise", log=str(tmp_path))[0])
         except BackEndError as error:
-            found.append(str(error))
-    assert found[0] == found[1]
+            results.append(str(error))
+    assert results[0] == results[1]
 
 
 def test_who_ends_the_waiting_ends_what_is_checked_ahead(monkeypatch):

@@ -40,11 +40,11 @@ def test_a_sample_depends_on_the_seed_only(folder):
     kept = folder.kept_for([engine()])
     drawn = draw_kept(kept, 3, seed=4)
     assert drawn == draw_kept(kept, 3, seed=4)
-    assert len({one.path for _, one in drawn}) == 3
-    assert {tuple(one.path for _, one in draw_kept(kept, 3, seed=s)) for s in range(8)} != {
-        tuple(one.path for _, one in drawn)
+    assert len({pair.path for _, pair in drawn}) == 3
+    assert {tuple(item.path for _, item in draw_kept(kept, 3, seed=s)) for s in range(8)} != {
+        tuple(entry.path for _, entry in drawn)
     }
-    assert [one for _, one in draw_kept(kept, 10_000, seed=0)] == kept[0]
+    assert [record for _, record in draw_kept(kept, 10_000, seed=0)] == kept[0]
 
 
 @pytest.mark.parametrize("jobs", [1, slow_case(2, reason="one process in every run")])
@@ -80,9 +80,9 @@ def answering(verdict):
 def test_a_difference_says_in_what(folder, change, differs_in):
     """In status, reason, facts or an entry of the evidence."""
     kept = folder.kept_for([engine()])
-    feasible = [one for one in kept[0] if one.record.status == "feasible"]
-    said = feasible[0].record.verdict(TASK.facts)
-    fresh = Feasibility(TASK, [answering(change(said))])
+    feasible = [record for record in kept[0] if record.record.status == "feasible"]
+    verdict = feasible[0].record.verdict(TASK.facts)
+    fresh = Feasibility(TASK, [answering(change(verdict))])
     (trial,) = recheck_kept(fresh, [(0, feasible[0])])
     parts = differs_in if isinstance(differs_in, tuple) else tuple(differs_in.split("|"))
     assert trial.differs_in == (("status", "reason") if parts == ("status reason",) else parts)
@@ -109,7 +109,9 @@ def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
     """It is no difference."""
     log = tmp_path / "log"
     log.mkdir()
-    (index, one), *_ = draw_kept(folder.kept_for([engine()]), 1, seed=0)
-    options = ExpensiveEngine.Options(log=str(log), fail_on=one.record.skill, how="raise")
+    (index, item), *_ = draw_kept(folder.kept_for([engine()]), 1, seed=0)
+    options = ExpensiveEngine.Options(log=str(log), fail_on=item.record.skill, how="raise")
     with pytest.raises(BackEndError, match="the simulator has gone away"):
-        recheck_kept(Feasibility(TASK, [ExpensiveEngine(TASK, options)]), [(index, one)], jobs=jobs)
+        recheck_kept(
+            Feasibility(TASK, [ExpensiveEngine(TASK, options)]), [(index, item)], jobs=jobs
+        )

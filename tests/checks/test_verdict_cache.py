@@ -74,11 +74,11 @@ def test_verdicts_survive_to_the_next_run(tmp_path):
 
 def test_a_file_says_what_was_asked_and_how_long_the_answer_took(tmp_path):
     """Each verdict has its own, in a folder for its back end and key."""
-    asked = dear_one()
-    verdicts_of(tmp_path, asked)
+    back_end = dear_one()
+    verdicts_of(tmp_path, back_end)
     paths = files_in(tmp_path)
     assert {path.parent for path in paths} == {
-        tmp_path / "fake" / compute_verdict_key(asked, SKILL)
+        tmp_path / "fake" / compute_verdict_key(back_end, SKILL)
     }
     feasible, infeasible = sorted((read_record(path) for path in paths), key=lambda r: r.status)
     assert (feasible.task, feasible.skill, feasible.back_end) == ("lid", SKILL.name, "fake")
@@ -122,11 +122,11 @@ def test_only_expensive_back_ends_are_written(tmp_path):
 
 def test_unknown_is_never_kept_on_disk(tmp_path):
     """The next run may decide; within this one it is not asked again."""
-    asked = dear_one(answer=Verdict.unknown("too slow"))
-    verdicts, cache = verdicts_of(tmp_path, asked)
+    back_end = dear_one(answer=Verdict.unknown("too slow"))
+    verdicts, cache = verdicts_of(tmp_path, back_end)
     assert {v.reason for v in verdicts} == {"too slow"}
-    assert Feasibility(TASK, [asked], cache).verdict(SKILL, TASK.initial).reason == "too slow"
-    assert len(asked.asked) == 2
+    assert Feasibility(TASK, [back_end], cache).verdict(SKILL, TASK.initial).reason == "too slow"
+    assert len(back_end.asked) == 2
     assert files_in(tmp_path) == []
 
 
@@ -171,8 +171,8 @@ def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
     with_option.options = Options(friction=0.6)
     keys.append(compute_verdict_key(with_option, SKILL))
     assert len(set(keys)) == len(keys)
-    told = dear_one(basis={"engine": {"friction": 0.5}})
-    keys.append(compute_verdict_key(told, SKILL))
+    message = dear_one(basis={"engine": {"friction": 0.5}})
+    keys.append(compute_verdict_key(message, SKILL))
     assert len(set(keys)) == len(keys)
     same = dear_one(TASK.replace(step_limit=99, goal=TASK.skills[0].precondition))
     assert compute_verdict_key(same, SKILL) == keys[0]
@@ -190,10 +190,10 @@ def test_another_version_is_queried_again(tmp_path):
 def test_what_a_back_end_reads_of_others_tells_verdicts_apart_in_memory_too():
     """A detector beside an engine of other options says other things."""
     cache = VerdictCache()
-    one, other = (dear_one(basis={"friction": friction}) for friction in (0.5, 0.6))
-    for back_end in (one, other):
+    first, other = (dear_one(basis={"friction": friction}) for friction in (0.5, 0.6))
+    for back_end in (first, other):
         Feasibility(TASK, [back_end], cache).verdict(SKILL, TASK.initial)
-    assert (len(one.asked), len(other.asked)) == (1, 1)
+    assert (len(first.asked), len(other.asked)) == (1, 1)
 
 
 def altered(change):
@@ -268,15 +268,15 @@ def test_a_corrupt_file_is_dropped_and_its_verdict_made_again(tmp_path, what):
 def test_a_file_under_anothers_name_is_dropped(tmp_path):
     """Verdicts are never mixed up, whatever is copied where."""
     verdicts_of(tmp_path, dear_one())
-    one, other = files_in(tmp_path)
-    other.write_bytes(one.read_bytes())
+    first, other = files_in(tmp_path)
+    other.write_bytes(first.read_bytes())
     elsewhere = tmp_path / "fake" / compute_verdict_key(dear_one(), TASK.skills[1])
     elsewhere.mkdir()
-    (elsewhere / one.name).write_bytes(one.read_bytes())
+    (elsewhere / first.name).write_bytes(first.read_bytes())
     cache = DiskVerdictCache(tmp_path)
     cache.find(dear_one(), SKILL, TASK.initial)
     cache.find(dear_one(), TASK.skills[1], TASK.initial)
-    assert sorted(cache.dropped) == sorted([other, elsewhere / one.name])
+    assert sorted(cache.dropped) == sorted([other, elsewhere / first.name])
 
 
 def test_the_alterations_above_are_told_by_what_they_say(tmp_path):
@@ -394,13 +394,13 @@ def test_records_that_make_no_sense_are_refused():
 def test_a_folder_that_cannot_be_written_costs_a_warning_and_no_run(tmp_path, caplog):
     """Reuse goes on in memory."""
     (tmp_path / "file").write_text("in the way")
-    asked = dear_one()
+    back_end = dear_one()
     with caplog.at_level(logging.WARNING):
-        verdicts, cache = verdicts_of(tmp_path / "file", asked)
+        verdicts, cache = verdicts_of(tmp_path / "file", back_end)
     assert [v.is_feasible for v in verdicts] == [True, False]
     assert len(caplog.records) == 1
-    assert Feasibility(TASK, [asked], cache).verdict(SKILL, TASK.initial).is_feasible
-    assert len(asked.asked) == 2
+    assert Feasibility(TASK, [back_end], cache).verdict(SKILL, TASK.initial).is_feasible
+    assert len(back_end.asked) == 2
 
 
 def test_the_folder_is_chosen_by_the_environment(tmp_path, monkeypatch):
@@ -416,26 +416,26 @@ def test_a_copy_for_some_back_ends_starts_with_theirs_only():
     """What is added to it does not flow back."""
     cache = VerdictCache()
     checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
-    one, other = fake_back_end(TASK, name="one"), fake_back_end(TASK, name="other")
-    for back_end in (one, other):
+    first, other = fake_back_end(TASK, name="one"), fake_back_end(TASK, name="other")
+    for back_end in (first, other):
         cache.keep(back_end, SKILL, checked, TASK.initial)
-    copy = cache.only([one])
-    assert copy.find(one, SKILL, TASK.initial) is not None
+    copy = cache.only([first])
+    assert copy.find(first, SKILL, TASK.initial) is not None
     assert copy.find(other, SKILL, TASK.initial) is None
-    copy.keep(one, TASK.skills[1], checked, TASK.initial)
-    assert cache.find(one, TASK.skills[1], TASK.initial) is None
+    copy.keep(first, TASK.skills[1], checked, TASK.initial)
+    assert cache.find(first, TASK.skills[1], TASK.initial) is None
 
 
 def test_what_is_taken_over_is_found_and_stays_where_it_was():
     """Beside what was there; of a folder nothing need be taken over."""
     cache, other = VerdictCache(), VerdictCache()
     checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
-    one = fake_back_end(TASK, name="one")
-    cache.keep(one, SKILL, checked, TASK.initial)
-    other.keep(one, TASK.skills[1], checked, TASK.initial)
+    back_end = fake_back_end(TASK, name="one")
+    cache.keep(back_end, SKILL, checked, TASK.initial)
+    other.keep(back_end, TASK.skills[1], checked, TASK.initial)
     cache.take_over(other)
-    assert all(cache.find(one, skill, TASK.initial) is not None for skill in TASK.skills[:2])
-    assert other.find(one, SKILL, TASK.initial) is None
+    assert all(cache.find(back_end, skill, TASK.initial) is not None for skill in TASK.skills[:2])
+    assert other.find(back_end, SKILL, TASK.initial) is None
 
 
 def test_a_cache_on_disk_takes_nothing_over_that_is_not_in_its_folder(tmp_path):

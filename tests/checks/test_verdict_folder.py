@@ -11,11 +11,11 @@ OTHER = TASK.replace(name="other", chart=())
 
 def filled(folder, task=TASK, plugin=ExpensiveEngine, **options):
     """Keep some verdicts in a folder; return the back end that gave them."""
-    asked = plugin(task, plugin.Options(**options))
-    feasibility = Feasibility(task, [asked], DiskVerdictCache(folder))
+    queries = plugin(task, plugin.Options(**options))
+    feasibility = Feasibility(task, [queries], DiskVerdictCache(folder))
     for state in reachable_states(SkillModel(Feasibility(task)), 20):
         feasibility.verdicts([(k, state) for k in task.skills if k.applicable(state)])
-    return asked
+    return queries
 
 
 def names_in(folder):
@@ -28,14 +28,14 @@ def test_a_survey_finds_every_sound_verdict(tmp_path):
     filled(tmp_path)
     filled(tmp_path, OTHER, ExpensiveDetector)
     sound, others = VerdictFolder(tmp_path).survey()
-    assert {(one.record.back_end, one.record.task) for one in sound} == {
+    assert {(record.record.back_end, record.record.task) for record in sound} == {
         ("expensive-engine", "lid"),
         ("expensive-detector", "other"),
     }
     assert len(sound) == len([name for name in names_in(tmp_path) if name.endswith(".json")])
     assert others == []
-    assert all(one.size_bytes == one.path.stat().st_size for one in sound)
-    assert all(one.modified_s == one.path.stat().st_mtime for one in sound)
+    assert all(item.size_bytes == item.path.stat().st_size for item in sound)
+    assert all(entry.modified_s == entry.path.stat().st_mtime for entry in sound)
 
 
 def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
@@ -45,11 +45,11 @@ def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
     filled(tmp_path, OTHER, seed=1)
     (own,) = VerdictFolder(tmp_path).kept_for([back_end])
     assert own
-    assert {(one.record.task, one.record.options["seed"]) for one in own} == {("lid", 1)}
+    assert {(entry.record.task, entry.record.options["seed"]) for entry in own} == {("lid", 1)}
     fresh = ExpensiveEngine(TASK, back_end.options)
     again = Feasibility(TASK, [fresh], DiskVerdictCache(tmp_path))
-    for one in own:
-        record = one.record
+    for item in own:
+        record = item.record
         again.verdict(TASK.skill(record.skill), TASK.facts.of(*record.state))
     assert again.executions == 0
 
@@ -104,6 +104,6 @@ def test_clearing_a_task_leaves_the_others(tmp_path):
     count = len(VerdictFolder(tmp_path).survey()[0])
     (own,) = VerdictFolder(tmp_path).kept_for([kept])
     assert VerdictFolder(tmp_path).clear({"lid"}) == count - len(own)
-    assert [one.path for one in VerdictFolder(tmp_path).survey()[0]] == sorted(
-        one.path for one in own
+    assert [record.path for record in VerdictFolder(tmp_path).survey()[0]] == sorted(
+        item.path for item in own
     )

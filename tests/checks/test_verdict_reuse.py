@@ -48,18 +48,18 @@ def assert_reuse(task, make, rng, pairs):
 
     The second state of a pair shares the facts of the first one's verdict and is random else.
     """
-    asked, reused = make(task), 0
+    queries, reused = make(task), 0
     for skill in task.skills:
         for _ in range(pairs):
             state = imagined_state(task, skill, rng)
             if state is None:
                 continue
-            verdict = asked.check(skill, state).grounded(state, asked.name)
+            verdict = queries.check(skill, state).grounded(state, queries.name)
             assert verdict.applies_in(state)
             other = imagined_state(task, skill, rng, verdict.present, verdict.absent)
             if other is None or not verdict.applies_in(other):
                 continue
-            fresh = make(task).check(skill, other).grounded(other, asked.name)
+            fresh = make(task).check(skill, other).grounded(other, queries.name)
             assert verdict == fresh
             reused += other != state
     return reused

@@ -227,21 +227,21 @@ def test_exact_search_by_time_proves_what_brute_force_over_all_sequences_finds(s
     """Whatever each way takes, whatever closes it, with grasps and directions to choose from."""
     rng = random.Random(seed)
     task = drawer_task(cost="time", grasp=GRASPS[:2])
-    asked = [one.name for one in list_queried_skills(task)]
-    seconds = {name: rng.choice([1.0, 2.0, 3.5, 9.0]) for name in asked}
+    queries = [list_queried_skill.name for list_queried_skill in list_queried_skills(task)]
+    seconds = {name: rng.choice([1.0, 2.0, 3.5, 9.0]) for name in queries}
     stops = ("placed(left)", "placed(right)")
     closed = {
-        name: rng.sample(stops, rng.choice([0, 0, 1, 2])) for name in asked if "drawer" in name
+        name: rng.sample(stops, rng.choice([0, 0, 1, 2])) for name in queries if "drawer" in name
     }
 
     def model():
         return SkillModel(Feasibility(task, [timed(task, seconds, closed)]))
 
-    found, every = ExactSolver().solve(model()), ExhaustiveSolver().solve(model())
-    assert found.proved
-    assert (found.plan is None) == (every.plan is None)
-    if found.plan is not None:
-        assert found.plan.cost == found.lower_bound == pytest.approx(every.plan.cost)
+    solution, every = ExactSolver().solve(model()), ExhaustiveSolver().solve(model())
+    assert solution.proved
+    assert (solution.plan is None) == (every.plan is None)
+    if solution.plan is not None:
+        assert solution.plan.cost == solution.lower_bound == pytest.approx(every.plan.cost)
 
 
 def ruled(task, seed):
@@ -257,7 +257,7 @@ def test_reused_verdicts_say_the_same_as_fresh_ones(seed):
     rng = random.Random(seed)
     task = drawer_task(grasp=GRASPS)
     kept = Feasibility(task, ruled(task, seed))
-    for skill in [one for one in task.skills if one.ways]:
+    for skill in [item for item in task.skills if item.ways]:
         for _ in range(12):
             state = imagined_state(task, skill, rng)
             if state is None:
@@ -276,17 +276,17 @@ def test_the_facts_that_it_names_are_all_it_rests_on(seed):
     rng = random.Random(seed)
     task = drawer_task(grasp=GRASPS)
     checks = Feasibility(task, ruled(task, seed))
-    for skill in [one for one in task.skills if one.ways]:
+    for skill in [item for item in task.skills if item.ways]:
         states = [imagined_state(task, skill, rng) for _ in range(12)]
         states = [state for state in states if state is not None]
         for state in states:
             verdict = checks.verdict(skill, state)
             for other in states:
                 if verdict.applies_in(other):
-                    said = checks.verdict(skill, other)
+                    message = checks.verdict(skill, other)
                     # Of several reasons against one way, the cheapest back end's is given.
-                    assert said.status is verdict.status
-                    assert said.evidence.get("way") == verdict.evidence.get("way")
+                    assert message.status is verdict.status
+                    assert message.evidence.get("way") == verdict.evidence.get("way")
 
 
 @given(seed=st.integers(0, 2**32))
@@ -317,10 +317,10 @@ def test_neither_verdicts_nor_counts_depend_on_the_number_of_processes(seed):
         if skill.applicable(state)
     ]
     alone = Feasibility(task, ruled(task, seed))
-    said = alone.verdicts(queries)
+    verdicts = alone.verdicts(queries)
     together = Feasibility(task, ruled(task, seed), jobs=2)
     try:
-        assert together.verdicts(queries) == said
+        assert together.verdicts(queries) == verdicts
     finally:
         together.close()
     assert (together.checks, together.hits) == (alone.checks, alone.hits)
@@ -337,8 +337,8 @@ def test_kept_verdicts_are_found_and_tried_again_by_the_way(tmp_path):
     again.verdict(task.skill("place(drawer)"), holding(task, "left"))
     assert (again.checks, again.hits) == (0, 1)
     kept = VerdictFolder(tmp_path).kept_for(again.back_ends)
-    names = sorted(one.record.skill for own in kept for one in own)
+    names = sorted(record.record.skill for own in kept for record in own)
     assert names == ["place(drawer) along +x", "place(drawer) along -x"]
-    trials = recheck_kept(checks, [(0, one) for own in kept for one in own])
+    trials = recheck_kept(checks, [(0, item) for own in kept for item in own])
     assert [trial.same for trial in trials] == [True, True]
     assert audit(checks, 4, 0, expensive=True) == 2

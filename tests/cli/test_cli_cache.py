@@ -348,13 +348,13 @@ class TestOtherCommands:
     def test_their_answer_does_not_depend_on_how_many_processes_check(self, cli, slow, bare, words):
         """Nor do the counts; nothing that engines print in a process reaches stdout."""
         words = tuple(bare if word == "TASK" else word for word in words)
-        found = []
+        results = []
         for jobs in ("2", "3"):
             log = len(list(slow.iterdir()))
             cold = () if "compare" in words else ("--no-cache",)
             done = cli(*words, "--physics", "slow", *cold, "--jobs", jobs, "--format", "json")
-            found.append((done.code, _timeless(done.document), made(slow) - log))
-        assert found[0] == found[1]
+            results.append((done.code, _timeless(done.document), made(slow) - log))
+        assert results[0] == results[1]
         processes = {path.suffix for path in slow.iterdir()}
         assert f".{os.getpid()}" not in processes
 
@@ -403,7 +403,7 @@ def _timeless(document: Any) -> Any:
     """Return a document without what a clock decides."""
     if isinstance(document, dict):
         return {k: _timeless(v) for k, v in document.items() if k not in ("wall_s", "trace")}
-    return [_timeless(one) for one in document] if isinstance(document, list) else document
+    return [_timeless(item) for item in document] if isinstance(document, list) else document
 
 
 class TestElsewhere:

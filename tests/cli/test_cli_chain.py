@@ -109,9 +109,9 @@ class TestSearch:
     def test_the_same_seed_gives_the_same_result(self, cli, goals):
         """All but the seconds."""
         words = ("--solver", "sarsa", "-O", "episodes=500", "--seed", "3", "--format", "json")
-        one, other = (cli("search-optimal", goals, *words).document for _ in range(2))
-        assert [s["path"] for s in one["sequences"]] == [s["path"] for s in other["sequences"]]
-        assert one["stats"]["expanded"] == other["stats"]["expanded"]
+        first, other = (cli("search-optimal", goals, *words).document for _ in range(2))
+        assert [s["path"] for s in first["sequences"]] == [s["path"] for s in other["sequences"]]
+        assert first["stats"]["expanded"] == other["stats"]["expanded"]
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +231,7 @@ class TestParts:
         assert (0, 4.0) == (outcome.code, outcome.document["cost"])
 
     @pytest.mark.parametrize(
-        ("sequence", "code", "found"),
+        ("sequence", "code", "expected"),
         [
             ("B2,B2", 0, (True, True, None)),
             ("2,2", 0, (True, True, None)),
@@ -239,14 +239,18 @@ class TestParts:
             ("B4,B4", 1, (False, False, "precondition")),
         ],
     )
-    def test_a_sequence_of_a_part_is_replayed(self, cli, goals, sequence, code, found):
+    def test_a_sequence_of_a_part_is_replayed(self, cli, goals, sequence, code, expected):
         """Complete, incomplete, and off the bench."""
         words = ("--sequence", sequence, "--part", "base-1", "--format", "json")
         outcome = cli("evaluate", goals, *words)
-        said = outcome.document
-        stages = [violation["stage"] for violation in said["violations"]]
+        document = outcome.document
+        stages = [violation["stage"] for violation in document["violations"]]
         assert code == outcome.code
-        assert found == (said["feasible"], said["complete"], stages[0] if stages else None)
+        assert expected == (
+            document["feasible"],
+            document["complete"],
+            stages[0] if stages else None,
+        )
 
     def test_a_swing_is_explained(self, cli, goals):
         """B4 would leave the bench at C66; B2 does not."""
@@ -330,5 +334,5 @@ class TestFleetMakespan:
         )
         outcome = cli("search-optimal", str(path), "-O", f"objective={objective}")
         assert 0 == outcome.code
-        said = " ".join(outcome.out.split())
-        assert f"plan {skills} skills makespan {makespan}" in said
+        message = " ".join(outcome.out.split())
+        assert f"plan {skills} skills makespan {makespan}" in message

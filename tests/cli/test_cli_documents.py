@@ -249,7 +249,7 @@ CALLS: dict[str, tuple[int, dict[str, Any], tuple[str, ...]]] = {
     "call",
     thinned(
         CALLS,
-        *(one for one in CALLS if one not in ("compare", "check", "evaluate incomplete")),
+        *(item for item in CALLS if item not in ("compare", "check", "evaluate incomplete")),
         why="searches again; others in every run",
     ),
 )

@@ -72,16 +72,16 @@ def test_a_contradiction_is_listed_once_with_what_both_say(cli, board, doubter):
     document = compared(cli, board, "--format", "json").document
     described = yaml.safe_load((DOCUMENTS / "agreement.yaml").read_text())
     jsonschema.validate(document, described)
-    (found,) = document["contradictions"]
-    assert found["skill"] == "place(clock)"
-    assert found["verdicts"]["kinematic"]["status"] == "feasible"
-    said = found["verdicts"]["doubter"]
-    assert (said["reason"], said["evidence"]) == ("hardly", {"doubt": 0.5})
-    stages = {stage["stage"] for stage in said["stages"]}
+    (result,) = document["contradictions"]
+    assert result["skill"] == "place(clock)"
+    assert result["verdicts"]["kinematic"]["status"] == "feasible"
+    message = result["verdicts"]["doubter"]
+    assert (message["reason"], message["evidence"]) == ("hardly", {"doubt": 0.5})
+    stages = {stage["stage"] for stage in message["stages"]}
     assert {"precondition", "doubter"} <= stages
     assert "precedence" not in stages
     assert document["complete"]
-    assert document["questions"] == document["agree"] + found["states"]
+    assert document["questions"] == document["agree"] + result["states"]
     assert set(document["seconds"]) == {"kinematic", "doubter"}
 
 
@@ -90,9 +90,9 @@ def test_contradictions_are_drawn_by_each_engine_that_can(cli, board, install, t
     install("physics", "sketcher", "sketching_engine:Sketcher", SKETCHER)
     words = ("compare", board, "--engines", "kinematic,sketcher", "--pictures")
     document = cli(*words, str(tmp_path / "drawn"), "--format", "json").document
-    (found,) = document["contradictions"]
-    assert found["pictures"] == {"sketcher": str(tmp_path / "drawn" / "001-sketcher.png")}
-    assert Path(found["pictures"]["sketcher"]).read_bytes().startswith(b"\x89PNG")
+    (result,) = document["contradictions"]
+    assert result["pictures"] == {"sketcher": str(tmp_path / "drawn" / "001-sketcher.png")}
+    assert Path(result["pictures"]["sketcher"]).read_bytes().startswith(b"\x89PNG")
     assert "001-sketcher.png" in cli(*words, str(tmp_path / "again")).out.replace("\n", "")
 
 

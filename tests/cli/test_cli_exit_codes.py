@@ -250,8 +250,8 @@ class TestHelp:
         """Brackets, as of an interval, stay."""
         command = app.get_command(typer.Context(app), name)
         inner = [command, *getattr(command, "commands", {}).values()]
-        texts = [text for one in inner for text in (one.help, one.epilog) if text]
-        texts += [parameter.help for one in inner for parameter in one.params]
+        texts = [text for node in inner for text in (node.help, node.epilog) if text]
+        texts += [parameter.help for item in inner for parameter in item.params]
         assert texts == [Text.from_markup(text).plain for text in texts]
 
     def test_the_figures_of_plot_stand_in_a_list(self, cli):

@@ -12,11 +12,11 @@ PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 
 def test_a_plan_and_a_task_are_handed_over(cli, board, solved_board, tmp_path):
     """From a result or by --sequence the same; a format of several files is a folder."""
-    one, same, folder = tmp_path / "one.csv", tmp_path / "same.csv", tmp_path / "pddl"
-    told = cli("export", str(solved_board), "--to", "csv", "--out", str(one))
-    assert (0, f"{one}: 15 skills, cost 1.86709 m\n") == (told.code, told.out)
+    item, same, folder = tmp_path / "one.csv", tmp_path / "same.csv", tmp_path / "pddl"
+    outcome = cli("export", str(solved_board), "--to", "csv", "--out", str(item))
+    assert (0, f"{item}: 15 skills, cost 1.86709 m\n") == (outcome.code, outcome.out)
     assert 0 == cli("export", board, "--to", "csv", "--out", str(same), "--sequence", PLAN).code
-    assert one.read_text("utf-8") == same.read_text("utf-8")
+    assert item.read_text("utf-8") == same.read_text("utf-8")
     assert 0 == cli("export", board, "--to", "pddl", "--out", str(folder)).code
     assert {"domain.pddl", "problem.pddl"} == {path.name for path in folder.iterdir()}
     assert {"one.csv", "same.csv", "pddl"} == {path.name for path in tmp_path.iterdir()}
@@ -32,8 +32,8 @@ def test_a_plan_is_handed_over_with_what_was_not_checked(cli, solved_board, tmp_
 def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(cli, tmp_path):
     """A behaviour tree tries again, which costs more."""
     words = ["--to", "btcpp", "--sequence", PLAN, "--out", str(tmp_path / "tree.xml")]
-    told = cli("export", "configs/inverter_grasps.yaml", *words)
-    assert (0, True) == (told.code, told.out.endswith("m if nothing fails\n"))
+    outcome = cli("export", "configs/inverter_grasps.yaml", *words)
+    assert (0, True) == (outcome.code, outcome.out.endswith("m if nothing fails\n"))
 
 
 @pytest.mark.parametrize(
@@ -95,11 +95,11 @@ class TestVerifyWithFastDownward:
         self, cli, solved_board, monkeypatch
     ):
         """Exit code 2, and the extra that has it."""
-        told = cli("verify", str(solved_board), "--with", "enhsp")
-        assert (2, True) == (told.code, "no such referee" in told.err)
+        outcome = cli("verify", str(solved_board), "--with", "enhsp")
+        assert (2, True) == (outcome.code, "no such referee" in outcome.err)
         monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-        told = cli("verify", str(solved_board), "--with", "fast-downward")
-        assert (2, True) == (told.code, "pip install 'skillplan[planner]'" in told.err)
+        outcome = cli("verify", str(solved_board), "--with", "fast-downward")
+        assert (2, True) == (outcome.code, "pip install 'skillplan[planner]'" in outcome.err)
 
 
 @pytest.mark.parametrize("to", ["csv", "btcpp", "st"])
@@ -116,6 +116,6 @@ def test_a_file_may_hold_the_list_that_sequence_takes(cli, board, tmp_path):
     names = "pick(pcb), place(pcb),\npick(switch_1)\nplace(switch_1)\n"
     for text, steps in ((PLAN, 15), (PLAN.replace(",", "\n"), 15), (names, 4)):
         (tmp_path / "list").write_text(text)
-        found = cli("evaluate", board, "--sequence", f"@{tmp_path / 'list'}", "--format", "json")
-        assert found.document["feasible"], text
-        assert found.document["complete"] == (steps == 15)
+        outcome = cli("evaluate", board, "--sequence", f"@{tmp_path / 'list'}", "--format", "json")
+        assert outcome.document["feasible"], text
+        assert outcome.document["complete"] == (steps == 15)

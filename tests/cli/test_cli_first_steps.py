@@ -113,8 +113,8 @@ class TestWarmUp:
     @pytest.mark.usefixtures("warm")
     def test_all_solvers_find_their_kernels(self, cli, board):
         """On a board, with and without chance, and on a bench."""
-        told: list[str] = []
-        done = kernels.on_compilation(told.append)
+        messages: list[str] = []
+        done = kernels.on_compilation(messages.append)
         grasps = board.replace("inverter_board", "inverter_grasps")
         for task, solvers in {
             board: "value-iteration,policy-iteration,q-learning,sarsa,monte-carlo,local-search",
@@ -122,7 +122,7 @@ class TestWarmUp:
         }.items():
             cli("compare", task, "--solvers", solvers)
         done()
-        assert [] == told
+        assert [] == messages
 
 
 class TestNotice:

@@ -223,7 +223,7 @@ def test_closed_streams_end_with_the_documented_code(environment, tmp_path):
 @FULL
 @pytest.mark.slow(reason="a dozen processes")
 @pytest.mark.parametrize(
-    ("line", "code", "said"),
+    ("line", "code", "message"),
     [
         ("skillplan check BOARD >&-", 2, BAD_NUMBER),
         ("skillplan check BOARD >/dev/full", 2, NO_SPACE),
@@ -246,6 +246,6 @@ def test_closed_streams_end_with_the_documented_code(environment, tmp_path):
         ("env -i PYTHONPATH=$PYTHONPATH skillplan search-optimal BOARD", 0, ""),
     ],
 )
-def test_no_surroundings_are_too_poor(environment, board, tmp_path, line, code, said):
+def test_no_surroundings_are_too_poor(environment, board, tmp_path, line, code, message):
     """Closed and full streams, few files, no folder, no HOME, no locale."""
-    assert (code, said) == in_a_shell(line.replace("BOARD", board), environment, tmp_path)
+    assert (code, message) == in_a_shell(line.replace("BOARD", board), environment, tmp_path)

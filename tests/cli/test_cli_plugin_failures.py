@@ -357,7 +357,7 @@ class TestTheProcess:
         """Nothing is written."""
         ending("collision", "check", ENDINGS["exit"][0])
         new = str(tmp_path / "new")
-        done = run_process(*(one.replace("BOARD", board).replace("NEW", new) for one in words))
+        done = run_process(*(word.replace("BOARD", board).replace("NEW", new) for word in words))
         assert (3, "") == (done.returncode, done.stdout)
         assert "by exit code 0 in a check of " in done.stderr
         assert not (tmp_path / "new.html").exists()
@@ -396,7 +396,7 @@ class TestTheProcess:
     def test_that_hangs_is_ended_by_the_first_signal(self, board, ending, words, number):
         """Within four seconds, though it swallows every exception."""
         ending("solver", "import", f"import sys; print('hangs', file=sys.stderr)\n{HANG}")
-        line = [one.replace("BOARD", board) for one in words]
+        line = [word.replace("BOARD", board) for word in words]
         command = [sys.executable, "-m", "skillplan", *line]
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -431,7 +431,7 @@ class TestADistributionWhoseEntryPointsCannotBeRead:
         registry.refresh()
         assert 0 == cli("search-optimal", board).code
         listed = cli("plugins", "--format", "json").document["plugins"]
-        (broken,) = [one for one in listed if one["distribution"] == "faulty-plugin"]
+        (broken,) = [row for row in listed if row["distribution"] == "faulty-plugin"]
         assert ("unknown", "1.5") == (broken["kind"], broken["version"])
         assert broken["problem"].startswith("its entry_points.txt cannot be read: ")
 

@@ -62,12 +62,12 @@ def test_a_plugin_without_options_says_so(cli):
 def test_a_plugin_just_installed_is_listed_and_run(cli, board, choosy_solver):
     """With its distribution and version; no list of names is kept anywhere."""
     plugins = cli("plugins", "solver", "--format", "json").document["plugins"]
-    (found,) = [plugin for plugin in plugins if plugin["name"] == choosy_solver]
+    (results,) = [plugin for plugin in plugins if plugin["name"] == choosy_solver]
     assert ("choosy-solver", "1.5", "Refuse everything.", None) == (
-        found["distribution"],
-        found["version"],
-        found["summary"],
-        found["problem"],
+        results["distribution"],
+        results["version"],
+        results["summary"],
+        results["problem"],
     )
 
 

@@ -57,12 +57,12 @@ class Terminal:
 
 @contextmanager
 def terminal(columns: int = 80) -> Iterator[Terminal]:
-    made = Terminal(columns)
+    screen = Terminal(columns)
     try:
-        yield made
+        yield screen
     finally:
-        os.close(made.far)
-        os.close(made.near)
+        os.close(screen.far)
+        os.close(screen.near)
 
 
 def on_a_terminal(words: list[str], columns: int, environment: dict[str, str]) -> str:
@@ -240,12 +240,12 @@ def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number):
     )
     assert process.stderr is not None
     with process.stderr as heard:
-        said = next(line for line in heard if "typer" in line)
+        message = next(line for line in heard if "typer" in line)
         process.send_signal(number)
-        said += heard.read()
+        message += heard.read()
     assert 130 == process.wait(PATIENCE_S)
-    assert said.endswith("skillplan: interrupted\n")
-    assert "Traceback" not in said
+    assert message.endswith("skillplan: interrupted\n")
+    assert "Traceback" not in message
 
 
 def test_an_exception_of_a_signal_that_a_library_wraps_is_an_interruption(install, board):

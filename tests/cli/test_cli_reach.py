@@ -71,8 +71,8 @@ class TestNoPlan:
     def test_check_warns_of_it(self, cli, edge):
         outcome = cli("check", edge)
         assert 0 == outcome.code
-        said = " ".join(outcome.out.split())
-        assert f"edge.yaml:3:1: trajectory: no plan exists: {FIRST}." in said
+        message = " ".join(outcome.out.split())
+        assert f"edge.yaml:3:1: trajectory: no plan exists: {FIRST}." in message
 
     def test_a_figure_says_why_nothing_is_drawn(self, cli, edge, tmp_path):
         outcome = cli("plot", edge, "placement", "--out", str(tmp_path / "x.png"))
@@ -114,13 +114,13 @@ class TestVerify:
     ):
         """The paper's plan, passed off as one of the task that requires reach."""
         words = ("--set", "base.reachable=required", "--format", "json")
-        wanted = cli("search-optimal", POLYGONAL, *words).document
+        expected = cli("search-optimal", POLYGONAL, *words).document
         forged = Path(shutil.copytree(polygonal, tmp_path / "forged"))
         text = (forged / "result.json").read_text("utf-8")
         document = json.loads(text)
-        text = text.replace(document["task"]["sha256"], wanted["task"]["sha256"])
+        text = text.replace(document["task"]["sha256"], expected["task"]["sha256"])
         document = json.loads(text)
-        document["origin"]["set"] = wanted["origin"]["set"]
+        document["origin"]["set"] = expected["origin"]["set"]
         document["reachable"], document["supports_beyond_leg_limits"] = "required", 0
         (forged / "result.json").write_text(json.dumps(document), "utf-8")
         outcome = cli("verify", str(forged))

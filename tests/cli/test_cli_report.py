@@ -23,9 +23,9 @@ def test_a_board_is_reported(cli, board, page, monkeypatch):
     assert (0, f"{page}\n") == (outcome.code, outcome.out)
     text = page.read_text("utf-8")
     assert {"optimal", "1.86709 m", "place(transformer)", "Time line", "follow from"} <= {
-        one
-        for one in ("optimal", "1.86709 m", "place(transformer)", "Time line", "follow from")
-        if one in text
+        item
+        for item in ("optimal", "1.86709 m", "place(transformer)", "Time line", "follow from")
+        if item in text
     }
     assert "db0e94f40288b71a" in text, "the hash of the task"
     assert 150_000 > len(text.encode())
@@ -61,8 +61,8 @@ def test_what_no_engine_performs_is_played_along_its_planned_paths(
     assert "The motion is planned, not simulated: no contact forces." in text
     assert "Times along the planned paths." in text
     assert [] == playback["contacts"]
-    assert ["pick(cover)", "place(cover)"] == [one["name"] for one in playback["skills"]]
-    assert "cover" in {one["name"] for one in playback["bodies"] if one["track"] is not None}
+    assert ["pick(cover)", "place(cover)"] == [skill["name"] for skill in playback["skills"]]
+    assert "cover" in {body["name"] for body in playback["bodies"] if body["track"] is not None}
 
 
 def one_part(folder: Path) -> str:
@@ -125,7 +125,7 @@ def test_the_bench_is_played_by_its_times(cli, tmp_path, page, monkeypatch):
     data = text.partition('id="playback">')[2].partition("</script>")[0]
     playback = json.loads(data)
     assert "not simulated" in playback["note"]
-    bases = [one["name"] for one in playback["bodies"] if one["kind"] == "base"]
+    bases = [body["name"] for body in playback["bodies"] if body["kind"] == "base"]
     assert ["left", "right"] == bases
     assert "Bench of meet from above" in text, "a picture that stands without a script"
     assert playback["duration_s"] > 0

@@ -116,7 +116,9 @@ class TestSimulate:
         assert (True, True, False) == tuple(
             document[key] for key in ("feasible", "complete", "stopped")
         )
-        assert {"pcb", "switch_1", "screw_2"} <= {one["body"] for one in document["arrivals"]}
+        assert {"pcb", "switch_1", "screw_2"} <= {
+            arrival["body"] for arrival in document["arrivals"]
+        }
 
     @pytest.mark.parametrize("named", ["", "result.json"], ids=["folder", "file"])
     def test_a_result_is_as_good_as_its_sequence(self, cli, board, puppet, tmp_path, named):
@@ -199,8 +201,8 @@ class TestSimulate:
                 assert (20, (65, 49), 2000) == (gif.n_frames, gif.size, lasts_ms)
         else:
             assert (20, 2.0) == imageio_ffmpeg.count_frames_and_secs(str(path))
-            asked = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
-            about = subprocess.run(asked, capture_output=True, text=True, check=False).stderr
+            queries = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
+            about = subprocess.run(queries, capture_output=True, text=True, check=False).stderr
             assert "Video: h264" in about
             assert "yuv420p" in about
             assert " 64x48" in about
@@ -234,8 +236,8 @@ class TestSimulate:
     ):
         """One message with what to write instead; exit code 2."""
         monkeypatch.chdir(tmp_path)
-        asked = ("simulate", board, "--sequence", "0,1", "--physics", puppet, *words)
-        assert message in cli(*asked, "-O", "puppet.bursts=true").refusal
+        queries = ("simulate", board, "--sequence", "0,1", "--physics", puppet, *words)
+        assert message in cli(*queries, "-O", "puppet.bursts=true").refusal
 
     def test_an_engine_without_bodies_cannot_simulate(self, cli, board):
         """It is told which can."""
@@ -272,7 +274,7 @@ class TestSimulate:
         assert (130, "") == (process.returncode, err)
         document = json.loads(out)
         assert document["stopped"]
-        assert ["pick(pcb)"] == [one["skill"] for one in document["skills"]]
+        assert ["pick(pcb)"] == [skill["skill"] for skill in document["skills"]]
         assert 121 == len(path.read_text("utf-8").splitlines())
 
 

@@ -72,8 +72,8 @@ class TestOutput:
         assert "skillplan.sweep/1" == document["schema"]
         assert "five-cases" == document["name"]
         assert (4, 0, 0) == (len(document["runs"]), document["failed"], document["missing"])
-        assert [200, 300] == [one["options"]["episodes"] for one in document["settings"]]
-        assert ["C20", "C6"] == [one["start"] for one in document["settings"][0]["starts"]]
+        assert [200, 300] == [setting["options"]["episodes"] for setting in document["settings"]]
+        assert ["C20", "C6"] == [start["start"] for start in document["settings"][0]["starts"]]
 
     def test_csv_has_a_row_for_every_setting_and_start(self, cli):
         rows = list(csv.DictReader(io.StringIO(cli("sweep", CASES, *QUICK, "--format", "csv").out)))
@@ -100,7 +100,9 @@ class TestOutput:
         """From a start that takes longer, the solver has failed."""
         words = ("--starts", "C20,C78", "--set", "step_limit=5", "--runs", "1")
         document = cli("sweep", CASES, *words, "--format", "json").document
-        assert ["solved", "unsolved"] == [one["status"] for one in document["runs"][0]["outcomes"]]
+        assert ["solved", "unsolved"] == [
+            outcome["status"] for outcome in document["runs"][0]["outcomes"]
+        ]
 
 
 class TestFolder:
@@ -178,7 +180,7 @@ class TestFaults:
         assert 0 == outcome.code
         document = outcome.document
         assert (2, 0) == (document["failed"], document["missing"])
-        errors = {one["setting"]: one["error"] for one in document["runs"]}
+        errors = {run["setting"]: run["error"] for run in document["runs"]}
         assert "RuntimeError: no memory left" in errors[0]
         assert "its process ended by signal 9" == errors[1]
         assert errors[2] is None
@@ -190,7 +192,7 @@ class TestFaults:
         words = ("--set", "step_limit=1", "-O", "episodes=10", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--format", "json")
         assert 1 == outcome.code
-        assert [0] == [one["arrived"] for one in outcome.document["settings"]]
+        assert [0] == [setting["arrived"] for setting in outcome.document["settings"]]
 
     @pytest.mark.slow(reason="waits for processes; a training that is interrupted in every run")
     def test_ctrl_c_prints_what_is_done(self, environment, tmp_path):

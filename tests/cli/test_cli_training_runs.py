@@ -182,9 +182,9 @@ class TestAfterTraining:
             "run seed status actions skills cost deviation kept kept_step last best_cost_seen "
             "best_actions_seen training_success_rate completed_step episodes steps"
         )
-        for said, found in zip(trained["runs"], tried["runs"], strict=True):
-            assert {key: said[key] for key in same.split()} == {
-                key: found[key] for key in same.split()
+        for message, result in zip(trained["runs"], tried["runs"], strict=True):
+            assert {key: message[key] for key in same.split()} == {
+                key: result[key] for key in same.split()
             }
         assert ("training", "sampled") == (trained["success_of"], tried["success_of"])
         assert trained["optimum"] == tried["optimum"]
@@ -198,15 +198,15 @@ class TestAfterTraining:
         runs = str(tmp_path / "runs")
         words = ("--solver", learner, "--runs", "2", "--steps", "1000", "--family", "3")
         cli("train", BOARD, *words, "--out", runs)
-        found = cli("evaluate", runs, "--layouts", "4", "--format", "json").document["layouts"]
+        result = cli("evaluate", runs, "--layouts", "4", "--format", "json").document["layouts"]
         assert [f"inverter-board/{number}" for number in (3, 4, 5, 6)] == [
-            row["name"] for row in found["rows"]
+            row["name"] for row in result["rows"]
         ]
-        assert (3, 8) == (found["learned_on"], found["answers"])
-        for row in found["rows"]:
+        assert (3, 8) == (result["learned_on"], result["answers"])
+        for row in result["rows"]:
             assert row["optimum"] > 0
-            assert all(one is None or one >= 0 for one in row["deviations"])
-        assert min(found["answer_s"], found["proof_s"], found["training_s"]) > 0
+            assert all(deviation is None or deviation >= 0 for deviation in row["deviations"])
+        assert min(result["answer_s"], result["proof_s"], result["training_s"]) > 0
         shown = cli("evaluate", runs, "--layouts", "1").out
         assert "1 layouts that no run has seen" not in shown
         assert "1 layout that no run has seen, learned on 3 others" in shown
@@ -222,9 +222,11 @@ class TestLayouts:
     @pytest.mark.slow(reason="draws a family; one layout in every run")
     def test_runs_of_one_board_may_be_tried_on_its_family(self, cli, runs):
         """The same sequence on other layouts: complete, and seldom optimal."""
-        found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]
-        assert (0, 9) == (found["learned_on"], found["answers"])
-        for row in found["rows"]:
+        result = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document[
+            "layouts"
+        ]
+        assert (0, 9) == (result["learned_on"], result["answers"])
+        for row in result["rows"]:
             assert 2 == row["completed"]
             assert row["deviations"][0] >= 0
 

@@ -21,7 +21,7 @@ def test_two_jobs_find_what_one_does(cli, tmp_path):
     """At the cost of time; and the way round the tower is the same after either."""
     board = tmp_path / "tower.yaml"
     board.write_text(TOWER, encoding="utf-8")
-    found = []
+    results = []
     for jobs in ("1", "2"):
         words = ["--set", "cost=time", "--collision", "swept", "--jobs", jobs]
         document = cli("search-optimal", str(board), *words, "--format", "json").document
@@ -30,6 +30,6 @@ def test_two_jobs_find_what_one_does(cli, tmp_path):
             "explain", str(board), "place(base)", "--after", "0", "--collision", "swept"
         ).out
         assert "around tower" in explained
-        found.append((document, explained))
-    assert found[0] == found[1]
-    assert found[0][0]["status"] == "optimal"
+        results.append((document, explained))
+    assert results[0] == results[1]
+    assert results[0][0]["status"] == "optimal"

@@ -114,7 +114,7 @@ class TestOrigin:
         publish(ALLOWS, "1.0")
         origin = identify_code(registry.load("collision", "watchful"))
         assert "acme-detectors 1.0" == origin[0]
-        assert not [one for one in origin if one.startswith("watchful_module ")]
+        assert not [entry for entry in origin if entry.startswith("watchful_module ")]
 
     def test_source_counts_where_a_version_does_not_tell(self, publish):
         """As of a distribution that somebody edits."""
@@ -138,10 +138,10 @@ class TestOrigin:
                 raise NotImplementedError
 
         package = Own.__module__.partition(".")[0]
-        assert [one for one in identify_code(Own) if one.startswith(f"{package} ")]
+        assert [item for item in identify_code(Own) if item.startswith(f"{package} ")]
 
     def test_what_a_distribution_needs_counts(self):
         """A verdict of an engine rests on its simulator's version."""
         swept = pytest.importorskip("skillplan_pinocchio").__name__
         origin = identify_code(registry.load("collision", "swept"))
-        assert [one for one in origin if one.startswith("coal ")], swept
+        assert [entry for entry in origin if entry.startswith("coal ")], swept

@@ -125,17 +125,17 @@ class TestAnHonestResult:
     def test_a_chain_is_verified_part_by_part(self, cli, solved_corner):
         """And then its sum."""
         outcome = cli("verify", str(solved_corner), "--format", "json")
-        found = outcomes(outcome.document)
+        claims = outcomes(outcome.document)
         assert (0, True) == (outcome.code, outcome.document["valid"])
         for claim in ("heads-1: optimal", "goals: plan", "base-1: optimal", "cost"):
-            assert "holds" == found[claim]
+            assert "holds" == claims[claim]
 
     def test_a_part_of_a_chain_is_verified_alone(self, cli, corner, tmp_path):
         """The result remembers which."""
         folder = str(tmp_path / "part")
         cli("search-optimal", corner, *EXACT, "--part", "heads-2", "--out", folder)
-        found = verified(cli, folder)
-        assert {"holds"} == set(found.values())
+        claims = verified(cli, folder)
+        assert {"holds"} == set(claims.values())
 
     @pytest.mark.slow(reason="iterates values; an honest result in every run")
     def test_under_chance_the_least_expected_cost_is_worked_out(self, cli, tmp_path, board):
@@ -147,8 +147,8 @@ class TestAnHonestResult:
         folder = tmp_path / "run"
         words = ("--solver", "value-iteration", "--format", "json", "--out", str(folder))
         assert 0 == cli("search-optimal", str(path), *words).code
-        found = outcomes(cli("verify", str(folder), "--format", "json").document)
-        assert ("holds", "holds") == (found["cost"], found["optimal"])
+        claims = outcomes(cli("verify", str(folder), "--format", "json").document)
+        assert ("holds", "holds") == (claims["cost"], claims["optimal"])
         (folder / "policies.json").unlink()
         alone = outcomes(cli("verify", str(folder), "--format", "json").document)
         assert ("holds", "not checked") == (alone["cost"], alone["policies.json"])
@@ -286,8 +286,8 @@ class TestAClaimThatIsNotTrue:
         document["sequences"][0]["cost"] += 1
         path.write_text(json.dumps(document), "utf-8")
         outcome = cli("verify", str(folder), "--format", "json")
-        found = outcomes(outcome.document)
-        assert (1, "fails", "fails") == (outcome.code, found["base-1: cost"], found["cost"])
+        claims = outcomes(outcome.document)
+        assert (1, "fails", "fails") == (outcome.code, claims["base-1: cost"], claims["cost"])
 
     def test_parts_of_a_chain_in_another_order_fail(self, cli, solved_corner, tmp_path):
         """The name says which stands where another should."""

@@ -82,8 +82,8 @@ def test_what_is_executed_is_the_way_that_is_granted(cli, drawer, puppet, tmp_pa
     outcome = cli(*words, "--trace", str(trace), *JSON)
     assert outcome.code == 0
     done = outcome.document["skills"]
-    assert [one["skill"] for one in done][3] == "place(drawer)"
-    assert [one.get("way") for one in done] == [None, None, None, "along -x", None, None]
+    assert [item["skill"] for item in done][3] == "place(drawer)"
+    assert [part.get("way") for part in done] == [None, None, None, "along -x", None, None]
     with trace.open(encoding="utf-8", newline="") as file:
         assert "place(drawer) along -x" in {row["skill"] for row in csv.DictReader(file)}
     assert "place(drawer) along -x" in cli(*words).out
@@ -94,7 +94,7 @@ def test_of_a_result_its_own_way_is_executed(cli, drawer, puppet, tmp_path):
     out = tmp_path / "out"
     cli("search-optimal", drawer, *AABB, "--out", str(out))
     document = cli("simulate", str(out), "--physics", puppet, *JSON).document
-    assert {one.get("way") for one in document["skills"]} == {None, "along +x"}
+    assert {skill.get("way") for skill in document["skills"]} == {None, "along +x"}
 
 
 def test_a_result_with_another_way_than_is_taken_is_not_valid(cli, drawer, tmp_path):

@@ -16,7 +16,7 @@ COMMAND = f"pip install {DISTRIBUTION}, or in a checkout pip install -c constrai
 
 def without_bench() -> Iterator[Distribution]:
     """Yield all distributions except the plugin of the bench."""
-    return (one for one in distributions() if one.name != DISTRIBUTION)
+    return (distribution for distribution in distributions() if distribution.name != DISTRIBUTION)
 
 
 @pytest.fixture

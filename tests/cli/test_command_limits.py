@@ -59,7 +59,7 @@ def fail_by_limit(words: list[str], environment: dict[str, str], folder: Path) -
     [
         "plot",
         "report",
-        *(pytest.param(one, marks=SLOW) for one in ("simulate", "train", "import-cad")),
+        *(pytest.param(item, marks=SLOW) for item in ("simulate", "train", "import-cad")),
     ],
 )
 def test_memory_of_a_whole_command_is_limited(name, board, environment, tmp_path):
@@ -80,8 +80,8 @@ def test_a_command_without_a_partial_result_ends_with_a_message(name, board, env
 def test_a_report_of_a_large_board_is_written_in_time(cli, environment, tmp_path):
     """What there is no time for is left out, and the page says so."""
     board, page = tmp_path / "board.yaml", tmp_path / "page.html"
-    made = cli("generate", "assembly", *LARGE, "--out", str(board))
-    assert 0 == made.code
+    outcome = cli("generate", "assembly", *LARGE, "--out", str(board))
+    assert 0 == outcome.code
     words = ["report", str(board), "--time-limit", "5", "--out", str(page)]
     begin_s = time.monotonic()
     ended = subprocess.run([*SKILLPLAN, *words], capture_output=True, text=True, env=environment)

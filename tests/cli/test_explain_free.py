@@ -77,25 +77,27 @@ def told(capsys, *words):
 
 def test_in_the_whole_product_each_direction_names_what_blocks_it_the_nearest_first(tower, capsys):
     """Directions and points are those of the task, in which the product stands."""
-    found, code = told(capsys, tower, "free(post)")
+    messages, code = told(capsys, tower, "free(post)")
     assert code == 0
-    assert found["present"] == ["plate", "cap"]
-    by = {tuple(one["direction"]): one for one in found["directions"]}
+    assert messages["present"] == ["plate", "cap"]
+    by = {tuple(direction["direction"]): direction for direction in messages["directions"]}
     up, side = by[0, 0, 1], by[0, 1, 0]
-    assert [one["part"] for one in up["blocked_by"]] == ["cap"]
+    assert [item["part"] for item in up["blocked_by"]] == ["cap"]
     assert up["in_file"] == [1, 0, 0]
     assert up["blocked_by"][0]["distance_mm"] == 3
     assert up["blocked_by"][0]["point_mm"] == [498, 0, 30]
-    assert [one["part"] for one in side["blocked_by"]] == ["cap", "plate"]
-    assert [one["sensitive"] for one in side["blocked_by"]] == [False, True]
+    assert [entry["part"] for entry in side["blocked_by"]] == ["cap", "plate"]
+    assert [element["sensitive"] for element in side["blocked_by"]] == [False, True]
     assert by[1, 0, 0]["free"]
 
 
 def test_after_a_sequence_only_what_it_has_put_there_is_in_the_way(tower, capsys):
     """Up is free while the cap is not there; the sequence leads to the state as predicted."""
-    found, _ = told(capsys, tower, "free(post)", "--after", AFTER_PLATE)
-    assert found["present"] == ["plate"]
-    free = [tuple(one["direction"]) for one in found["directions"] if one["free"]]
+    messages, _ = told(capsys, tower, "free(post)", "--after", AFTER_PLATE)
+    assert messages["present"] == ["plate"]
+    free = [
+        tuple(direction["direction"]) for direction in messages["directions"] if direction["free"]
+    ]
     assert (0, 0, 1) in free
     assert (0, 0, -1) not in free
 
@@ -104,9 +106,9 @@ def test_what_is_blocked_in_all_directions_ends_with_code_1(tower, capsys):
     relation = json.loads((tower.parent / "relation.json").read_text())
     relation["blocked"] += [blocked("CAP", "POST", axis, 1.0) for axis in AXES]
     (tower.parent / "relation.json").write_text(json.dumps(relation))
-    found, code = told(capsys, tower, "free(cap)")
+    messages, code = told(capsys, tower, "free(cap)")
     assert code == 1
-    assert not found["free"]
+    assert not messages["free"]
 
 
 def test_the_table_says_where_it_is_free_and_how_far_it_goes_elsewhere(tower, capsys):
@@ -120,8 +122,8 @@ def test_the_table_says_where_it_is_free_and_how_far_it_goes_elsewhere(tower, ca
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_a_picture_shows_the_part_and_what_is_in_its_way(tower, tmp_path, capsys, suffix):
     path = tmp_path / f"post{suffix}"
-    found, _ = told(capsys, tower, "free(post)", "--picture", path)
-    assert found["files"] == {"picture": str(path)}
+    messages, _ = told(capsys, tower, "free(post)", "--picture", path)
+    assert messages["files"] == {"picture": str(path)}
     if suffix == ".svg":
         assert "in its way" in path.read_text()
     else:

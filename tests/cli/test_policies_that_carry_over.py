@@ -32,7 +32,7 @@ def test_a_policy_is_tried_on_any_task(cli, run, config):
 
 def test_it_answers_without_torch(cli, run, monkeypatch):
     """As where the plugin that trains is not installed."""
-    for name in [one for one in sys.modules if one.partition(".")[0] == "skillplan_torch"]:
+    for name in [module for module in sys.modules if module.partition(".")[0] == "skillplan_torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
     outcome = cli("evaluate", run, "--task", str(CONFIGS / "gear_unit.yaml"), "--format", "json")

@@ -137,11 +137,13 @@ class TestLinks:
         (run_dir / name).rename(target)
         (run_dir / name).symlink_to(target, target_is_directory=True)
         (target / ".policy.json.0123456789abcdef.tmp").write_text("somebody's")
-        before = {one: one.read_bytes() for one in sorted(target.rglob("*")) if one.is_file()}
+        before = {item: item.read_bytes() for item in sorted(target.rglob("*")) if item.is_file()}
         message = refused(resume(cli, run_dir))
         words = "there is a link on the way" if inside else "a link leads out of the folder"
         assert words in message
-        after = {one: one.read_bytes() for one in sorted(target.rglob("*")) if one.is_file()}
+        after = {
+            entry: entry.read_bytes() for entry in sorted(target.rglob("*")) if entry.is_file()
+        }
         assert before == after
 
     def test_files_that_are_written_whole_take_the_place_of_links(self, cli, run_dir, tmp_path):
@@ -230,8 +232,8 @@ class TestPipesAndDevices:
         (run_dir / name).symlink_to("/dev/zero")
         outcomes = cli("evaluate", str(run_dir)), resume(cli, run_dir)
         assert {outcome.code for outcome in outcomes} <= {0, 1, 2}
-        told = "".join(outcome.out + outcome.err for outcome in outcomes)
-        assert "a link leads out of the folder" in told
+        message = "".join(outcome.out + outcome.err for outcome in outcomes)
+        assert "a link leads out of the folder" in message
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
     @pytest.mark.parametrize("name", ["result.json", "policies.json", "task.yaml"])
@@ -268,9 +270,9 @@ class TestBounds:
     def test_a_manifest_is_bounded(self, cli, run_dir, path, value, message):
         """What is beyond is named at once, whoever reads it."""
         changed(run_dir / "manifest.json", *path, to=value)
-        told = refused(cli("evaluate", str(run_dir)))
-        assert f"manifest.json: is damaged: {message}" in told
-        assert len(told) < 500
+        messages = refused(cli("evaluate", str(run_dir)))
+        assert f"manifest.json: is damaged: {message}" in messages
+        assert len(messages) < 500
 
     def test_resume_knows_the_bounds_too(self, cli, run_dir):
         """Before it makes anything."""

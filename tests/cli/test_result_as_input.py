@@ -118,7 +118,7 @@ class TestExplain:
     def test_a_step_is_the_state_in_which_it_begins(self, cli, result):
         """As the same sequence pasted by --after would have it."""
         step = ("--from", result, "--step", "7")
-        told = cli("explain", BOARD, "place(brace)", *step, *JSON).document
+        document = cli("explain", BOARD, "place(brace)", *step, *JSON).document
         pasted = cli(
             "explain",
             BOARD,
@@ -126,7 +126,7 @@ class TestExplain:
             *("--after", "0,1,2,3,4,5", "--collision", "aabb", "--set", "step_limit=40"),
             *JSON,
         ).document
-        assert pasted == told
+        assert pasted == document
 
     def test_without_a_step_it_is_the_end(self, cli, result):
         """All is done there."""

@@ -106,7 +106,7 @@ class TestTwoSearches:
         from skillplan.cli import ResultFolder
         from skillplan.errors import OptionError
 
-        folder, told, start = tmp_path / "run", [], threading.Barrier(4)
+        folder, messages, start = tmp_path / "run", [], threading.Barrier(4)
 
         def write(text: str) -> None:
             start.wait()
@@ -114,15 +114,17 @@ class TestTwoSearches:
                 with ResultFolder(str(folder)) as opened:
                     opened.finish({"plan.csv": text}, text)
             except OptionError as error:
-                told.append(str(error))
+                messages.append(str(error))
 
         threads = [threading.Thread(target=write, args=(str(n),)) for n in range(4)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        assert 3 == len(told)
-        assert all("another search is" in one or "is not empty" in one for one in told)
+        assert 3 == len(messages)
+        assert all(
+            "another search is" in message or "is not empty" in message for message in messages
+        )
         assert (folder / "plan.csv").read_text() == (folder / "result.json").read_text()
 
     def test_a_finished_result_is_never_touched(self, cli, solved_board):
@@ -224,7 +226,7 @@ class TestFullDisks:
         self, cli, tmp_path, monkeypatch, call
     ):
         """At any of the files; the message names it."""
-        folder, told = tmp_path / "run", set()
+        folder, message = tmp_path / "run", set()
         real = getattr(os, call)
         for nth in range(1, 12):
             counted = iter(range(1, 1000))
@@ -241,8 +243,8 @@ class TestFullDisks:
                 break
             assert (2, [], "") == (outcome.code, names(folder), outcome.out)
             assert "cannot be written: No space left on device." in outcome.err
-            told.add(outcome.err.partition("run: ")[2].partition(" ")[0])
-        assert {"plan.csv", "result.json"} <= told
+            message.add(outcome.err.partition("run: ")[2].partition(" ")[0])
+        assert {"plan.csv", "result.json"} <= message
         assert WHOLE == names(folder)
 
     def test_an_earlier_document_stays_where_there_is_no_room_for_the_next(
@@ -270,11 +272,11 @@ class TestFullDisks:
             new = {"a.csv": "new", "result.json": "new"}
             ended = killed_at(nth, monkeypatch, partial(write_as_one, folder, new, within=folder))
             if (folder / "result.json").exists():
-                found = (folder / "result.json").read_text()
-                assert found == (folder / "a.csv").read_text()
+                text = (folder / "result.json").read_text()
+                assert text == (folder / "a.csv").read_text()
             if ended is not None:
                 break
-        assert "new" == found
+        assert "new" == text
 
 
 def test_a_study_writes_its_document_last(cli, tmp_path):

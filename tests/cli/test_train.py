@@ -62,7 +62,7 @@ class TestOutput:
         assert (0, "derived from the task: horizon 20\n") == (outcome.code, outcome.err)
         document = outcome.document
         assert "skillplan.training/1" == document["schema"]
-        assert [0, 1, 2] == [one["seed"] for one in document["runs"]]
+        assert [0, 1, 2] == [run["seed"] for run in document["runs"]]
         assert (600, 600) == (document["steps"], document["options"]["steps"])
         assert document["optimum"] == pytest.approx(1.86709, abs=1e-5)
         assert document == json.loads((tmp_path / "a" / "result.json").read_text())
@@ -77,8 +77,8 @@ class TestOutput:
         monkeypatch.chdir(tmp_path)
         for number in (1, 2):
             name = str(Path("runs") / f"inverter-board-tabular-{number}")
-            told = cli("train", BOARD, *QUICK).err.splitlines()
-            assert [f"writing to {name}", "derived from the task: horizon 20"] == told
+            message = cli("train", BOARD, *QUICK).err.splitlines()
+            assert [f"writing to {name}", "derived from the task: horizon 20"] == message
             assert (Path(name) / "result.json").is_file()
 
     @pytest.mark.slow(reason="a training; the other endings in every run")
@@ -146,13 +146,13 @@ class TestInterruption:
             process.kill()
             process.communicate()
         assert 130 == process.returncode
-        _, told = err.splitlines()
-        assert told.startswith("interrupted; go on with: skillplan train ")
+        _, message = err.splitlines()
+        assert message.startswith("interrupted; go on with: skillplan train ")
         document = json.loads(out)
         assert document["interrupted"]
-        assert {one["steps"] for one in document["runs"]} < set(range(0, 600, 100))
+        assert {run["steps"] for run in document["runs"]} < set(range(0, 600, 100))
         assert (folder / "runs" / "01" / "policy.safetensors").is_file()
-        again = shlex.split(told.partition("go on with: skillplan ")[2])
+        again = shlex.split(message.partition("go on with: skillplan ")[2])
         assert 0 == cli(*again).code
         assert same_run("metrics.jsonl", kept, folder)
         assert same_run("policy.safetensors", kept, folder)
@@ -174,7 +174,7 @@ class TestInterruption:
         words = ("--proof-time-limit", "1e-9", "--out", str(tmp_path / "a"), "--format", "json")
         outcome = cli("train", BOARD, *QUICK, *words)
         assert outcome.document["optimum"] is None
-        assert [True] * 3 == [one["actions"] != [] for one in outcome.document["runs"]]
+        assert [True] * 3 == [run["actions"] != [] for run in outcome.document["runs"]]
 
     @pytest.mark.parametrize(
         ("kills", "steps"),
@@ -354,7 +354,7 @@ class TestFaults:
         words = ("--collision", bursting_detector, "--out", str(tmp_path / "a"))
         outcome = cli("train", BOARD, *QUICK, *words, "--format", "json")
         assert 3 == outcome.code
-        assert {"failed"} == {one["status"] for one in outcome.document["runs"]}
+        assert {"failed"} == {run["status"] for run in outcome.document["runs"]}
         assert "the simulator has gone away" in outcome.document["runs"][0]["reason"]
 
     @pytest.mark.slow(reason="a process that trains; the same from Python in every run")
@@ -388,9 +388,9 @@ def wait_for_metrics(folder: Path, size: int) -> None:
         time.sleep(0.02)
 
 
-def same_run(name: str, one: Path, other: Path) -> bool:
+def same_run(name: str, first: Path, other: Path) -> bool:
     """Whether a file of every run is the same in two folders."""
-    paths = sorted(path.relative_to(one) for path in one.glob(f"runs/*/{name}"))
+    paths = sorted(path.relative_to(first) for path in first.glob(f"runs/*/{name}"))
     return bool(paths) and all(
-        (one / path).read_bytes() == (other / path).read_bytes() for path in paths
+        (first / path).read_bytes() == (other / path).read_bytes() for path in paths
     )

@@ -73,10 +73,10 @@ def changed(document: Any, path: Path_) -> Any:
 def accepted(folder: Path) -> bool:
     """Whether verify finds nothing wrong; proofs of all plans are given up at once."""
     try:
-        found = certify(str(folder), stop=Stop(time_limit_s=1e-3), saved_tables=render_csv_files)
+        result = certify(str(folder), stop=Stop(time_limit_s=1e-3), saved_tables=render_csv_files)
     except SkillplanError:
         return False
-    return found.verdict is not Verdict.REFUTED
+    return result.verdict is not Verdict.REFUTED
 
 
 def unnoticed(folder: Path, name: str, paths: Iterator[Path_] | list[Path_]) -> set[str]:
@@ -84,13 +84,13 @@ def unnoticed(folder: Path, name: str, paths: Iterator[Path_] | list[Path_]) -> 
     file = folder / name
     original = file.read_text("utf-8")
     document = json.loads(original)
-    found = set()
+    result = set()
     for path in paths:
         file.write_text(json.dumps(changed(document, path)), "utf-8")
         if accepted(folder):
-            found.add(".".join(map(str, path)))
+            result.add(".".join(map(str, path)))
     file.write_text(original, "utf-8")
-    return found
+    return result
 
 
 def one_of_each(document: Any) -> list[Path_]:
@@ -170,8 +170,8 @@ def test_a_stage_with_a_skill_that_there_is_not_fails(cli, chain):
 @pytest.mark.release(reason="225 verifications; test_a_changed_figure_is_noticed in every run")
 def test_every_leaf_of_a_board_is_checked_or_listed(run):
     """One at a time."""
-    found = unnoticed(run, "result.json", leaves(document_of(run)))
-    assert set() == {path for path in found if not SINGLE.fullmatch(path)}
+    result = unnoticed(run, "result.json", leaves(document_of(run)))
+    assert set() == {path for path in result if not SINGLE.fullmatch(path)}
 
 
 @pytest.mark.parametrize(
@@ -183,8 +183,8 @@ def test_every_leaf_of_a_board_is_checked_or_listed(run):
 )
 def test_every_leaf_of_a_chain_is_checked_or_listed(chain, share):
     """Of each kind of leaf one; of all kinds, or of every third."""
-    found = unnoticed(chain, "result.json", one_of_each(document_of(chain))[::share])
-    assert set() == {path for path in found if not CHAIN.fullmatch(path)}
+    result = unnoticed(chain, "result.json", one_of_each(document_of(chain))[::share])
+    assert set() == {path for path in result if not CHAIN.fullmatch(path)}
 
 
 @pytest.mark.release(reason="15 verifications of a fleet, a second each")
@@ -194,8 +194,8 @@ def test_every_leaf_of_a_fleet_is_checked_or_listed(cli, tmp_path):
     words = (FLEET, "--format", "json", "--out", str(folder))
     assert 0 == cli("search-optimal", *words).code
     sample = random.Random(0).sample(one_of_each(document_of(folder)), 15)
-    found = unnoticed(folder, "result.json", sample)
-    assert set() == {path for path in found if not CHAIN.fullmatch(path)}
+    result = unnoticed(folder, "result.json", sample)
+    assert set() == {path for path in result if not CHAIN.fullmatch(path)}
 
 
 @pytest.fixture(scope="module")
@@ -233,13 +233,13 @@ def tampered_cells(file: Path, folder: Path, sample: int | None) -> list[str]:
     text = file.read_text("utf-8")
     cells = list(CELLS.finditer(text))
     chosen = cells if sample is None else random.Random(0).sample(cells, min(sample, len(cells)))
-    found = []
+    results = []
     for cell in chosen:
         file.write_text(f"{text[: cell.end()]}1{text[cell.end() :]}", "utf-8")
         if accepted(folder):
-            found.append(cell.group())
+            results.append(cell.group())
     file.write_text(text, "utf-8")
-    return found
+    return results
 
 
 def test_a_changed_cell_beside_the_result_is_noticed(run, chain):
@@ -308,7 +308,7 @@ class TestLimits:
     def test_a_memory_limit_is_kept(self, cli, run):
         """Here there is none left for the replay: then nothing is valid."""
         outcome = cli("verify", str(run), "--memory-limit", "64MiB", "--format", "json")
-        claims = {one["claim"]: one for one in outcome.document["claims"]}
+        claims = {claim["claim"]: claim for claim in outcome.document["claims"]}
         assert (1, False) == (outcome.code, outcome.document["valid"])
         assert "memory limit" == claims["plan"]["detail"]
 
@@ -317,11 +317,11 @@ class TestWhatWasAsked:
     def test_back_ends_and_options_are_named(self, cli, run):
         """With their versions."""
         document = cli("verify", str(run), "--format", "json").document
-        asked = {one["name"]: one for one in document["asked"]}
-        assert {"kinematic", "precedence"} == set(asked)
-        assert {"hold_back_picks": False} == asked["precedence"]["options"]
+        queries = {item["name"]: item for item in document["asked"]}
+        assert {"kinematic", "precedence"} == set(queries)
+        assert {"hold_back_picks": False} == queries["precedence"]["options"]
         assert not document["warm"]
-        assert {"seed", "stats", "trace"} <= {one["key"] for one in document["not_checked"]}
+        assert {"seed", "stats", "trace"} <= {entry["key"] for entry in document["not_checked"]}
 
     def test_kept_verdicts_are_used_only_when_warm(self, cli, run, monkeypatch):
         """Nothing on disk is even opened."""

@@ -359,7 +359,7 @@ def nodes(value: Any, path: tuple[str | int, ...] = ()) -> list[tuple[str | int,
         value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
     )
     paths = [path] if path else []
-    return paths + [one for key in keys for one in nodes(value[key], (*path, key))]
+    return paths + [node for key in keys for node in nodes(value[key], (*path, key))]
 
 
 @pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)

@@ -274,9 +274,9 @@ def test_moving_the_whole_layout_changes_no_verdict(name):
     ):
         for entry in moved.get(section, {}).values():
             shift(entry, *keys)
-    one, other = assembly(content), assembly(moved)
-    first, second = AabbDetector(one), AabbDetector(other)
-    model = make_model(one, Setup(collision=("aabb",)))
+    left, other = assembly(content), assembly(moved)
+    first, second = AabbDetector(left), AabbDetector(other)
+    model = make_model(left, Setup(collision=("aabb",)))
     for state in reachable_states(model, 300):
         for skill in model.applicable(state):
             again = second.check(other.skill(skill.name), other.facts.state(state.bits))

@@ -21,10 +21,10 @@ boxes = st.tuples(points, st.tuples(*[st.integers(1, 4)] * 3)).map(
 )
 
 
-def depth(one, other):
+def depth(first, other):
     """Return how deep two boxes overlap along the axis where they do so least; < 0 if apart."""
     return min(
-        min(one.high[axis], other.high[axis]) - max(one.low[axis], other.low[axis])
+        min(first.high[axis], other.high[axis]) - max(first.low[axis], other.low[axis])
         for axis in range(3)
     )
 

@@ -37,10 +37,10 @@ def test_what_falls_into_a_channel_falls_as_far_as_into_its_boxes(shape, x_m, y_
     """Onto the floor, or onto a wall."""
     falling = Solid((shape,), Pose.turned((x_m, y_m, 0.2), turn))
     mesh, boxes = Solid((channel(),), Pose(ORIGIN)), Solid(channel_boxes(), Pose(ORIGIN))
-    one, other = falling.fall_m(mesh), falling.fall_m(boxes)
-    assert (one is None) == (other is None)
-    if one is not None and other is not None:
-        assert one == pytest.approx(other, abs=1e-4)
+    first, other = falling.fall_m(mesh), falling.fall_m(boxes)
+    assert (first is None) == (other is None)
+    if first is not None and other is not None:
+        assert first == pytest.approx(other, abs=1e-4)
 
 
 @given(shapes, places, places, st.floats(-0.01, 0.07), turns)
@@ -59,8 +59,8 @@ def test_what_overlaps_a_channel_overlaps_its_boxes(shape, x_m, y_m, z_m, turn):
 def test_points_are_as_deep_as_they_are_far_from_the_surface():
     """In the floor, in a wall, in between, and far away."""
     points = np.array([[0, 0, 0.001], [0.0485, 0, 0.03], [0, 0, 0.014], [0, 0, 0.5]])
-    found = depths(polyhedron_of(channel(), Pose(ORIGIN)), points)
-    assert found == pytest.approx([0.001, 0.0015, -0.01, -math.hypot(0.45, 0.046)], abs=1e-9)
+    result = depths(polyhedron_of(channel(), Pose(ORIGIN)), points)
+    assert result == pytest.approx([0.001, 0.0015, -0.01, -math.hypot(0.45, 0.046)], abs=1e-9)
 
 
 def test_of_points_the_outermost_outside_counts_however_deep_others_are():
@@ -101,8 +101,8 @@ class Provider:
 
     def __call__(self, corners, faces):
         self.asked += 1
-        made = [polyhedron_of(box, Pose(ORIGIN)) for box in self.pieces]
-        return [(one.corners, one.faces) for one in made]
+        created = [polyhedron_of(box, Pose(ORIGIN)) for box in self.pieces]
+        return [(item.corners, item.faces) for item in created]
 
 
 @pytest.fixture
@@ -126,16 +126,16 @@ def test_pieces_are_made_once_and_kept_by_hash(provided):
     """In memory, and on disk; what is spoilt there is made again."""
     provider = Provider(channel_boxes())
     folder = provided(provider)
-    made = decomposition_of(channel())
-    assert (3, 1) == (len(made.pieces), provider.asked)
-    assert made.error_m < 1e-6
+    created = decomposition_of(channel())
+    assert (3, 1) == (len(created.pieces), provider.asked)
+    assert created.error_m < 1e-6
     decomposition._pieces_of.cache_clear()
-    assert made == decomposition_of(channel())
+    assert created == decomposition_of(channel())
     assert provider.asked == 1
     (kept,) = folder.iterdir()
     kept.write_text("{")
     decomposition._pieces_of.cache_clear()
-    assert made == decomposition_of(channel())
+    assert created == decomposition_of(channel())
     assert provider.asked == 2
     provider.version = "2"
     decomposition._pieces_of.cache_clear()

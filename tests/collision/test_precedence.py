@@ -69,6 +69,6 @@ def test_the_board_has_the_states_that_were_computed_independently(
     setup = Setup(
         collision=("precedence",), options={"precedence": {"hold_back_picks": bool(hold_back)}}
     )
-    found = reachable_states(make_model(board_task, setup))
-    assert states == len(found)
-    assert observations == len({board_task.observe(state) for state in found})
+    result = reachable_states(make_model(board_task, setup))
+    assert states == len(result)
+    assert observations == len({board_task.observe(state) for state in result})

@@ -183,7 +183,7 @@ def test_an_area_that_two_shapes_cover_counts_once():
 def test_touching_within_the_tolerance_is_no_overlap():
     """Side by side, and 0.1 mm in each other."""
     box = Box((0.02, 0.02, 0.02), ORIGIN)
-    one = Solid((box,), Pose(ORIGIN))
-    assert one.depth_m(Solid((box,), Pose((0.02, 0.0, 0.0)))) == 0
-    assert one.depth_m(Solid((box,), Pose((0.0199, 0.0, 0.0)))) <= TOUCH_M
-    assert one.depth_m(Solid((box,), Pose((0.0195, 0.0, 0.0)))) == pytest.approx(0.0005)
+    solid = Solid((box,), Pose(ORIGIN))
+    assert solid.depth_m(Solid((box,), Pose((0.02, 0.0, 0.0)))) == 0
+    assert solid.depth_m(Solid((box,), Pose((0.0199, 0.0, 0.0)))) <= TOUCH_M
+    assert solid.depth_m(Solid((box,), Pose((0.0195, 0.0, 0.0)))) == pytest.approx(0.0005)

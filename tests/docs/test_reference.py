@@ -120,18 +120,18 @@ def test_every_option_of_every_plugin_is_in_the_reference(kind):
 def test_every_key_of_a_task_file_is_in_the_reference(kind):
     """Each key of the schema stands in a table, at any depth."""
     page = built(f"{kind}.md")
-    found = set(re.findall(r"^\| `([A-Za-z_0-9]+)` \|", page, re.MULTILINE))
-    assert keys_of(registry.load("domain", kind).Config) - found == set()
+    result = set(re.findall(r"^\| `([A-Za-z_0-9]+)` \|", page, re.MULTILINE))
+    assert keys_of(registry.load("domain", kind).Config) - result == set()
 
 
 def keys_of(model: type[BaseModel]) -> set[str]:
     """Return all keys of a schema but those inside ``expect``, which only tests read."""
     schema = model.model_json_schema()
-    found = set(schema["properties"])
+    result = set(schema["properties"])
     for name, own in schema.get("$defs", {}).items():
         if "Expect" not in name:
-            found |= set(own.get("properties", {}))
-    return found
+            result |= set(own.get("properties", {}))
+    return result
 
 
 def test_every_floor_is_in_the_architecture():

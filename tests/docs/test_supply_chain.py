@@ -17,14 +17,14 @@ import licences  # noqa: E402
 def pinned() -> dict[str, str]:
     """Return the versions of ``constraints.txt``, by name."""
     text = (ROOT / "constraints.txt").read_text("utf-8")
-    found = re.findall(r"(?m)^([\w.-]+)==(\S+)$", text)
-    return {licences.canonical(name): version for name, version in found}
+    findall = re.findall(r"(?m)^([\w.-]+)==(\S+)$", text)
+    return {licences.canonical(name): version for name, version in findall}
 
 
 def hashed() -> dict[str, str]:
     """Return the versions of the list of hashes, by name."""
-    found = re.findall(r"(?m)^(\S+)==(\S+) --hash=sha256:[0-9a-f]{64}$", hashes.LIST.read_text())
-    return {licences.canonical(name): version for name, version in found}
+    findall = re.findall(r"(?m)^(\S+)==(\S+) --hash=sha256:[0-9a-f]{64}$", hashes.LIST.read_text())
+    return {licences.canonical(name): version for name, version in findall}
 
 
 def test_every_dependency_stands_with_its_licence():
@@ -35,7 +35,7 @@ def test_every_dependency_stands_with_its_licence():
         for cells in ([cell.strip() for cell in line.split("|")] for line in page.splitlines())
         if len(cells) == 6
     }
-    direct = {name for name, by in licences.direct().items() if any("[" not in one for one in by)}
+    direct = {name for name, by in licences.direct().items() if any("[" not in item for item in by)}
     assert {"numpy", "torch", "ezdxf"} <= direct
     assert set() == direct - set(rows)
     assert [] == [name for name in direct if rows[name] in ("", "says none; see its files")]
@@ -49,7 +49,10 @@ def test_the_list_of_hashes_has_the_versions_of_the_constraints():
         for name, version in hashed().items()
         if name in versions and versions[name] != version
     }
-    named = {licences.canonical(re.split(r"[<>=!~ \[;]", one)[0]) for one in hashes.requirements()}
+    named = {
+        licences.canonical(re.split(r"[<>=!~ \[;]", requirement)[0])
+        for requirement in hashes.requirements()
+    }
     # What only one extra shows, and nothing of ours imports, is not in the list.
     assert set() == named - set(hashed())
 

@@ -13,10 +13,10 @@ from transcripts import PAGES, ROOT, Session, agree, fences, untimed
 
 def takes_part(page, *, slow):
     """Whether a page shows anything, or anything slow, that can be done."""
-    found = fences(page.read_text("utf-8"))
+    result = fences(page.read_text("utf-8"))
     return any(
         fence.slow if slow else fence.language == "console" or "run" in fence.words
-        for fence in found
+        for fence in result
     )
 
 
@@ -63,8 +63,13 @@ def follow(page, request, *, with_slow):
         page.write_text(text, "utf-8")
         return
     different = [
-        "\n".join([one.command, *difflib.unified_diff(one.shown, one.printed, lineterm="")])
-        for one in session.differences
+        "\n".join(
+            [
+                difference.command,
+                *difflib.unified_diff(difference.shown, difference.printed, lineterm=""),
+            ]
+        )
+        for difference in session.differences
     ]
     assert [] == different, "\n".join(different)
 

@@ -55,15 +55,15 @@ class TestAStarter:
     def test_explains_every_key_where_it_first_stands(self, starter):
         """A comment on its line or on the one above; names of the user's own need none."""
         keys = schema_keys(starter.stem)
-        told: set[str] = set()
+        message: set[str] = set()
         unexplained = []
         above = ""
         for line in starter.read_text("utf-8").splitlines():
             code, _, comment = line.partition("#")
             for key in re.findall(r"([a-z_]+):(?= |$)", code):
-                if key in keys - told and not comment and "#" not in above:
+                if key in keys - message and not comment and "#" not in above:
                     unexplained.append(key)
-                told.add(key)
+                message.add(key)
             above = line
         assert unexplained == []
 

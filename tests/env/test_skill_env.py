@@ -138,12 +138,12 @@ class TestMasks:
             *_, info = env.step(action)
             state = board_task.skills[action].prediction.apply(state)
 
-    @pytest.mark.parametrize(("mask", "asked"), [("applicable", 0), ("feasible", 2)])
-    def test_only_that_of_the_feasible_asks_back_ends(self, mask, asked):
+    @pytest.mark.parametrize(("mask", "queries"), [("applicable", 0), ("feasible", 2)])
+    def test_only_that_of_the_feasible_asks_back_ends(self, mask, queries):
         task = two_roads_task()
         back_end = fake_back_end(task)
         SkillEnv(model_of(task, back_end), mask=mask).reset()
-        assert asked == len(back_end.asked)
+        assert queries == len(back_end.asked)
 
     def test_an_unknown_one_is_refused(self, board_task):
         with pytest.raises(OptionError, match=r"Unknown mask 'feasable'\. Did you mean 'feasible'"):
@@ -155,14 +155,14 @@ class TestChance:
         env = SkillEnv(model_of(retry_task(0.3)))
 
         def lengths() -> list[int]:
-            found = []
+            results = []
             for episode in range(20):
                 env.reset(seed=11 if episode == 0 else None)
                 steps = 1
                 while not any(env.step(0)[2:4]):
                     steps += 1
-                found.append(steps)
-            return found
+                results.append(steps)
+            return results
 
         first = lengths()
         assert lengths() == first

@@ -132,8 +132,8 @@ def trace(env: SkillVectorEnv, infos: dict, steps: int, seed: int) -> Iterator[l
         yield [obs, rewards, terminated, truncated, *infos.values()]
 
 
-def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
-    return all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+def same(first: list[np.ndarray], other: list[np.ndarray]) -> bool:
+    return all(a.tobytes() == b.tobytes() for a, b in zip(first, other, strict=True))
 
 
 class TestAgreement:
@@ -240,7 +240,7 @@ class TestRewards:
 class TestEpisodes:
     def test_the_next_one_begins_in_the_step_that_ends_one(self, board_task):
         env = SkillVectorEnv(make_model(board_task), 2)
-        first, begun = env.reset(seed=0)
+        first, started = env.reset(seed=0)
         obs, _, terminated, _, infos = env.step(np.array([0, 1]))
         assert [False, True] == terminated.tolist()
         assert first[1].tolist() == obs[1].tolist() == infos["final_obs"][1].tolist()
@@ -249,7 +249,7 @@ class TestEpisodes:
             obs, _, terminated, _, infos = env.step(np.array([1, action]))
         assert terminated[1]
         assert first[1].tolist() == obs[1].tolist() != infos["final_obs"][1].tolist()
-        assert begun["action_mask"][1].tolist() == infos["action_mask"][1].tolist()
+        assert started["action_mask"][1].tolist() == infos["action_mask"][1].tolist()
         assert AutoresetMode.SAME_STEP is env.metadata["autoreset_mode"]
 
     def test_where_nothing_is_allowed_any_action_ends_it_as_infeasible(self):
@@ -291,8 +291,8 @@ class TestIndependence:
             obs, rewards, terminated, truncated, infos = alone.step(mine)
             *arrays, beside = among.step(actions)
             expected = [obs, rewards, terminated, truncated, *infos.values()]
-            found = [array[[place]] for array in (*arrays, *beside.values())]
-            assert same(expected, found)
+            results = [array[[place]] for array in (*arrays, *beside.values())]
+            assert same(expected, results)
 
     def test_without_a_seed_a_reset_goes_on_with_the_random_numbers_there_are(self):
         env = SkillVectorEnv(model_of(retry_task(0.5)), 8)
@@ -312,16 +312,16 @@ class TestRestoring:
         for *_, mask, _, _, _, _ in trace(env, infos, steps, seed):
             infos = {"action_mask": mask}
         kept = json.dumps(env.state())
-        begun = json.loads(kept)
+        loads = json.loads(kept)
         fresh = SkillVectorEnv(make_model(task), 4)
-        obs, again = fresh.restore(begun)
+        obs, again = fresh.restore(loads)
         assert infos["action_mask"].tolist() == again["action_mask"].tolist()
         assert not again["cost"].any()
         assert not again["end"].any()
         assert again["final_obs"].tolist() == obs.tolist()
         onwards = trace(env, infos, 60, seed + 1), trace(fresh, again, 60, seed + 1)
         assert all(same(*pair) for pair in zip(*onwards, strict=True))
-        assert kept == json.dumps(begun)
+        assert kept == json.dumps(loads)
         assert env.state() == fresh.state()
 
     def test_a_family_goes_on_with_the_boards_it_would_have_drawn(self):
@@ -404,19 +404,21 @@ class TestLaziness:
         env = SkillVectorEnv(model, 16, mask="feasible")
         _, infos = env.reset(seed=0)
         rng = np.random.default_rng(0)
-        asked, completed = [], False
+        queries, completed = [], False
         for _ in range(300):
-            asked = model.asked[:]
+            queries = model.asked[:]
             states = [board_task.facts.state(int(p["facts"], 16)) for p in env.state()["places"]]
             for state, mask in zip(states, infos["action_mask"], strict=True):
                 skills = {(state.bits, board_task.action(s)) for s in model.applicable(state)}
-                assert {(state.bits, int(a)) for a in np.flatnonzero(mask)} <= skills <= set(asked)
+                assert (
+                    {(state.bits, int(a)) for a in np.flatnonzero(mask)} <= skills <= set(queries)
+                )
             masks = infos["action_mask"]
             *_, infos = env.step(np.argmax(rng.random(masks.shape) * masks, axis=1))
             completed = completed or COMPLETE in infos["end"]
         assert completed
-        assert len(asked) == len(set(asked))
-        assert not any(model.is_goal(board_task.facts.state(bits)) for bits, _ in asked)
+        assert len(queries) == len(set(queries))
+        assert not any(model.is_goal(board_task.facts.state(bits)) for bits, _ in queries)
 
 
 class TestFamily:

@@ -76,7 +76,7 @@ class Cell:
 
 
 def plan_of(handover: Handover) -> list[str]:
-    return [one.skill.name for one in handover.skills]
+    return [skill.skill.name for skill in handover.skills]
 
 
 class TestInBehaviorTreeCpp:

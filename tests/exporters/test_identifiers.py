@@ -12,18 +12,18 @@ from skillplan.exporters import Identifiers, quoted
 @given(st.lists(st.text(max_size=80), unique=True, max_size=20))
 def test_every_name_has_its_own_and_is_found_by_it(names):
     """Whatever the names are."""
-    made = Identifiers(names, {"end", "x"})
-    assert [made.name_of(made[name].upper()) for name in names] == names
+    identifiers = Identifiers(names, {"end", "x"})
+    assert [identifiers.name_of(identifiers[name].upper()) for name in names] == names
     for name in names:
-        assert re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", made[name])
-        assert made[name] not in {"end", "x"}
+        assert re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", identifiers[name])
+        assert identifiers[name] not in {"end", "x"}
 
 
 def test_names_that_become_the_same_are_numbered_in_order():
     """A name that looks like a number of another is no exception."""
-    made = Identifiers(["a-b", "A B", "a_b_2", "1"])
-    assert ["a_b", "a_b_2", "a_b_2_2", "x_1"] == [made[name] for name in made]
-    assert made.name_of("c") is None
+    identifiers = Identifiers(["a-b", "A B", "a_b_2", "1"])
+    assert ["a_b", "a_b_2", "a_b_2_2", "x_1"] == [identifiers[name] for name in identifiers]
+    assert identifiers.name_of("c") is None
 
 
 @given(st.text())

@@ -62,17 +62,17 @@ def generated(parts: int, seed: int) -> Task:
 def agrees(handover: Handover) -> None:
     """Compare Fast Downward's optimum with ours: they differ by rounding alone."""
     assert handover.plan is not None
-    made = PlanningTask(handover, accept_rounding=True)
-    answer = fast_downward.run_planner(made, 140.0)
+    planning_task = PlanningTask(handover, accept_rounding=True)
+    answer = fast_downward.run_planner(planning_task, 140.0)
     assert answer.cost is not None, answer.silence
-    per_unit = made.scale.per_unit
-    exported = int(made.plan().split()[-3])
+    per_unit = planning_task.scale.per_unit
+    exported = int(planning_task.plan().split()[-3])
     assert exported == sum(round(step.cost * per_unit) for step in handover.plan.steps)
     assert answer.cost <= exported
-    found = replay(handover.model, [handover.task.skill(name) for name in answer.skills])
+    plan = replay(handover.model, [handover.task.skill(name) for name in answer.skills])
     rounding = (len(handover.skills) + len(answer.skills)) / 2 / per_unit
-    assert found.complete
-    assert handover.plan.cost - 1e-9 <= found.cost <= handover.plan.cost + rounding
+    assert plan.complete
+    assert handover.plan.cost - 1e-9 <= plan.cost <= handover.plan.cost + rounding
 
 
 def rack_task() -> Task:
@@ -138,11 +138,11 @@ class TestTheTexts:
 
     def test_costs_are_whole_micrometres_and_the_file_says_by_how_much_they_are_off(self, board):
         """The plan costs 1.867086 m."""
-        made = PlanningTask(board)
-        assert made.plan().endswith("; cost = 1867086 (general cost)\n")
-        assert "(= (cost-place_pcb location_pcb_start) 144000)" in made.problem()
-        assert "; Costs are in whole micrometres, rounded to the nearest." in made.domain()
-        assert "; Order of operations: the task's hand-made chart." in made.domain()
+        planning_task = PlanningTask(board)
+        assert planning_task.plan().endswith("; cost = 1867086 (general cost)\n")
+        assert "(= (cost-place_pcb location_pcb_start) 144000)" in planning_task.problem()
+        assert "; Costs are in whole micrometres, rounded to the nearest." in planning_task.domain()
+        assert "; Order of operations: the task's hand-made chart." in planning_task.domain()
 
     def test_every_name_stands_beside_its_identifier(self, board):
         """So that whoever reads the file knows what was meant."""
@@ -150,15 +150,15 @@ class TestTheTexts:
 
     def test_a_time_is_in_whole_microseconds(self):
         """Of the task's own figures, where the chart judges and nobody tells times."""
-        made = PlanningTask(handed("inverter_time"))
-        assert "whole microseconds" in made.domain()
+        planning_task = PlanningTask(handed("inverter_time"))
+        assert "whole microseconds" in planning_task.domain()
 
     def test_a_matrix_of_whole_numbers_is_not_rounded(self):
         """And a node that cannot be reached from another has no cost from there."""
         model = make_model(load_problem(CONFIGS / "br17.10.sop").task, Setup())
-        made = PlanningTask(make_handover(model, Setup(), None))
-        assert "not rounded" in made.domain()
-        assert "(from-visit_1 ?from - thing)" in made.domain()
+        planning_task = PlanningTask(make_handover(model, Setup(), None))
+        assert "not rounded" in planning_task.domain()
+        assert "(from-visit_1 ?from - thing)" in planning_task.domain()
 
 
 class TestConditionsAndCosts:
@@ -181,16 +181,16 @@ class TestConditionsAndCosts:
             if state is None or not skill.applicable(state):
                 continue
             fitting = [
-                one
-                for one in actions
-                if one.skill is skill
-                and Condition(one.requires, one.forbids).holds(state)
-                and (not one.origins or {*one.origins} & {*state})
+                action
+                for action in actions
+                if action.skill is skill
+                and Condition(action.requires, action.forbids).holds(state)
+                and (not action.origins or {*action.origins} & {*state})
             ]
             assert bool(fitting) == model.verdict(state, skill).is_feasible
-            for one in fitting:
-                costs = [cost for place, cost in one.origins.items() if place in state]
-                assert [model.cost(state, skill)] == (costs or [one.constant])
+            for item in fitting:
+                costs = [cost for place, cost in item.origins.items() if place in state]
+                assert [model.cost(state, skill)] == (costs or [item.constant])
 
     def test_which_tool_is_put_back_decides_what_a_change_costs(self):
         """Also in a rack of equal pitch, where the shortest way is the same for two tools."""
@@ -201,13 +201,13 @@ class TestConditionsAndCosts:
     def test_a_choice_of_supports_is_an_action_each(self):
         """A plate stays up on any two of three posts that are not on one side."""
         task = assembly(bridge_content())
-        made = PlanningTask(make_handover(make_model(task, BY_BOXES), BY_BOXES, None))
-        domain = made.domain()
+        planning_task = PlanningTask(make_handover(make_model(task, BY_BOXES), BY_BOXES, None))
+        domain = planning_task.domain()
         actions = re.findall(r"\(:action (place_plate\S*)\s.*\s.*:precondition (.*)", domain)
         assert ["place_plate-case_1", "place_plate-case_2"] == [name for name, _ in actions]
         posts = [set(re.findall(r"\(placed part_(post_\d)\)", needs)) for _, needs in actions]
         assert [{"post_0", "post_2"}, {"post_0", "post_1"}] == posts
-        assert made.left_out == ""
+        assert planning_task.left_out == ""
 
     def test_an_action_names_its_skill_without_asking_back_ends(self):
         """Whatever tells the actions of a skill apart stands behind a hyphen."""
@@ -260,8 +260,8 @@ class TestFastDownward:
             task = load_problem(path).task
             setup = BY_BOXES if seed % 2 else BY_CHART
             if solve(task, "exact", setup).status is Status.INFEASIBLE:
-                made = PlanningTask(make_handover(make_model(task, setup), setup, None))
-                assert fast_downward.run_planner(made, 140.0).unsolvable, seed
+                planning_task = PlanningTask(make_handover(make_model(task, setup), setup, None))
+                assert fast_downward.run_planner(planning_task, 140.0).unsolvable, seed
             else:
                 agrees(solved(task, setup))
 
@@ -300,16 +300,16 @@ def test_a_validator_takes_the_plan_and_refuses_a_wrong_order(board):
     """Unified-planning reads domain, problem and plan, and knows what the plan costs."""
     io: Any = pytest.importorskip("unified_planning.io", reason="unified-planning: skillplan[test]")
     shortcuts: Any = pytest.importorskip("unified_planning.shortcuts")
-    made = PlanningTask(board)
+    planning_task = PlanningTask(board)
     reader = io.PDDLReader()
-    problem = reader.parse_problem_string(made.domain(), made.problem())
+    problem = reader.parse_problem_string(planning_task.domain(), planning_task.problem())
 
     def judged(lines: list[str]) -> Any:
         plan = reader.parse_plan_string(problem, "\n".join(lines))
         with shortcuts.PlanValidator(problem_kind=problem.kind) as validator:
             return validator.validate(problem, plan)
 
-    lines = made.plan().splitlines()
+    lines = planning_task.plan().splitlines()
     good = judged(lines)
     assert "VALID" == good.status.name
     assert [1_867_086] == list(good.metric_evaluations.values())

@@ -30,8 +30,8 @@ def test_what_is_exported_is_read_back(board, tmp_path, exporter):
         files = exporter.files(handover)
         content = files.get("plan.txt") or next(iter(files.values()))
         (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-        found = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
-        assert [one.skill for one in handover.skills] == list(found)
+        given_plan = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
+        assert [skill.skill for skill in handover.skills] == list(given_plan)
 
 
 @pytest.mark.slow(reason="seconds a config; the board in every run")
@@ -44,25 +44,25 @@ def test_what_is_read_back_costs_exactly_what_it_did(tmp_path, exporter, config)
     files = exporter.files(handover)
     content = files.get("plan.txt") or next(iter(files.values()))
     (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
-    found = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
-    assert handover.plan.cost == replay(handover.model, found).cost
+    given_plan = read_given_plan(f"@{tmp_path / 'plan'}", handover.task)
+    assert handover.plan.cost == replay(handover.model, given_plan).cost
 
 
 def test_a_result_and_a_list_are_read_as_json(board, tmp_path):
     """By names or numbers."""
-    names = [one.skill.name for one in board.skills]
-    numbers = [one.step.action for one in board.skills]
+    names = [item.skill.name for item in board.skills]
+    numbers = [entry.step.action for entry in board.skills]
     for document in ({"schema": "skillplan.result/1", "skills": names}, names, numbers):
         (tmp_path / "plan").write_text(json.dumps(document))
-        found = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
-        assert names == [skill.name for skill in found]
+        plan = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+        assert names == [skill.name for skill in plan]
 
 
 def test_a_planner_may_write_in_capitals(board, tmp_path):
     """Names of PDDL are the same in both."""
     (tmp_path / "plan").write_text("; found\n(PICK_PCB LOCATION_HOME)\n\n; cost = 1\n")
-    found = read_given_plan(f"@{tmp_path / 'plan'}", board.task)
-    assert ["pick(pcb)"] == [skill.name for skill in found]
+    given_plan = read_given_plan(f"@{tmp_path / 'plan'}", board.task)
+    assert ["pick(pcb)"] == [skill.name for skill in given_plan]
 
 
 def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(board, tmp_path):
@@ -71,8 +71,8 @@ def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(board, tmp_path):
     text = TREE.format('<Sequence><Inverter><Do skill="pick(pcb)"/></Inverter><SubTree ID="two"/>')
     text = text.replace("</BehaviorTree>", f"</Sequence></BehaviorTree>{inner}")
     (tmp_path / "plan").write_text(text)
-    found = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
-    assert ["pick(pcb)", "place(pcb)"] == [skill.name for skill in found]
+    plan = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+    assert ["pick(pcb)", "place(pcb)"] == [skill.name for skill in plan]
 
 
 @pytest.mark.parametrize(

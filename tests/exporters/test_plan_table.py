@@ -23,13 +23,13 @@ def rows(handover: Handover) -> list[dict[str, str]]:
 
 def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
     """Costs add up to the plan's, and times one after another; 12 digits hide binary noise."""
-    found = rows(board)
+    result = rows(board)
     assert board.plan is not None
-    assert tuple(found[0]) == COLUMNS
-    assert sum(float(row["cost"]) for row in found) == pytest.approx(board.plan.cost, rel=1e-11)
-    assert not any("00000" in cell for row in found for cell in row.values())
-    assert {"m"} == {row["cost_unit"] for row in found}
-    first, second, *_, last = found
+    assert tuple(result[0]) == COLUMNS
+    assert sum(float(row["cost"]) for row in result) == pytest.approx(board.plan.cost, rel=1e-11)
+    assert not any("00000" in cell for row in result for cell in row.values())
+    assert {"m"} == {row["cost_unit"] for row in result}
+    first, second, *_, last = result
     expected = {"skill": "pick(pcb)", "subject": "pcb", "tool": "gripper"}
     assert expected.items() <= first.items()
     assert ("home", "pcb.start") == (first["from"], first["to"])
@@ -39,15 +39,15 @@ def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board):
         second["begin_s"],
     )
     assert "fasten" == last["kind"]
-    assert all(row["from"] == before["to"] for before, row in pairwise(found))
+    assert all(row["from"] == before["to"] for before, row in pairwise(result))
 
 
 def test_a_spreadsheet_computes_nothing_of_a_name():
     """What it would take for a formula is marked as text, and numbers stay numbers."""
-    found = rows(solved_lid(hostile_task()))
-    assert "'=1+1\n,'\"" in {row["skill"] for row in found}
-    assert not any(row["skill"][:1] in "=+-@\t\r\n" for row in found)
-    assert any(float(row["start_y_m"]) < 0 for row in found if row["start_y_m"])
+    result = rows(solved_lid(hostile_task()))
+    assert "'=1+1\n,'\"" in {row["skill"] for row in result}
+    assert not any(row["skill"][:1] in "=+-@\t\r\n" for row in result)
+    assert any(float(row["start_y_m"]) < 0 for row in result if row["start_y_m"])
 
 
 @given(st.text())

@@ -19,8 +19,8 @@ def text_of(handover: Handover) -> str:
 def test_there_is_a_step_of_the_case_for_every_skill(board):
     """In order, with the number that the task gives it, and how long it should take."""
     text = text_of(board)
-    numbers = [int(one) for one in re.findall(r"SkillNumber := (\d+);", text)]
-    assert numbers == [one.step.action for one in board.skills]
+    numbers = [int(item) for item in re.findall(r"SkillNumber := (\d+);", text)]
+    assert numbers == [skill.step.action for skill in board.skills]
     assert re.findall(r"(?m)^    (\d+): //", text) == [str(i) for i in range(1, 16)]
     assert "SkillName := 'pick(pcb)';" in text
     assert "ExpectedTime := T#3152ms;" in text

@@ -14,11 +14,11 @@ from skillplan.files import RefusedFile, open_regular, read_bytes, resolve_withi
 @pytest.fixture
 def folder(tmp_path):
     """A folder with a file, beside a file that is nobody's business."""
-    made = tmp_path / "mine"
-    (made / "deep").mkdir(parents=True)
-    (made / "deep" / "file").write_bytes(b"mine")
+    created = tmp_path / "mine"
+    (created / "deep").mkdir(parents=True)
+    (created / "deep" / "file").write_bytes(b"mine")
     (tmp_path / "secret").write_bytes(b"secret")
-    return made
+    return created
 
 
 class TestLimits:
@@ -161,8 +161,8 @@ class TestFolders:
         (folder / "deep" / "file").symlink_to("../../secret")
 
         def deceived(path: os.PathLike[str]) -> str:
-            found = str(path)
-            return found if found.endswith("file") else real(path)
+            result = str(path)
+            return result if result.endswith("file") else real(path)
 
         monkeypatch.setattr(os.path, "realpath", deceived)
         with pytest.raises(OSError, match="symbolic links"):

@@ -36,7 +36,7 @@ def stored(**claims: Any) -> StoredClaims:
 
 def answer(cost: int = MICROMETRES) -> PlannerAnswer:
     """Return the answer of a planner that finds the optimum."""
-    return PlannerAnswer(cost, tuple(one.skill.name for one in best("inverter_board").skills))
+    return PlannerAnswer(cost, tuple(skill.skill.name for skill in best("inverter_board").skills))
 
 
 def test_an_optimum_within_the_rounding_holds(monkeypatch):
@@ -84,9 +84,9 @@ def test_a_lower_proved_cost_is_a_contradiction_even_if_the_plan_behind_it_does_
 
 def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch):
     """A verdict that is not known may be either."""
-    asked: list[object] = []
+    queries: list[object] = []
     monkeypatch.setattr(fast_downward, "find_driver", lambda: Path())
-    monkeypatch.setattr(fast_downward, "run_planner", lambda *words: asked.append(words))
+    monkeypatch.setattr(fast_downward, "run_planner", lambda *words: queries.append(words))
     task = best("inverter_board").task
 
     feasible = Verdict.feasible(task.facts.none, task.facts.none)
@@ -97,5 +97,5 @@ def test_what_pddl_cannot_say_is_not_checked_and_no_planner_is_asked(monkeypatch
     claims = stored(status="optimal", cost=1.0)
     model = model_of(task, fake_back_end(task, answer_pick))
     (claim,) = check_with_planner(claims, model, 1.0, charted=False)
-    assert (Outcome.NOT_CHECKED, []) == (claim.outcome, asked)
+    assert (Outcome.NOT_CHECKED, []) == (claim.outcome, queries)
     assert claim.detail.startswith("PDDL cannot say it: verdicts are not known: pick(pcb) (fake:")

@@ -41,8 +41,8 @@ GOOD, DEAR = ("to_a", "a_to_b", "finish"), ("to_b", "finish")
 def verdict_on(solution, task=None, setup=BARE, **arguments):
     """Return what the referee makes of a solution to the task of two roads."""
     task = two_roads_task() if task is None else task
-    found = solution if callable(solution) else lambda solver, model: solution
-    return solve(task, solver_that(found), setup, **arguments)
+    result = solution if callable(solution) else lambda solver, model: solution
+    return solve(task, solver_that(result), setup, **arguments)
 
 
 def test_an_honest_solver_is_granted_its_proof():
@@ -353,8 +353,8 @@ def claims(skill, bound=None, proved=False):
     """Return a solver's answer that always takes one skill, or has no policy for None."""
 
     def answer(solver, model):
-        found = None if skill is None else Policy({model.initial: model.task.skills[skill]})
-        return Solution(found, bound, proved=proved)
+        result = None if skill is None else Policy({model.initial: model.task.skills[skill]})
+        return Solution(result, bound, proved=proved)
 
     return answer
 
@@ -585,9 +585,9 @@ def test_a_back_end_that_breaks_is_not_blamed_on_the_solver():
 def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
     """A cheap back end that changes its mind is caught; an expensive one is not asked twice."""
     for expensive in (False, True):
-        made = []
+        created = []
 
-        def counting(task, expensive=expensive, made=made):
+        def counting(task, expensive=expensive, made=created):
             made.append(
                 fake_back_end(task, Verdict.feasible(), name="counted", expensive=expensive)
             )
@@ -595,7 +595,7 @@ def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
 
         result = solve(two_roads_task(), "exact", FakeSetup(make=counting))
         assert result.status == "optimal"
-        (back_end,) = made
+        (back_end,) = created
         assert (len(back_end.asked) == result.checks) is expensive
         assert len(back_end.asked) >= result.checks > 0
 

@@ -64,17 +64,17 @@ class TestOrders:
             for order in itertools.permutations(range(n))
             if all(order.index(i) < order.index(j) for i, j in precedence)
         ]
-        least = find_least_cost_of_orders(problem)
-        assert least.cost == min(map(problem.cost, allowed))
-        if math.isfinite(least.cost):
-            order = [problem.jobs.index(name) for name in least.skills]
+        least_cost = find_least_cost_of_orders(problem)
+        assert least_cost.cost == min(map(problem.cost, allowed))
+        if math.isfinite(least_cost.cost):
+            order = [problem.jobs.index(name) for name in least_cost.skills]
             assert tuple(order) in allowed
-            assert problem.cost(order) == least.cost
+            assert problem.cost(order) == least_cost.cost
 
     def test_a_circle_has_no_order(self):
         """Then there is no plan at all."""
-        least = find_least_cost_of_orders(problem_of([1, 1], [0, 1, 1, 0], [(0, 1), (1, 0)]))
-        assert (least.cost, least.skills) == (math.inf, ())
+        least_cost = find_least_cost_of_orders(problem_of([1, 1], [0, 1, 1, 0], [(0, 1), (1, 0)]))
+        assert (least_cost.cost, least_cost.skills) == (math.inf, ())
 
     def test_nothing_to_do_costs_nothing(self):
         """Nor is there anything to be done."""
@@ -83,9 +83,9 @@ class TestOrders:
     def test_too_many_sets_are_given_up(self):
         """With the limit in words."""
         problem = problem_of([1.0] * 8, [1.0] * 64)
-        least = find_least_cost_of_orders(problem, most_subsets=100)
-        assert (least.method, least.cost) == (ORDERS, None)
-        assert least.why_not == "too large, more than 100 sets of jobs"
+        least_cost = find_least_cost_of_orders(problem, most_subsets=100)
+        assert (least_cost.method, least_cost.cost) == (ORDERS, None)
+        assert least_cost.why_not == "too large, more than 100 sets of jobs"
 
     def test_time_ends_it(self):
         """At the next poll."""
@@ -96,34 +96,34 @@ class TestOrders:
 
     def test_a_plan_beyond_the_step_limit_proves_nothing(self):
         """A costlier order might be shorter."""
-        least = find_least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
-        assert least.cost is None
-        assert least.why_not == "the cheapest order takes 3 skills, the limit is 2"
+        least_cost = find_least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
+        assert least_cost.cost is None
+        assert least_cost.why_not == "the cheapest order takes 3 skills, the limit is 2"
 
 
 class TestStates:
     @given(small_tasks())
     def test_it_is_the_least_of_all_plans_within_the_step_limit(self, task):
         """As found by walking all of them; the plan holds and costs as much."""
-        least = find_least_cost_of_states(model_of(task))
+        least_cost = find_least_cost_of_states(model_of(task))
         best = optimum(cheapest_by_length(model_of(task)))
         if best is None:
-            assert (least.cost, least.skills) == (math.inf, ())
+            assert (least_cost.cost, least_cost.skills) == (math.inf, ())
         else:
-            assert least.cost == pytest.approx(best[0], abs=1e-9)
-            assert len(least.skills) <= task.step_limit
+            assert least_cost.cost == pytest.approx(best[0], abs=1e-9)
+            assert len(least_cost.skills) <= task.step_limit
 
     def test_a_step_limit_may_need_the_dearer_of_two_ways(self):
         """To a state as well as to the goal."""
         assert find_least_cost_of_states(model_of(two_roads_task())).cost == 3.0
-        least = find_least_cost_of_states(model_of(two_roads_task(step_limit=2)))
-        assert (least.cost, least.skills) == (4.0, ("to_b", "finish"))
+        least_cost = find_least_cost_of_states(model_of(two_roads_task(step_limit=2)))
+        assert (least_cost.cost, least_cost.skills) == (4.0, ("to_b", "finish"))
 
     def test_too_many_states_are_given_up(self, board_task):
         """With the limit in words."""
-        least = find_least_cost_of_states(make_model(board_task), most_states=10)
-        assert (least.method, least.cost) == (STATES, None)
-        assert least.why_not == "too large, more than 10 states"
+        least_cost = find_least_cost_of_states(make_model(board_task), most_states=10)
+        assert (least_cost.method, least_cost.cost) == (STATES, None)
+        assert least_cost.why_not == "too large, more than 10 states"
 
     def test_time_ends_it(self, motor_drive_task):
         """Also where the model itself says so."""
@@ -138,8 +138,8 @@ class TestStates:
         """A skill left out might be on the best way."""
         task = two_roads_task()
         unsure = fake_back_end(task, lambda skill, state: Verdict.unknown("cannot tell"))
-        least = find_least_cost_of_states(model_of(task, unsure))
-        assert (least.cost, least.why_not) == (None, "some verdicts are unknown")
+        least_cost = find_least_cost_of_states(model_of(task, unsure))
+        assert (least_cost.cost, least_cost.why_not) == (None, "some verdicts are unknown")
 
 
 @settings(max_examples=examples(100))

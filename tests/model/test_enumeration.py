@@ -76,11 +76,11 @@ def test_whatever_may_come_of_a_skill_is_followed():
 def test_it_stops_when_it_is_told_to_and_counts_what_was_asked():
     """What has been decided stays in the cache."""
     task = lid_task()
-    asked = fake_back_end(task)
-    feasibility = Feasibility(task, [asked])
-    counts = enumerate_feasibility(feasibility, lambda: len(asked.asked) >= 3)
+    back_end = fake_back_end(task)
+    feasibility = Feasibility(task, [back_end])
+    counts = enumerate_feasibility(feasibility, lambda: len(back_end.asked) >= 3)
     assert (counts.complete, counts.checks) == (False, 3)
-    again = enumerate_feasibility(Feasibility(task, [asked], feasibility.cache))
+    again = enumerate_feasibility(Feasibility(task, [back_end], feasibility.cache))
     assert again.complete
     assert again.hits >= 3
 

@@ -20,18 +20,18 @@ def lid_with(**changes: Any) -> Task:
 def test_the_skill_that_fails_everywhere_is_named_with_its_reason():
     fuse = {**lid_content()["parts"]["fuse"], "goal_m": [0.57, 0.0]}
     model = make_model(lid_with(fuse=fuse), Setup(collision=("aabb",), with_chart=False))
-    said = explain_obstruction(model)
-    assert said == (
+    message = explain_obstruction(model)
+    assert message == (
         "place(fuse) fails in all 4 states in which it can be tried: "
         "aabb: fuse has nothing beneath it"
     )
 
 
 def test_only_what_the_goal_lacks_is_named():
-    said = explain_obstruction(make_model(shut_box_task()))
-    assert said is not None
-    assert said.startswith("place(fuse)")
-    assert "load(" not in said
+    message = explain_obstruction(make_model(shut_box_task()))
+    assert message is not None
+    assert message.startswith("place(fuse)")
+    assert "load(" not in message
 
 
 def test_where_every_skill_succeeds_somewhere_none_is_blamed():

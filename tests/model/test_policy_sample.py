@@ -20,11 +20,11 @@ def test_the_mean_of_roll_outs_comes_with_its_interval():
 
 def test_the_same_seed_gives_the_same_roll_outs():
     task = retry_task(0.5)
-    one, two, other = (
+    first, two, other = (
         sample_policy(model_of(task), lambda state: task.skills[0], seed) for seed in (1, 1, 2)
     )
-    assert one == two
-    assert one != other
+    assert first == two
+    assert first != other
 
 
 def test_a_policy_that_says_nothing_or_what_is_infeasible_is_told_so():

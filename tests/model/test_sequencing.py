@@ -131,8 +131,8 @@ def test_its_precedence_is_that_of_the_derived_chart_at_fewer_questions(config, 
     other = model_of(config, detector).feasibility
     chart = derive_chart(other)
     assert closure(named_pairs(problem)) == closure((r.before, r.after) for r in chart.relations)
-    asked = model.feasibility
-    assert asked.checks + asked.hits < other.checks + other.hits
+    queries = model.feasibility
+    assert queries.checks + queries.hits < other.checks + other.hits
 
 
 def served(task, setup):
@@ -160,11 +160,11 @@ def test_on_random_boards_its_precedence_is_that_of_the_derived_chart(content, c
     except NotASequencing as error:
         # What is refused all the same is no matter of the order of the elements.
         other_matters = ("depends on what has been done", "nothing leads to")
-        told = any(words in str(error) for words in other_matters)
+        message = any(words in str(error) for words in other_matters)
     else:
         pairs = named_pairs(problem)
-        told = closure(pairs) == closure((r.before, r.after) for r in chart.relations)
-    assert told
+        message = closure(pairs) == closure((r.before, r.after) for r in chart.relations)
+    assert message
 
 
 def big_board(parts, lines):
@@ -297,8 +297,8 @@ def test_an_element_that_may_pay_without_being_asked_for_is_refused():
 def test_an_element_that_is_done_from_the_start_is_no_job():
     """The others are put into order."""
     task = board_task()
-    begun = task.initial - task.facts.of("at_start(pcb)") | task.facts.of("placed(pcb)")
-    task = task.replace(initial=begun)
+    started = task.initial - task.facts.of("at_start(pcb)") | task.facts.of("placed(pcb)")
+    task = task.replace(initial=started)
     setup = Setup(collision=("precedence",))
     problem = SequencingProblem.from_model(make_model(task, setup))
     assert "pcb" not in problem.jobs
@@ -343,8 +343,8 @@ def test_a_cost_of_which_nothing_is_known_is_refused():
 
 def test_what_a_back_end_does_not_know_is_refused():
     """An order that rests on it would be a guess."""
-    said = refusal(board_task(), lambda skill, state: Verdict.unknown("too dark"))
-    assert "could not be worked out" in said or "is unknown" in said
+    message = refusal(board_task(), lambda skill, state: Verdict.unknown("too dark"))
+    assert "could not be worked out" in message or "is unknown" in message
 
 
 def test_a_verdict_that_depends_on_where_the_arm_comes_from_is_refused():

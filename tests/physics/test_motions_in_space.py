@@ -53,7 +53,8 @@ def task_with(visit: Visit) -> Task:
     place = task.skill("place(bar)")
     motion = Motion("robot", (Route(task.facts.none, (visit,)),), "bar")
     skills = tuple(
-        replace(one, motion=motion) if one.name == place.name else one for one in task.skills
+        replace(skill, motion=motion) if skill.name == place.name else skill
+        for skill in task.skills
     )
     return replace(task, skills=skills)
 
@@ -61,8 +62,8 @@ def task_with(visit: Visit) -> Task:
 def motion_of(visit: Visit, drop_height_m: float = 0.001) -> LinearMotion:
     task = task_with(visit)
     state = task.facts.of("held(bar)", "tool(gripper)", "at(home)")
-    (found,) = linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
-    return found
+    (result,) = linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
+    return result
 
 
 def place_of(**changes: object) -> Visit:

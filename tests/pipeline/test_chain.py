@@ -60,10 +60,10 @@ def four_goals(tmp_path):
 
 
 def solvers_of(chain: ChainResult) -> dict[str, set[str]]:
-    found: dict[str, set[str]] = {}
+    results: dict[str, set[str]] = {}
     for part in chain.parts:
-        found.setdefault(part.task.stage, set()).add(part.result.solver)
-    return found
+        results.setdefault(part.task.stage, set()).add(part.result.solver)
+    return results
 
 
 class TestLevels:
@@ -182,9 +182,9 @@ class TestPolicies:
 
     def test_the_same_seed_learns_the_same(self, four_goals):
         setup = Setup(options={"sarsa": {"episodes": "500"}})
-        one, other = (solve_chain(four_goals, "sarsa", setup, seed=5) for _ in range(2))
-        assert [part.path for part in one.parts] == [part.path for part in other.parts]
-        assert [p.result.expanded for p in one.parts] == [p.result.expanded for p in other.parts]
+        first, other = (solve_chain(four_goals, "sarsa", setup, seed=5) for _ in range(2))
+        assert [part.path for part in first.parts] == [part.path for part in other.parts]
+        assert [p.result.expanded for p in first.parts] == [p.result.expanded for p in other.parts]
 
 
 class TestFailure:

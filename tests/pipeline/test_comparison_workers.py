@@ -29,8 +29,8 @@ def timeless(document: Any) -> Any:
     """Return a document without what is measured in seconds of this machine."""
     if isinstance(document, dict):
         measured = {"wall_s", "learning_s", "enumeration_s", "compile_s", "solve_s", "seconds"}
-        return {key: timeless(one) for key, one in document.items() if key not in measured}
-    return [timeless(one) for one in document] if isinstance(document, list) else document
+        return {key: timeless(item) for key, item in document.items() if key not in measured}
+    return [timeless(entry) for entry in document] if isinstance(document, list) else document
 
 
 @pytest.mark.parametrize(
@@ -50,51 +50,51 @@ def test_rows_are_those_of_solvers_in_turn(file, solvers):
     in_turn = compare_solvers(problem, solvers)
     at_once = compare_solvers(problem, solvers, jobs=2)
     assert [row.solver for row in at_once] == solvers
-    assert timeless([one.document() for one in at_once]) == timeless(
-        [one.document() for one in in_turn]
+    assert timeless([item.document() for item in at_once]) == timeless(
+        [entry.document() for entry in in_turn]
     )
 
 
 def started(monkeypatch: pytest.MonkeyPatch, then: Callable[[Any], None]) -> list[Any]:
     """Note every process that is started from now on, and have something done with it."""
-    begin, made = LocalProcesses.start, []
+    begin, created = LocalProcesses.start, []
 
     def start(self: LocalProcesses, *args: Any) -> Any:
         worker = begin(self, *args)
-        made.append(worker)
+        created.append(worker)
         then(worker)
         return worker
 
     monkeypatch.setattr(LocalProcesses, "start", start)
-    return made
+    return created
 
 
 def test_a_process_goes_on_with_the_next_solver(monkeypatch):
     """Two processes for four rows; every solver starts with a cold cache of verdicts."""
-    made = started(monkeypatch, lambda worker: None)
+    created = started(monkeypatch, lambda worker: None)
     rows = compare_solvers(load_problem(BOARD), ["exact", "exact", "exact", "exact"], jobs=2)
-    assert len(made) == 2
+    assert len(created) == 2
     assert len({row.checks for row in rows}) == 1  # type: ignore[union-attr]
     assert rows[0].checks > 0  # type: ignore[union-attr]
 
 
 def test_with_more_processes_than_solvers_each_may_use_all(monkeypatch):
     """Then they run in turn, here."""
-    made = started(monkeypatch, lambda worker: None)
+    created = started(monkeypatch, lambda worker: None)
     rows = compare_solvers(load_problem(BOARD), ["exact", "value-iteration"], jobs=3)
     assert [row.status for row in rows] == ["optimal", "optimal"]
-    assert made == []
+    assert created == []
 
 
 def test_a_solver_whose_process_is_killed_has_failed_and_the_others_go_on(monkeypatch):
     """The row says by which signal."""
 
     def kill(worker: Any) -> None:
-        if len(made) == 1:
+        if len(created) == 1:
             os.kill(worker.number, signal.SIGKILL)
 
-    made: list[Any] = []
-    made = started(monkeypatch, kill)
+    created: list[Any] = []
+    created = started(monkeypatch, kill)
     rows = compare_solvers(load_problem(BOARD), ["exact", "value-iteration"], jobs=2)
     assert [row.status for row in rows] == ["failed", "optimal"]  # type: ignore[union-attr]
     assert "its process ended by signal 9" in rows[0].reason  # type: ignore[union-attr]

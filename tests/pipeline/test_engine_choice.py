@@ -17,8 +17,10 @@ def install(monkeypatch):
     """Have engines of these names installed, and no others."""
 
     def only(*names: str) -> None:
-        found = EntryPoints(EntryPoint(name, "nowhere:It", "skillplan.physics") for name in names)
-        monkeypatch.setattr(installed, "registered", lambda kind: found)
+        entry_points = EntryPoints(
+            EntryPoint(name, "nowhere:It", "skillplan.physics") for name in names
+        )
+        monkeypatch.setattr(installed, "registered", lambda kind: entry_points)
 
     return only
 

@@ -59,8 +59,8 @@ class TestRegistration:
         assert ours.reset(seed=0)[0].tolist() == theirs.reset(seed=0)[0].tolist()
         for action in (0, 1, 2, 3):
             actions = np.array([action, action])
-            one, other = ours.step(actions), theirs.step(actions)
-            for mine, yours in zip(one[:4], other[:4], strict=True):
+            first, other = ours.step(actions), theirs.step(actions)
+            for mine, yours in zip(first[:4], other[:4], strict=True):
                 assert mine.tolist() == yours.tolist()
 
 
@@ -76,7 +76,7 @@ class TestArguments:
         assert isinstance(env, SkillEnv)
         names = {back_end.name for back_end in env.model.feasibility.back_ends}
         assert {"kinematic", "aabb", "precedence"} == names
-        (aabb,) = [one for one in env.model.feasibility.back_ends if one.name == "aabb"]
+        (aabb,) = [item for item in env.model.feasibility.back_ends if item.name == "aabb"]
         assert 0.003 == aabb.options.tolerance_m  # type: ignore[attr-defined]
 
     def test_by_default_they_are_those_of_the_task_file(self, board_task):

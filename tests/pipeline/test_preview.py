@@ -71,27 +71,27 @@ GEOMETRIC = "swept" if "swept" in registry.names("collision") else "aabb"
 class TestTheDerivedOrder:
     def test_of_the_board_has_no_cycle(self):
         """By the default detector, although the file leaves geometry out, and without a warning."""
-        found = preview_problem(BOARD)
-        (order,) = found.orders
+        result = preview_problem(BOARD)
+        (order,) = result.orders
         assert ("inverter-board", ("kinematic", GEOMETRIC), ()) == (
             order.task,
             order.back_ends,
             order.cycle,
         )
         assert order.pairs > 0
-        assert found.warnings == ()
+        assert result.warnings == ()
 
     def test_names_a_cycle_with_the_file(self, tmp_path):
         """Nothing else in the file is wrong."""
         problem = loaded(tmp_path, CIRCULAR)
-        found = preview_problem(problem, collision=("aabb",))
-        assert set(found.orders[0].cycle) == {"mainboard", "cpu"}
-        assert found.warnings == (
+        result = preview_problem(problem, collision=("aabb",))
+        assert set(result.orders[0].cycle) == {"mainboard", "cpu"}
+        assert result.warnings == (
             f"{problem.source}: by kinematic, aabb no order exists: mainboard before cpu before "
             "mainboard: cpu lies on mainboard at the start and belongs on it.",
             f"{problem.source}: with another start for cpu, both components would have an order.",
         )
-        assert found.document()["precedence"][0]["cycle"] == list(found.orders[0].cycle)
+        assert result.document()["precedence"][0]["cycle"] == list(result.orders[0].cycle)
 
     def test_is_that_of_the_detectors_named(self):
         """Except the chart's own, of which an order says nothing."""

@@ -189,8 +189,8 @@ def options(**values):
 
 def test_options_are_validated_and_have_defaults():
     """What is left out keeps its default."""
-    made = options(force_n=20.0)
-    assert (made.force_n, made.retries) == (20.0, 3)
+    created = options(force_n=20.0)
+    assert (created.force_n, created.retries) == (20.0, 3)
 
 
 @pytest.mark.parametrize(

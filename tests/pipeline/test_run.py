@@ -191,11 +191,11 @@ def test_an_interrupted_comparison_leaves_out_the_rest(board_task):
 
 def test_a_warm_cache_spares_dear_checks(tmp_path):
     """A second run asks an expensive back end nothing, and finds the same."""
-    made = []
+    created = []
 
     def expensive(task):
-        made.append(fake_back_end(task, Verdict.feasible(), expensive=True))
-        return [made[-1]]
+        created.append(fake_back_end(task, Verdict.feasible(), expensive=True))
+        return [created[-1]]
 
     results = [
         solve(
@@ -205,7 +205,7 @@ def test_a_warm_cache_spares_dear_checks(tmp_path):
     ]
     assert results[0].steps == results[1].steps
     assert (results[0].checks > 0, results[1].checks) == (True, 0)
-    assert [bool(back_end.asked) for back_end in made] == [True, False]
+    assert [bool(back_end.asked) for back_end in created] == [True, False]
 
 
 def test_without_a_choice_the_cache_is_the_users(monkeypatch):
@@ -231,9 +231,9 @@ def test_a_search_shows_what_it_asks_of_expensive_back_ends():
     stop = Stop(on_progress=shown.append)
     setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), expensive=True)])
     result = solve(two_roads_task(), "exact", setup, stop=stop)
-    asked = [progress.queries for progress in shown if progress.queries is not None]
-    assert asked[-1].checks == result.checks > 0
-    assert asked[0].checks == asked[-1].to_go == 0
+    queries = [progress.queries for progress in shown if progress.queries is not None]
+    assert queries[-1].checks == result.checks > 0
+    assert queries[0].checks == queries[-1].to_go == 0
     quiet = []
     solve(two_roads_task(), "exact", FakeSetup(), stop=Stop(on_progress=quiet.append))
     assert all(progress.queries is None for progress in quiet)
@@ -256,13 +256,13 @@ def test_a_result_does_not_depend_on_how_many_processes_check(solver):
     task = lid_task()
     options = ExpensiveEngine.Options(seed=2)
     setup = FakeSetup(make=lambda task: [ExpensiveEngine(task, options)])
-    found = []
+    results = []
     for jobs in (1, 2):
         result = solve(task, solver, setup, jobs=jobs)
-        trace = {key: said for key, said in result.trace.items() if key != "ahead"}
-        found.append(replace(result, wall_s=0.0, trace=trace))
-    assert found[0] == found[1]
-    assert found[0].checks > 0
+        trace = {key: message for key, message in result.trace.items() if key != "ahead"}
+        results.append(replace(result, wall_s=0.0, trace=trace))
+    assert results[0] == results[1]
+    assert results[0].checks > 0
 
 
 class TestConstruction:
@@ -292,7 +292,7 @@ class TestConstruction:
 
     def test_it_is_told_of_the_others_once(self):
         """However many models are made of it."""
-        told = []
+        messages = []
 
         class Social(Detector):
             """Notes who is beside it."""
@@ -300,14 +300,14 @@ class TestConstruction:
             name = "social"
 
             def beside(self, others):
-                told.append(len(others))
+                messages.append(len(others))
 
             def check(self, skill, state):
                 return Verdict.feasible()
 
         setup = FakeSetup(make=lambda task: [Social(task), fake_back_end(task, name="other")])
         solve(two_roads_task(), "exact", setup)
-        assert told == [1]
+        assert messages == [1]
 
     def test_a_result_lists_each_sentence_about_what_is_not_checked_once(self):
         """A back end that names nothing adds nothing."""

@@ -59,27 +59,27 @@ ALL_WAYS = ("finish",)
 
 
 def test_what_a_screen_refuses_is_not_executed():
-    found = Screened(BLOCKED, BLOCKED)
-    assert found.solve(audit=0).status is Status.OPTIMAL
-    assert found.executed
-    assert not set(BLOCKED) & set(found.executed)
+    screened = Screened(BLOCKED, BLOCKED)
+    assert screened.solve(audit=0).status is Status.OPTIMAL
+    assert screened.executed
+    assert not set(BLOCKED) & set(screened.executed)
 
 
 def test_a_sample_of_it_is_executed_after_the_search():
-    found = Screened(BLOCKED, BLOCKED)
-    result = found.solve()
+    screened = Screened(BLOCKED, BLOCKED)
+    result = screened.solve()
     assert result.status is Status.OPTIMAL
     assert {"refused": 1, "executed": 1} == result.trace["screening"]
-    assert found.executed[-1:] == list(BLOCKED)
+    assert screened.executed[-1:] == list(BLOCKED)
 
 
 def test_where_geometry_leaves_no_plan_only_a_sample_is_executed():
-    found = Screened(ALL_WAYS, ALL_WAYS)
-    result = found.solve()
+    screened = Screened(ALL_WAYS, ALL_WAYS)
+    result = screened.solve()
     assert result.status is Status.INFEASIBLE
     assert result.checks > 0
-    assert set(ALL_WAYS) == set(found.executed)
-    assert len(found.executed) <= 2
+    assert set(ALL_WAYS) == set(screened.executed)
+    assert len(screened.executed) <= 2
 
 
 @pytest.mark.parametrize(
@@ -95,17 +95,17 @@ def test_what_an_engine_grants_takes_the_proof_of_a_search(screened, status):
 
 
 def test_how_long_skills_take_is_left_to_the_engine():
-    found = Screened(())
-    type(found.screen).duration_s = lambda self, skill, state: 100.0
-    result = found.solve()
-    del type(found.screen).duration_s
+    outcome = Screened(())
+    type(outcome.screen).duration_s = lambda self, skill, state: 100.0
+    result = outcome.solve()
+    del type(outcome.screen).duration_s
     assert result.makespan_s is not None
     assert result.makespan_s < 100.0
 
 
 def test_without_a_screen_nothing_is_executed_twice():
-    found = Screened(())
-    found.screen.screens = False
-    result = found.solve()
+    count = Screened(())
+    count.screen.screens = False
+    result = count.solve()
     assert "screening" not in result.trace
-    assert len(found.executed) == len(set(found.engine.asked))
+    assert len(count.executed) == len(set(count.engine.asked))

@@ -310,7 +310,9 @@ def asking(*detectors: str) -> FakeSetup:
     """Return a setup with some of the detectors that stand beside the solver."""
     import stubborn_solver
 
-    return FakeSetup(make=lambda task: [getattr(stubborn_solver, one)(task) for one in detectors])
+    return FakeSetup(
+        make=lambda task: [getattr(stubborn_solver, detector)(task) for detector in detectors]
+    )
 
 
 def test_no_exception_handler_of_a_solver_catches_a_stop():

@@ -107,15 +107,15 @@ def made(tmp_path, monkeypatch):
 @pytest.fixture
 def path(tmp_path):
     """Return the path of a file with a wide part and a narrow one."""
-    found = tmp_path / "task.yaml"
-    found.write_text(TASK)
-    return found
+    result = tmp_path / "task.yaml"
+    result.write_text(TASK)
+    return result
 
 
-def faults_of(path, **asked):
+def faults_of(path, **queries):
     """Return the lines about a file, without its name."""
     with pytest.raises(TaskError) as raised:
-        load_problem(path, asked)
+        load_problem(path, queries)
     return [line.removeprefix(f"{path}:") for line in raised.value.lines()]
 
 
@@ -169,9 +169,9 @@ def test_the_command_line_says_the_same(made, path, capsys):
     """File, line and column; exit code 2, and no plan."""
     with pytest.raises(SystemExit) as ended:
         main(["search-optimal", str(path), "--physics", "narrow"])
-    said = capsys.readouterr()
+    readouterr = capsys.readouterr()
     line = f"skillplan: error: {path}:7:3: parts.plate: 'plate' is too wide.\n"
-    assert (2, "", line) == (ended.value.code, said.out, said.err)
+    assert (2, "", line) == (ended.value.code, readouterr.out, readouterr.err)
 
 
 def test_an_unknown_name_is_answered_as_ever(path, capsys):

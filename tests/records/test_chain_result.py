@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from skillplan.domains import Account, Listing
-from skillplan.pipeline import SearchRequest, describe, grade, solve
-from skillplan.pipeline.solving import search
+from skillplan.pipeline import SearchRequest, describe, grade, search, solve
 from skillplan.records import ChainPart, ChainResult, Result, Status
 from skillplan.task import Task
 from skillplan.views import render, render_csv
@@ -205,8 +204,8 @@ class TestFigures:
         assert chain(part(TWO), part(ONE)).makespan_s == pytest.approx(2 * 11.63 + 7.47)
 
     def test_a_part_says_where_it_leads(self):
-        one = part(TWO)
-        assert (["C66", "C54", "C42"], ("C66", "C42")) == (one.path, one.ends)
+        item = part(TWO)
+        assert (["C66", "C54", "C42"], ("C66", "C42")) == (item.path, item.ends)
         assert [] == part(TWO, Status.UNSOLVED).path
 
     def test_the_document_is_json_with_everything(self):
@@ -227,14 +226,14 @@ class TestTables:
         return render(tabulate_chain(chain(*parts, **more)), "md", io.StringIO())
 
     def test_a_row_says_the_way_with_its_skills(self):
-        said = self.text(part(TWO), part(ONE, reused=True))
-        assert "C66 B2 C54 B2 C42" in said
-        assert "made, stored" in said
-        assert "1 tasks answered by a policy" in said or "1 task answered by a policy" in said
+        message = self.text(part(TWO), part(ONE, reused=True))
+        assert "C66 B2 C54 B2 C42" in message
+        assert "made, stored" in message
+        assert "1 tasks answered by a policy" in message or "1 task answered by a policy" in message
 
     def test_an_unsolved_chain_says_why(self):
-        said = self.text(part(TWO), part(ONE, Status.UNSOLVED), expected=3)
-        assert "C42-C29: told" in said
+        message = self.text(part(TWO), part(ONE, Status.UNSOLVED), expected=3)
+        assert "C42-C29: told" in message
 
     def test_the_domain_s_listings_come_first(self):
         listing = Listing("supports", ("goal", "by"), (("1", "eq34"),), ("a note",))

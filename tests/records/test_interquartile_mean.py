@@ -15,16 +15,16 @@ def test_nothing_has_no_mean():
 
 
 def test_one_run_gives_no_interval():
-    one = interquartile_mean([0.25])
-    assert one is not None
-    assert (0.25, None, None) == (one.value, one.low, one.high)
+    item = interquartile_mean([0.25])
+    assert item is not None
+    assert (0.25, None, None) == (item.value, item.low, item.high)
 
 
 def test_a_quarter_of_the_runs_is_left_out_at_either_end():
     """Of ten runs two; the figure of the middle six."""
-    one = interquartile_mean([100.0, -50.0, 3.0, 1.0, 2.0, 4.0, 5.0, 6.0, -9.0, 77.0])
-    assert one is not None
-    assert 3.5 == one.value
+    item = interquartile_mean([100.0, -50.0, 3.0, 1.0, 2.0, 4.0, 5.0, 6.0, -9.0, 77.0])
+    assert item is not None
+    assert 3.5 == item.value
 
 
 def test_one_run_that_went_astray_does_not_decide():
@@ -38,19 +38,19 @@ def test_one_run_that_went_astray_does_not_decide():
 
 
 def test_fewer_than_four_runs_all_count():
-    one = interquartile_mean([0.0, 3.0, 6.0])
-    assert one is not None
-    assert 3.0 == one.value
+    item = interquartile_mean([0.0, 3.0, 6.0])
+    assert item is not None
+    assert 3.0 == item.value
 
 
 @given(st.lists(figures, min_size=2, max_size=12))
 def test_the_interval_lies_among_the_runs_and_holds_the_figure(runs):
-    one = interquartile_mean(runs)
-    assert one is not None
-    assert one.low is not None
-    assert one.high is not None
+    item = interquartile_mean(runs)
+    assert item is not None
+    assert item.low is not None
+    assert item.high is not None
     slack = 1e-9 * max(map(abs, runs))
-    assert min(runs) - slack <= one.low <= one.value <= one.high <= max(runs) + slack
+    assert min(runs) - slack <= item.low <= item.value <= item.high <= max(runs) + slack
 
 
 @given(
@@ -67,7 +67,7 @@ def test_neither_order_nor_repetition_changes_it(pair):
 def test_the_interval_holds_the_true_figure_as_often_as_it_says():
     """Of 300 sets of ten normal runs at least 85 %: a bootstrap of ten runs is a bit narrow."""
     draws = np.random.default_rng(5).normal(size=(300, 10))
-    found = [interquartile_mean(runs) for runs in draws.tolist()]
-    inside = sum(one.low <= 0 <= one.high for one in found)  # type: ignore[union-attr,operator]
+    results = [interquartile_mean(runs) for runs in draws.tolist()]
+    inside = sum(result.low <= 0 <= result.high for result in results)  # type: ignore[union-attr,operator]
     assert 0.85 == pytest.approx(inside / 300, abs=0.11)
     assert inside >= 0.85 * 300

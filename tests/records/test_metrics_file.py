@@ -32,10 +32,10 @@ GOOD = format_metrics_line(Episode(0, 7, "complete", (0, 1), 1.5, 10.0, True))
 
 @given(st.lists(EPISODES, max_size=8), st.dictionaries(st.text(min_size=1), FINITE, max_size=4))
 def test_every_line_comes_back_as_it_was(episodes, figures):
-    episodes.sort(key=lambda one: one.step)
+    episodes.sort(key=lambda first: first.step)
     figures = {name: value for name, value in figures.items() if name not in ("kind", "step")}
     record = FiguresRecord(10**9, figures)
-    lines = [format_metrics_line(one) for one in (*episodes, record)]
+    lines = [format_metrics_line(episode) for episode in (*episodes, record)]
     assert all("\n" not in line for line in lines)
     assert RunMetrics(tuple(episodes), (record,)) == parse_metrics(lines, Path("a"), 3)
 
@@ -44,8 +44,8 @@ def test_figures_that_are_not_finite_are_left_out():
     line = format_metrics_line(
         FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")})
     )
-    (found,) = parse_metrics([line], Path("a"), 0).figures
-    assert FiguresRecord(5, {"q": 1.0}) == found
+    (result,) = parse_metrics([line], Path("a"), 0).figures
+    assert FiguresRecord(5, {"q": 1.0}) == result
 
 
 def test_an_episode_whose_cost_is_not_finite_is_refused():

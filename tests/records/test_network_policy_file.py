@@ -58,19 +58,19 @@ def test_what_is_read_acts_as_what_was_written(board_task, tmp_path):
     width = Observation.of(board_task, "markov").width
     network = a_network(width, 8, 8, len(board_task.skills))
     write_network(tmp_path, "last", network, **content_for(board_task, kept="last", cost=None))
-    found = read_network(tmp_path / "last.json")
+    result = read_network(tmp_path / "last.json")
     observations = CHANCE.normal(size=(5, width)).astype(np.float32)
-    assert np.array_equal(network.scores(observations), found.network.scores(observations))
-    assert ("last", 1_200, None) == (found.kept, found.content.step, found.content.cost)
-    assert [(width, 8), (8, 8), (8, len(board_task.skills))] == found.content.layers
-    assert found.misfit(board_task, Observation.of(board_task, "markov")) is None
+    assert np.array_equal(network.scores(observations), result.network.scores(observations))
+    assert ("last", 1_200, None) == (result.kept, result.content.step, result.content.cost)
+    assert [(width, 8), (8, 8), (8, len(board_task.skills))] == result.content.layers
+    assert result.misfit(board_task, Observation.of(board_task, "markov")) is None
 
 
 def test_it_does_not_fit_a_task_with_other_actions_or_features(board_task, lid_task, stored):
-    found = read_network(stored)
-    other = found.misfit(lid_task, Observation.of(lid_task, "markov"))
+    network = read_network(stored)
+    other = network.misfit(lid_task, Observation.of(lid_task, "markov"))
     assert other == "it was learned on other actions: pick(pcb) where the task has pick(box)"
-    narrow = found.misfit(board_task, Observation.of(board_task, "paper"))
+    narrow = network.misfit(board_task, Observation.of(board_task, "paper"))
     assert narrow == "it was learned on 34 features, not 17"
 
 
@@ -80,7 +80,7 @@ def test_files_are_json_and_safetensors_and_hold_no_pickle(stored):
     data = stored.with_suffix(".safetensors").read_bytes()
     header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
     assert {"weight_0", "bias_0", "weight_1", "bias_1"} == set(header)
-    assert {"F32"} == {one["dtype"] for one in header.values()}
+    assert {"F32"} == {item["dtype"] for item in header.values()}
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999])
@@ -154,7 +154,7 @@ def test_weights_that_make_no_sense_are_refused_even_where_their_hash_is_right(
     from safetensors.numpy import load
 
     path = stored.with_suffix(".safetensors")
-    data = save(change({name: np.array(one) for name, one in load(path.read_bytes()).items()}))
+    data = save(change({name: np.array(item) for name, item in load(path.read_bytes()).items()}))
     path.write_bytes(data)
     document = json.loads(stored.read_text())
     stored.write_text(json.dumps({**document, "sha256": hashlib.sha256(data).hexdigest()}))

@@ -32,9 +32,9 @@ def learned(task):
 
 @pytest.fixture
 def document(task, learned):
-    made = make_policy_document(HASH, "policy-iteration", [(task, learned)])
-    assert made is not None
-    return made
+    policy_document = make_policy_document(HASH, "policy-iteration", [(task, learned)])
+    assert policy_document is not None
+    return policy_document
 
 
 @pytest.fixture

@@ -45,10 +45,12 @@ def test_all_that_was_asked_is_there(kept):
 def test_every_run_is_there_with_its_policies(kept):
     folder = RunFolder(kept)
     runs = folder.runs()
-    assert list(range(7)) == [one.run for one in runs] == [one.seed for one in runs]
-    assert [3] == [one.run for one in runs if one.failure]
-    assert all(one.policy is not None and one.last is not None for one in runs)
-    assert all((one.best is None) == (one.policy.kept == "last") for one in runs if one.policy)
+    assert list(range(7)) == [run.run for run in runs] == [item.seed for item in runs]
+    assert [3] == [entry.run for entry in runs if entry.failure]
+    assert all(element.policy is not None and element.last is not None for element in runs)
+    assert all(
+        (value.best is None) == (value.policy.kept == "last") for value in runs if value.policy
+    )
     assert runs[2].episodes == folder.run(2).episodes
     with pytest.raises(OptionError, match="has no run 7, only 0 to 6"):
         folder.run(7)

@@ -32,12 +32,12 @@ def test_whatever_differs_is_found(one, other):
 
     if text(one) == text(other):
         return
-    found = differences(one, other)
+    result = differences(one, other)
     if isinstance(one, dict) and isinstance(other, dict) and one == other:
         # Of mappings the order does not count.
         return
-    assert found
-    assert all(str(difference) for difference in found)
+    assert result
+    assert all(str(difference) for difference in result)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_whatever_differs_is_found(one, other):
     ],
 )
 def test_a_difference_is_told_with_its_key(was, now, text):
-    assert [text] == [str(one) for one in differences(was, now)]
+    assert [text] == [str(difference) for difference in differences(was, now)]
 
 
 def test_a_key_that_is_missing_is_no_key_that_is_null():
@@ -64,10 +64,10 @@ def test_of_a_file_what_was_set_is_what_changed():
     path = CONFIGS / "inverter_board.yaml"
     changes = {"parts.pcb.mass_kg": "0.5", "step_limit": "33"}
     was, now = (resolve_config(load_problem(path, None, some)) for some in ({}, changes))
-    told = describe_changes(was, now)
-    assert "parts.pcb.mass_kg: " in told
-    assert "step_limit: 20 there, 33 now" in told
-    assert 1 == told.count("; ")
+    message = describe_changes(was, now)
+    assert "parts.pcb.mass_kg: " in message
+    assert "step_limit: 20 there, 33 now" in message
+    assert 1 == message.count("; ")
 
 
 def test_what_does_not_make_another_task_is_not_named():
@@ -79,6 +79,8 @@ def test_what_does_not_make_another_task_is_not_named():
 
 
 def test_many_differences_are_counted():
-    told = describe_changes({str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3)
-    assert told.endswith("; and 17 more")
-    assert 3 == told.count(" there, ")
+    message = describe_changes(
+        {str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3
+    )
+    assert message.endswith("; and 17 more")
+    assert 3 == message.count(" there, ")

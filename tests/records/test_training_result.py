@@ -205,12 +205,12 @@ class TestPublished:
     def test_every_sequence_of_table_iii_costs_what_is_printed(self, board):
         """Replayed on the board; the optimum rounds to the paper's."""
         model = make_model(board)
-        for one in TABLE_III:
-            if one.cost is not None:
-                walked = replay(model, [board.skill(action) for action in one.actions])
+        for item in TABLE_III:
+            if item.cost is not None:
+                walked = replay(model, [board.skill(action) for action in item.actions])
                 assert walked.complete
-                assert one.cost == round(walked.cost, 3)
-                assert one.deviation == pytest.approx(one.cost / 1.867 - 1, abs=6e-5)
+                assert item.cost == round(walked.cost, 3)
+                assert item.deviation == pytest.approx(item.cost / 1.867 - 1, abs=6e-5)
 
     def test_it_stands_beside_runs_on_the_papers_board(self, board):
         assert TABLE_III == get_published_runs(board, BEST)
@@ -307,9 +307,9 @@ class TestLayouts:
 
     def test_a_layout_counts_once_however_many_answers_it_has(self):
         """The mean of its answers that complete; of none it has no figure."""
-        one = self.a_result((2.0, 2.2), (2.4,), (None,)).deviation_iqm
-        assert one is not None
-        assert pytest.approx((0.05 + 0.2) / 2) == one.value
+        item = self.a_result((2.0, 2.2), (2.4,), (None,)).deviation_iqm
+        assert item is not None
+        assert pytest.approx((0.05 + 0.2) / 2) == item.value
 
     def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board):
         notes = tabulate_layouts(self.a_result((2.0,), training_s=8.0), board).notes

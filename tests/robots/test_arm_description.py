@@ -95,9 +95,9 @@ def test_standard_parameters_turn_about_the_new_x():
 
 def test_modified_parameters_turn_before_they_move_along_z():
     """A quarter turn about x makes the offset point along -y."""
-    made = Transform.from_modified_dh(0.3, 0.2, math.pi / 2)
-    assert made.xyz_m == pytest.approx((0.3, -0.2, 0.0))
-    assert made.rpy_rad == (math.pi / 2, 0.0, 0.0)
+    from_modified_dh = Transform.from_modified_dh(0.3, 0.2, math.pi / 2)
+    assert from_modified_dh.xyz_m == pytest.approx((0.3, -0.2, 0.0))
+    assert from_modified_dh.rpy_rad == (math.pi / 2, 0.0, 0.0)
 
 
 def test_the_panda_has_the_figures_that_back_ends_use():

@@ -40,22 +40,22 @@ def fault(text, tip="flange", home_rad=None) -> UrdfError:
 def test_a_description_that_is_written_as_a_urdf_is_read_back(arm):
     """Places of joints, axes, limits, masses and inertias; accelerations no URDF has."""
     back = read(urdf_of(arm), home_rad=arm.home_rad)
-    assert [one.name for one in back.joints] == [one.name for one in arm.joints]
-    for one, other in zip(back.joints, arm.joints, strict=True):
-        assert_same(one.placement, other.placement)
-        assert one.axis == other.axis
-        assert (one.low_rad, one.high_rad) == (other.low_rad, other.high_rad)
-        assert (one.speed_rad_per_s, one.torque_nm) == (other.speed_rad_per_s, other.torque_nm)
-        assert one.link.mass_kg == pytest.approx(other.link.mass_kg)
+    assert [item.name for item in back.joints] == [entry.name for entry in arm.joints]
+    for first, other in zip(back.joints, arm.joints, strict=True):
+        assert_same(first.placement, other.placement)
+        assert first.axis == other.axis
+        assert (first.low_rad, first.high_rad) == (other.low_rad, other.high_rad)
+        assert (first.speed_rad_per_s, first.torque_nm) == (other.speed_rad_per_s, other.torque_nm)
+        assert first.link.mass_kg == pytest.approx(other.link.mass_kg)
         frame = other.link.frame
         centre = Rigid.of(frame.xyz_m, frame.rpy_rad).apply(other.link.centre_m)
-        assert one.link.centre_m == pytest.approx(centre)
+        assert first.link.centre_m == pytest.approx(centre)
     assert_same(back.tip, arm.tip)
     assert back.home_rad == arm.home_rad
 
 
-def assert_same(one, other):
-    first, second = (Rigid.of(item.xyz_m, item.rpy_rad) for item in (one, other))
+def assert_same(this, other):
+    first, second = (Rigid.of(item.xyz_m, item.rpy_rad) for item in (this, other))
     assert first.origin == pytest.approx(second.origin, abs=1e-12)
     for row, its in zip(first.rows, second.rows, strict=True):
         assert row == pytest.approx(its, abs=1e-12)
@@ -99,15 +99,15 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
         '<collision><origin xyz="0 0 1"/><geometry>'
         '<mesh filename="a.stl" scale="2 2 2"/></geometry></collision>'
     )
-    asked = []
+    queries = []
 
     def corners(name, scale):
-        asked.append((name, scale))
+        queries.append((name, scale))
         return ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
     arm = read(urdf(collisions={1: ball, 2: mesh}), mesh=corners)
     assert arm.shapes[1] == (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05),)
-    assert asked == [("a.stl", (2.0, 2.0, 2.0))]
+    assert queries == [("a.stl", (2.0, 2.0, 2.0))]
     (hull,) = arm.shapes[2]
     assert isinstance(hull, Hull)
     assert hull.corners_m[0] == (0.0, 0.0, 1.0)
@@ -153,9 +153,9 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
 )
 def test_what_is_no_arm_is_refused_with_its_line(text, words):
     """In words, whatever it is."""
-    found = fault(text)
-    assert words in str(found)
-    assert found.key == "model"
+    result = fault(text)
+    assert words in str(result)
+    assert result.key == "model"
 
 
 @pytest.mark.parametrize("text", ["2", " 2 ", "+2.", ".2e1", "2E0", "20e-1"])
@@ -199,6 +199,6 @@ def test_a_joint_that_moves_beside_the_arm_is_refused():
 def test_entities_are_never_expanded():
     """A file that declares any is refused before."""
     head = '<?xml version="1.0"?>\n<!DOCTYPE robot [<!ENTITY a "aaaa">]>\n'
-    found = fault(urdf(head=head))
-    assert found.line == 2
-    assert "document type" in str(found)
+    result = fault(urdf(head=head))
+    assert result.line == 2
+    assert "document type" in str(result)

@@ -159,9 +159,9 @@ def test_a_small_board_is_solved_without_numpy():
 def test_it_proves_what_exact_search_proves(config):
     """On the other boards."""
     task = load_problem(f"configs/{config}.yaml").task
-    found = solve(task, "auto", CHART)
-    assert found.status == Status.OPTIMAL
-    assert found.cost == pytest.approx(solve(task, "exact", CHART).cost, abs=1e-9)
+    solution = solve(task, "auto", CHART)
+    assert solution.status == Status.OPTIMAL
+    assert solution.cost == pytest.approx(solve(task, "exact", CHART).cost, abs=1e-9)
 
 
 @pytest.mark.slow(reason="exact search tries first; the fleet solver itself in every run")

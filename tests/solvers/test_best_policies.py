@@ -109,10 +109,10 @@ class TestGoingOn:
         assert [best(other, run) for run in range(3)] == [(3.0, 5), (None, None), (None, None)]
         ours = other.learned(0, preferring(0)).best
         assert (ours.weights[0] == preferring(1, 2).weights[0]).all()
-        for one in (several, other):
-            one.compare(0, 9, None, preferring(2, 1))
-            one.compare(1, 9, None, preferring(0, 1))
-            assert [best(one, run) for run in range(3)] == [(2.5, 9), (2.0, 9), (None, None)]
+        for item in (several, other):
+            item.compare(0, 9, None, preferring(2, 1))
+            item.compare(1, 9, None, preferring(0, 1))
+            assert [best(item, run) for run in range(3)] == [(2.5, 9), (2.0, 9), (None, None)]
         mine, theirs = several.arrays("k"), other.arrays("k")
         assert mine.keys() == theirs.keys()
         assert all(mine[name].tobytes() == theirs[name].tobytes() for name in mine)

@@ -19,16 +19,19 @@ def literals(bits: int) -> Words:
     return np.array([bits, ~bits & (2**64 - 1)], dtype=np.uint64)
 
 
-def holds(asked: set[int], bits: int) -> bool:
+def holds(queries: set[int], bits: int) -> bool:
     """Whether all literals asked for hold."""
-    return all(bool(bits >> one & 1) if one < BITS else not bits >> one - BITS & 1 for one in asked)
+    return all(
+        bool(bits >> query & 1) if query < BITS else not bits >> query - BITS & 1
+        for query in queries
+    )
 
 
-def learned(asked: set[int], observations: list[int]) -> Conditions:
+def learned(queries: set[int], observations: list[int]) -> Conditions:
     """Return what is known of an action that was tried where all this was observed."""
     known = Conditions(1, 2)
     for bits in observations:
-        if holds(asked, bits):
+        if holds(queries, bits):
             known.succeed(np.array([0]), literals(bits))
         else:
             known.fail(0, literals(bits))

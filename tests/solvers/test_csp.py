@@ -50,7 +50,7 @@ def layered_task(layers, step_limit=None):
 def allowed(choices):
     """Whether all consecutive choices that occupy anything share something."""
     occupied = [held for held, _ in choices if held]
-    return all(one & other for one, other in itertools.pairwise(occupied))
+    return all(first & other for first, other in itertools.pairwise(occupied))
 
 
 @settings(max_examples=examples(200))

@@ -85,9 +85,9 @@ def test_it_agrees_with_a_dynamic_program_on_random_tasks(task, dives):
 def test_it_respects_every_step_limit(content):
     """From too few skills for any plan up to more than enough."""
     task = assembly(content)
-    least = 2 * len(content["parts"]) + len(content["screws"])
-    by_length = cheapest_by_length(charted(task.replace(step_limit=least + 8)))
-    for limit in range(max(1, least - 1), least + 9):
+    minimum = 2 * len(content["parts"]) + len(content["screws"])
+    by_length = cheapest_by_length(charted(task.replace(step_limit=minimum + 8)))
+    for limit in range(max(1, minimum - 1), minimum + 9):
         short = {length: cost for length, cost in by_length.items() if length <= limit}
         assert_optimal(charted(task.replace(step_limit=limit)), optimum(short))
 

@@ -36,17 +36,17 @@ class TestExhaustiveSolver(SolverSuite):
 def count_by_length(model):
     """Return the number of complete sequences by length, counted over states, not sequences."""
     arrows = graph_of(model)
-    layer, found = Counter({model.initial: 1}), {}
+    layer, results = Counter({model.initial: 1}), {}
     for length in range(model.step_limit + 1):
         done = sum(number for state, number in layer.items() if model.is_goal(state))
         if done:
-            found[length] = done
+            results[length] = done
         following = Counter()
         for state, number in layer.items():
             for _, _, target in arrows[state]:
                 following[target] += number
         layer = following
-    return found
+    return results
 
 
 @pytest.fixture(scope="module")

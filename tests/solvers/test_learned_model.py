@@ -85,8 +85,8 @@ def test_an_interrupted_training_resumes_bit_for_bit(name, request):
 def test_a_run_does_not_depend_on_the_others(name, request):
     task = request.getfixturevalue(name)
     alone, among = begin(task, [7]).advance(300), begin(task, [5, 7, 9]).advance(300)
-    assert [(one.step, one.actions) for one in alone] == [
-        (one.step, one.actions) for one in among if one.run == 1
+    assert [(item.step, item.actions) for item in alone] == [
+        (entry.step, entry.actions) for entry in among if entry.run == 1
     ]
 
 

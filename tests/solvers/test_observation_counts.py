@@ -51,9 +51,9 @@ class TestNumbers:
         for i, both in enumerate(way):
             if i == cut:
                 counts = rebuilt(counts, 2)
-            found = met(counts, both)
+            result = met(counts, both)
             for run, seen in enumerate(both):
-                assert found[run] == known[run].setdefault(seen, len(known[run]))
+                assert result[run] == known[run].setdefault(seen, len(known[run]))
         for run, numbers in enumerate(known):
             assert counts.known(run) == len(numbers)
             for seen, number in numbers.items():
@@ -70,13 +70,13 @@ class TestGrowth:
             assert met(counts, [number, 7]) == [number, 0]
             counts.visits[0, number, number % ACTIONS] += number
         assert counts.visits.shape[1] >= 3 * first
-        for one in (counts, rebuilt(counts, 2)):
+        for item in (counts, rebuilt(counts, 2)):
             for number in range(0, 3 * first, 97):
-                assert (one.observations[0, number] == bits(number)).all()
-                assert one.visits[0, number].sum() == number
-                assert met(one, [number, 7]) == [number, 0]
-            assert one.known(0) == 3 * first
-            assert one.known(1) == 1
+                assert (item.observations[0, number] == bits(number)).all()
+                assert item.visits[0, number].sum() == number
+                assert met(item, [number, 7]) == [number, 0]
+            assert item.known(0) == 3 * first
+            assert item.known(1) == 1
 
     def test_what_is_double_rows_begins_with_what_was_there(self):
         assert double_rows(np.array([[1, 2], [3, 4]])).tolist() == [[1, 2, 0, 0], [3, 4, 0, 0]]

@@ -91,17 +91,17 @@ def policy_value(mdp: TabularMDP, rows: tuple[int, ...]) -> np.ndarray:
 @settings(max_examples=examples(120))
 def test_expected_costs_are_the_least_of_all_policies(solver, mdp):
     """Then the least time; and what is chosen reaches the goal, whatever costs nothing."""
-    found = solver().least_cost(mdp)
+    least_cost = solver().least_cost(mdp)
     options = [
         tuple(range(begin, end)) or (-1,) for begin, end in itertools.pairwise(mdp.rows.tolist())
     ]
     values = np.array([policy_value(mdp, rows) for rows in itertools.product(*options)])
-    assert found.finished
-    np.testing.assert_allclose(found.values, values[..., 0].min(axis=0), rtol=1e-9, atol=1e-9)
-    own = policy_value(mdp, tuple(found.chosen.tolist()))
-    np.testing.assert_allclose(own[:, 0], found.values, rtol=1e-9, atol=1e-9)
+    assert least_cost.finished
+    np.testing.assert_allclose(least_cost.values, values[..., 0].min(axis=0), rtol=1e-9, atol=1e-9)
+    own = policy_value(mdp, tuple(least_cost.chosen.tolist()))
+    np.testing.assert_allclose(own[:, 0], least_cost.values, rtol=1e-9, atol=1e-9)
     for state in range(len(mdp.states)):
-        cheapest = values[:, state, 0] <= found.values[state] + 1e-9
+        cheapest = values[:, state, 0] <= least_cost.values[state] + 1e-9
         assert own[state, 1] <= values[cheapest, state, 1].min() + 1e-6
 
 
@@ -197,11 +197,11 @@ def test_its_rounds_are_about_as_many_as_in_the_paper():
 def test_both_agree_in_all_values_of_a_reward():
     model = make_model(base_task(66, 42))
     options = PolicyIterationSolver.Options(objective="reward")
-    found = [
+    results = [
         dict(solver(options).solve(model).policy or {})
         for solver in (PolicyIterationSolver, ValueIterationSolver)
     ]
-    assert found[0] == found[1]
+    assert results[0] == results[1]
 
 
 def _solver(name: str) -> BellmanSolver:

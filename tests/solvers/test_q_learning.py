@@ -30,8 +30,8 @@ def test_its_ways_are_step_minimal_from_all_starts(goal):
 
 def test_with_episodes_enough_it_finds_the_optimum_of_the_board():
     task = load_problem(str(CONFIGS / "inverter_board.yaml")).task
-    found = solve(task, "q-learning", Setup(options={"q-learning": {"episodes": 200_000}}))
-    assert found.cost == pytest.approx(solve(task, "exact").cost)
+    solution = solve(task, "q-learning", Setup(options={"q-learning": {"episodes": 200_000}}))
+    assert solution.cost == pytest.approx(solve(task, "exact").cost)
 
 
 def test_its_values_without_exploration_noise_are_those_of_value_iteration():

@@ -24,8 +24,8 @@ class TestExpectedSarsaSolver(SolverSuite):
 
 def test_the_defaults_are_the_parameters_of_the_paper():
     options = SarsaSolver().options
-    found = (options.gamma, options.alpha, options.epsilon, options.episodes)
-    assert found == (0.999, 0.1, 0.1, 35_000)
+    result = (options.gamma, options.alpha, options.epsilon, options.episodes)
+    assert result == (0.999, 0.1, 0.1, 35_000)
     assert options.alpha_end is None
     assert options.epsilon_end is None
 
@@ -55,7 +55,7 @@ def test_the_second_parameter_set_of_the_paper_converges_more_slowly():
         make_solver("sarsa", {"record": 35, **options}).solve(model).trace["steps_per_episode"]
         for options in ({}, {"gamma": 0.85, "alpha": 0.001, "epsilon": 0.01})
     )
-    assert all(one < other for one, other in zip(first, second, strict=True))
+    assert all(left < other for left, other in zip(first, second, strict=True))
 
 
 def test_the_first_episode_wanders():

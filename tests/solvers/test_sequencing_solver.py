@@ -89,9 +89,9 @@ def test_it_proves_what_exact_search_proves(config, detector):
             SequencingProblem.from_model(model)
         assert "Take exact" in refusal
         return
-    found = solve(task, "subset-dp", setup)
-    assert found.status == Status.OPTIMAL
-    assert found.cost == pytest.approx(solve(task, "exact", setup).cost, abs=1e-9)
+    solution = solve(task, "subset-dp", setup)
+    assert solution.status == Status.OPTIMAL
+    assert solution.cost == pytest.approx(solve(task, "exact", setup).cost, abs=1e-9)
 
 
 @settings(max_examples=examples(40))
@@ -100,11 +100,11 @@ def test_it_is_never_wrong_whatever_the_step_limit(content, solver):
     """Where the cheapest order has a plan that is too long, nothing is said to be optimal."""
     task = assembly(content)
     model = model_of(task, PrecedenceDetector(task))
-    found = make_solver(solver)
-    if found.refuses(model) is not None:
+    learner = make_solver(solver)
+    if learner.refuses(model) is not None:
         return
     best = optimum(cheapest_by_length(model_of(task, PrecedenceDetector(task))))
-    solution = found.solve(model)
+    solution = learner.solve(model)
     if solution.plan is not None:
         walked = replay(model, [task.skill(name) for name in solution.plan.skills])
         assert walked.violations == ()
@@ -168,8 +168,8 @@ def test_the_same_seed_gives_the_same_figures(solver):
     """Of plan, bound and effort."""
     task = instance("ESC12").task
     model = make_model(task)
-    one, other = (make_solver(solver).solve(model, seed=5) for _ in range(2))
-    assert one == other
+    first, other = (make_solver(solver).solve(model, seed=5) for _ in range(2))
+    assert first == other
 
 
 @pytest.mark.parametrize(

@@ -197,9 +197,9 @@ class TestEnumeration:
         model = model_of(base_task(66, 42))
         solver = make_solver("value-iteration", {})
         assert solver.refuses(model) is None
-        asked = model.stats.states
+        queries = model.stats.states
         solver.solve(model)
-        assert model.stats.states == asked == 77
+        assert model.stats.states == queries == 77
 
 
 class TestCompiled:

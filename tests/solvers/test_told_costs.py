@@ -41,13 +41,13 @@ def test_exact_search_and_the_best_order_cost_what_plain_search_finds(content, s
     assume(len(content["parts"]) + len(content["screws"]) <= 4)
     task = timed_task(content)
     plain = find_least_cost_of_states(model_of(task, clock(task, 0.0, seed)))
-    found = ExactSolver().solve(model_of(task, clock(task, tightness, seed)))
-    assert found.proved
-    if found.plan is None:
+    solution = ExactSolver().solve(model_of(task, clock(task, tightness, seed)))
+    assert solution.proved
+    if solution.plan is None:
         assert plain.cost == float("inf")
     else:
-        assert found.plan.cost == pytest.approx(plain.cost, abs=1e-9)
-        assert found.lower_bound == found.plan.cost
+        assert solution.plan.cost == pytest.approx(plain.cost, abs=1e-9)
+        assert solution.lower_bound == solution.plan.cost
     try:
         problem = SequencingProblem.from_model(model_of(task, clock(task, tightness, seed)))
     except NotASequencing as error:
@@ -62,12 +62,12 @@ def test_exact_search_and_the_best_order_cost_what_plain_search_finds(content, s
 @pytest.mark.parametrize("tightness", [0.0, 0.8, 1.0])
 def test_a_plan_costs_what_its_trajectories_take(board, tightness):
     """Step by step, in a fresh model."""
-    found = ExactSolver().solve(model_of(board, clock(board, tightness)))
+    solution = ExactSolver().solve(model_of(board, clock(board, tightness)))
     walked = replay(
-        model_of(board, clock(board)), [board.skill(name) for name in found.plan.skills]
+        model_of(board, clock(board)), [board.skill(name) for name in solution.plan.skills]
     )
     assert walked.complete
-    assert found.plan.cost == pytest.approx(walked.cost, abs=1e-9)
+    assert solution.plan.cost == pytest.approx(walked.cost, abs=1e-9)
     assert walked.cost == walked.duration_s
 
 
@@ -102,7 +102,7 @@ def test_orders_know_the_costs_of_what_may_follow_each_other(board):
     neighbours, first = set(), set()
     for order in permutations(range(len(problem.jobs))):
         place = {job: position for position, job in enumerate(order)}
-        if all(place[one] < place[other] for one, other in problem.precedence):
+        if all(place[left] < place[other] for left, other in problem.precedence):
             first.add(order[0])
             neighbours |= set(pairwise(order))
     assert neighbours == {(int(i), int(j)) for i, j in np.argwhere(np.isfinite(problem.costs))}
@@ -121,10 +121,10 @@ def test_orders_ask_for_fewer_trajectories_than_there_are(board):
 def test_brute_force_finds_the_optimum_that_exact_search_proves(board):
     """All 12,420 sequences with the same times."""
     seed = 5
-    found = ExactSolver().solve(model_of(board, clock(board, 0.8, seed)))
+    solution = ExactSolver().solve(model_of(board, clock(board, 0.8, seed)))
     every = ExhaustiveSolver().solve(model_of(board, clock(board, 0.8, seed)))
     assert every.trace["sequences"] == 12_420
-    assert found.plan.cost == pytest.approx(every.plan.cost, abs=1e-9)
+    assert solution.plan.cost == pytest.approx(every.plan.cost, abs=1e-9)
 
 
 def test_where_checks_are_expensive_a_skill_is_timed_before_it_is_executed(board):
@@ -136,11 +136,11 @@ def test_where_checks_are_expensive_a_skill_is_timed_before_it_is_executed(board
         return Verdict.feasible(board.facts.none, board.facts.none)
 
     engine = fake_back_end(board, executed, name="engine", base=Engine, expensive=True)
-    found = ExactSolver().solve(model_of(board, teller, engine))
-    assert found.proved
+    solution = ExactSolver().solve(model_of(board, teller, engine))
+    assert solution.proved
     assert engine.asked
     plain = ExactSolver().solve(model_of(board, clock(board, 0.8)))
-    assert found.plan.cost == pytest.approx(plain.plan.cost, abs=1e-9)
+    assert solution.plan.cost == pytest.approx(plain.plan.cost, abs=1e-9)
 
 
 def board_of_two_ways():
@@ -157,8 +157,8 @@ def test_of_a_skill_with_several_ways_the_time_of_the_one_taken_counts(tightness
     skill = task.skill("place(clock)")
     assert len(skill.ways) == 2
     model, plain = model_of(task, clock(task, tightness)), model_of(task, clock(task))
-    found, least = ExactSolver().solve(model), find_least_cost_of_states(plain)
-    assert found.plan.cost == pytest.approx(least.cost, abs=1e-9)
+    solution, minimum = ExactSolver().solve(model), find_least_cost_of_states(plain)
+    assert solution.plan.cost == pytest.approx(minimum.cost, abs=1e-9)
     bits = skill.precondition.requires.bits
     by_way = [clock(task).duration_s(skill.by(way), task.initial) for way in skill.ways]
     assert model.cost(task.initial, skill) == by_way[0]

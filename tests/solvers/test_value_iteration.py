@@ -90,21 +90,21 @@ def relaxed(rows, successors, goal, *weights):  # type: ignore[no-untyped-def]
 @settings(max_examples=examples(200))
 def test_label_setting_finds_the_least_costs_then_the_least_ties(graph) -> None:  # type: ignore[no-untyped-def]
     rows, successors, goal, costs, ties = graph
-    found = costs_to_go(rows, successors, goal, costs, ties)
+    result = costs_to_go(rows, successors, goal, costs, ties)
     costs_only = costs_to_go(rows, successors, goal, costs)
-    least, least_tie = relaxed(rows, successors, goal, costs, ties)
-    np.testing.assert_allclose(found.costs, least, atol=1e-9)
-    np.testing.assert_allclose(found.ties, least_tie, atol=1e-9)
-    np.testing.assert_allclose(costs_only.costs, least, atol=1e-9)
-    for start in np.flatnonzero(np.isfinite(least)):
+    minimum, least_tie = relaxed(rows, successors, goal, costs, ties)
+    np.testing.assert_allclose(result.costs, minimum, atol=1e-9)
+    np.testing.assert_allclose(result.ties, least_tie, atol=1e-9)
+    np.testing.assert_allclose(costs_only.costs, minimum, atol=1e-9)
+    for start in np.flatnonzero(np.isfinite(minimum)):
         state, cost, tie, steps = start, 0.0, 0.0, 0
         while not goal[state]:
-            row = found.chosen[state]
+            row = result.chosen[state]
             assert rows[state] <= row < rows[state + 1]
             cost, tie, state, steps = cost + costs[row], tie + ties[row], successors[row], steps + 1
             assert steps <= len(goal)
-        assert (cost, tie) == pytest.approx((least[start], least_tie[start]))
-    assert (found.chosen[goal] == -1).all()
+        assert (cost, tie) == pytest.approx((minimum[start], least_tie[start]))
+    assert (result.chosen[goal] == -1).all()
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 3), (6, 13), (20, 31)])
@@ -113,8 +113,8 @@ def test_on_a_lattice_it_counts_the_fewest_swings(rows, cols):
     goal = np.zeros(bench.n_positions, dtype=np.bool_)
     goal[bench.n_positions // 2] = True
     offsets = np.arange(bench.n_positions + 1) * bench.actions
-    found = costs_to_go(offsets, bench.successors.ravel(), goal)
-    assert (found.costs == bench.distances(bench.n_positions // 2)).all()
+    costs = costs_to_go(offsets, bench.successors.ravel(), goal)
+    assert (costs.costs == bench.distances(bench.n_positions // 2)).all()
 
 
 def test_of_ways_as_short_the_one_of_less_time_is_taken():

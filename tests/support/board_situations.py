@@ -28,7 +28,7 @@ def state_after(task: Task, actions: Iterable[int]) -> State:
 def imagined(task: Task, skill: str, *done: str) -> tuple[Skill, State]:
     """Return a skill, and a state in which it is applicable and just these elements are done."""
     chosen = task.skill(skill)
-    names = {*chosen.precondition.requires, "at(home)", *(task.operations[one] for one in done)}
+    names = {*chosen.precondition.requires, "at(home)", *(task.operations[part] for part in done)}
     for element in task.operations:
         start = f"at_start({element})"
         if start in task.facts and element not in done and f"held({element})" not in names:

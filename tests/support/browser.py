@@ -80,11 +80,11 @@ class Page:
 
     def evaluate(self, script: str) -> Any:
         """Return what an expression, or the promise that it gives, comes to."""
-        found = self.call(
+        result = self.call(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
-        assert "exceptionDetails" not in found, found
-        return found["result"].get("value")
+        assert "exceptionDetails" not in result, result
+        return result["result"].get("value")
 
     def open(self, path: Path, before: str = "", size: tuple[int, int] = (900, 800)) -> None:
         """Open a file, with a script before its own, and wait for the player."""
@@ -150,7 +150,7 @@ def _address(scratch: Path) -> str:
         if "\n" in text:
             listing = f"http://127.0.0.1:{text.splitlines()[0]}/json/list"
             with urllib.request.urlopen(listing) as answer:
-                pages = [one for one in json.load(answer) if one["type"] == "page"]
+                pages = [item for item in json.load(answer) if item["type"] == "page"]
             if pages:
                 return str(pages[0]["webSocketDebuggerUrl"])
         time.sleep(0.05)

@@ -68,13 +68,13 @@ def truth(name: str) -> dict:
 
 def blockings(blocked: Mapping[str, Mapping[str, str | Iterable[str]]]) -> set[tuple]:
     """Return (part, by, direction) for what is said of the positive directions, and the rest."""
-    found = set()
+    result = set()
     for direction, parts in blocked.items():
         for part, others in parts.items():
             for by in others.split() if isinstance(others, str) else others:
-                found.add((part, by, direction))
-                found.add((by, part, OPPOSITE[direction]))
-    return found
+                result.add((part, by, direction))
+                result.add((by, part, OPPOSITE[direction]))
+    return result
 
 
 def relation_by_hand(
@@ -110,10 +110,10 @@ def pen() -> Relation:
 
 def of_fixture(name: str) -> Relation:
     """Return the relation that holds of a fixture by its construction."""
-    told = truth(name)
-    names = sorted({part for part, _, _ in blockings(told["blocked"])})
-    pairs = [pair for kind in told.get("contacts", {}).values() for pair in kind]
-    return relation_by_hand(names, told["blocked"], pairs)
+    message = truth(name)
+    names = sorted({part for part, _, _ in blockings(message["blocked"])})
+    pairs = [pair for kind in message.get("contacts", {}).values() for pair in kind]
+    return relation_by_hand(names, message["blocked"], pairs)
 
 
 def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> manifold3d.Manifold:

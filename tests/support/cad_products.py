@@ -18,8 +18,8 @@ ALONG = {"+x": 0, "+y": 2, "+z": 4}
 
 def file(name: str) -> Path:
     """Return the STEP file of a fixture."""
-    (found,) = FIXTURES.glob(f"{name}.step*")
-    return found
+    (files,) = FIXTURES.glob(f"{name}.step*")
+    return files
 
 
 def truth(name: str) -> dict:
@@ -66,9 +66,9 @@ def moved(product: Product, matrix) -> Product:
     return dataclasses.replace(product, parts=parts)
 
 
-def links(found, direction: int) -> set[tuple[str, str]]:
+def links(expected, direction: int) -> set[tuple[str, str]]:
     """Return the pairs (part, by) that a relation has along a direction."""
-    return {(one.part, one.by) for one in found.blocked if one.direction == direction}
+    return {(link.part, link.by) for link in expected.blocked if link.direction == direction}
 
 
 def true_links(name: str, axis: str) -> set[tuple[str, str]]:

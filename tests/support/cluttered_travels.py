@@ -77,14 +77,15 @@ class CrampedTravel:
     def standing(self) -> list[Obstacle]:
         """What stands there, but for what is carried."""
         return [
-            one
-            for one in self.planner.obstacles
-            if (one.fact is None or one.fact in self.there) and one.body != self.motion.carries
+            obstacle
+            for obstacle in self.planner.obstacles
+            if (obstacle.fact is None or obstacle.fact in self.there)
+            and obstacle.body != self.motion.carries
         ]
 
     def fresh_planner(self) -> TravelPlanner:
         """Return a planner that was asked nothing yet; it knows the hulls of what stands."""
-        assert all(piece.hull for one in self.planner.obstacles for piece in one.pieces)
+        assert all(piece.hull for obstacle in self.planner.obstacles for piece in obstacle.pieces)
         return TravelPlanner(self.planner.arm, self.planner.sweeps, self.planner.obstacles)
 
 
@@ -103,7 +104,9 @@ def _drawn(rng: np.random.Generator, board: str, scene: Scene) -> CrampedTravel:
         pillars = [_pillar(rng, number) for number in range(_PILLARS)]
         sweeps = HandSweeps(scene, robot, _CLEARANCE_M)
         planner = TravelPlanner(arm, sweeps, [*collect_obstacles(scene), *pillars])
-        there = {one.fact for one in pillars if one.fact is not None and rng.random() < 0.8}
+        there = {
+            pillar.fact for pillar in pillars if pillar.fact is not None and rng.random() < 0.8
+        }
         there |= {
             body.placements[rng.integers(len(body.placements))].fact
             for body in scene.bodies
@@ -121,10 +124,12 @@ def _drawn(rng: np.random.Generator, board: str, scene: Scene) -> CrampedTravel:
                 for _ in range(2)
             )
             motion = _motion(arm, goal_rad, scene, body)
-            found = CrampedTravel(board, planner, start_rad, goal_rad, motion, frozenset(there))
+            cramped_travel = CrampedTravel(
+                board, planner, start_rad, goal_rad, motion, frozenset(there)
+            )
             ends = (JointPath([start_rad, start_rad]), JointPath([goal_rad, goal_rad]))
-            if all(deepest_m(found, end) > 0.001 for end in ends):
-                return found
+            if all(deepest_m(cramped_travel, end) > 0.001 for end in ends):
+                return cramped_travel
 
 
 def _pillar(rng: np.random.Generator, number: int) -> Obstacle:
@@ -178,17 +183,17 @@ def deepest_m(travel: CrampedTravel, path: JointPath, spacing_m: float = 1e-3) -
         # The base stands on the table.
         if mover[0] == 0:
             continue
-        for piece in (piece for one in travel.standing for piece in one.pieces):
+        for piece in (piece for body in travel.standing for piece in body.pieces):
             close = (low < piece.high).all(axis=1) & (high > piece.low).all(axis=1)
             for number in np.flatnonzero(close).tolist():
                 worst_m = min(worst_m, _to_piece_m(mover, frames[number], piece))
     home = [_frames(np.array(PANDA.home_rad))]
-    for one, other in itertools.combinations(range(len(movers)), 2):
-        pair = (movers[one], movers[other])
+    for first, other in itertools.combinations(range(len(movers)), 2):
+        pair = (movers[first], movers[other])
         if abs(pair[0][0] - pair[1][0]) < 2 or _apart_m(pair, home[0]) < 0.001:
             continue
-        close = (boxes[one][0] < boxes[other][1]).all(axis=1)
-        close &= (boxes[one][1] > boxes[other][0]).all(axis=1)
+        close = (boxes[first][0] < boxes[other][1]).all(axis=1)
+        close &= (boxes[first][1] > boxes[other][0]).all(axis=1)
         for number in np.flatnonzero(close).tolist():
             worst_m = min(worst_m, _apart_m(pair, frames[number]))
     return worst_m
@@ -216,19 +221,19 @@ Mover = tuple[int, object, np.ndarray]
 
 def _movers(travel: CrampedTravel) -> list[Mover]:
     """Return joints, geometries and corners, in the frames of the joints, of all that moves."""
-    found: list[Mover] = []
+    results: list[Mover] = []
     for joint, shapes in enumerate(PANDA.shapes):
         for shape in shapes:
             corners = np.array(shape.corners_m)
-            found.append((joint, _hull(corners), corners))
+            results.append((joint, _hull(corners), corners))
     goal = _frames(travel.goal_rad)
     back = np.linalg.inv(goal[len(goal) - 1])
     motion = travel.motion
     for _, held in travel.planner.sweeps.held(motion, motion.above):
         for piece in held:
             corners = piece.corners @ back[:3, :3].T + back[:3, 3]
-            found.append((len(goal) - 1, _hull(corners), corners))
-    return found
+            results.append((len(goal) - 1, _hull(corners), corners))
+    return results
 
 
 def _hull(corners: np.ndarray) -> object:
@@ -239,28 +244,28 @@ def _hull(corners: np.ndarray) -> object:
 
 def _frames(joints_rad: np.ndarray) -> list[np.ndarray]:
     """Return where the base and the joints are, as matrices of shape (4, 4)."""
-    found = [np.eye(4)]
+    results = [np.eye(4)]
     for joint, angle in zip(PANDA.joints, joints_rad, strict=True):
         fixed = _fixed(joint.placement)
-        found.append(found[-1] @ fixed @ _turn("z", float(angle)))
-    return found
+        results.append(results[-1] @ fixed @ _turn("z", float(angle)))
+    return results
 
 
 @cache
 def _fixed(placement: Transform) -> np.ndarray:
     roll, pitch, yaw = placement.rpy_rad
-    found = _turn("z", yaw) @ _turn("y", pitch) @ _turn("x", roll)
-    found[:3, 3] = placement.xyz_m
-    return found
+    result = _turn("z", yaw) @ _turn("y", pitch) @ _turn("x", roll)
+    result[:3, 3] = placement.xyz_m
+    return result
 
 
 def _turn(axis: str, angle_rad: float) -> np.ndarray:
-    found = np.eye(4)
-    one, other = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    found[one, one] = found[other, other] = math.cos(angle_rad)
-    found[other, one] = math.sin(angle_rad)
-    found[one, other] = -math.sin(angle_rad)
-    return found
+    matrix = np.eye(4)
+    first, other = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    matrix[first, first] = matrix[other, other] = math.cos(angle_rad)
+    matrix[other, first] = math.sin(angle_rad)
+    matrix[first, other] = -math.sin(angle_rad)
+    return matrix
 
 
 def _placed(mover: Mover, frames: Sequence[np.ndarray]) -> object:
@@ -277,5 +282,5 @@ def _to_piece_m(mover: Mover, frames: Sequence[np.ndarray], piece: ConvexPiece) 
 
 def _apart_m(pair: tuple[Mover, Mover], frames: Sequence[np.ndarray]) -> float:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-    (one, one_at), (other, other_at) = ((mover[1], _placed(mover, frames)) for mover in pair)
-    return float(coal.distance(one, one_at, other, other_at, request, result))
+    (first, one_at), (other, other_at) = ((mover[1], _placed(mover, frames)) for mover in pair)
+    return float(coal.distance(first, one_at, other, other_at, request, result))

@@ -69,8 +69,8 @@ class _Ruled:
             (Path(self.options.log) / name).touch()
 
     def _misbehave(self, skill):
-        made = [one for one in checks_in(self.options.log) if one[1] == skill.name]
-        if self.options.once and len(made) > 1:
+        created = [item for item in checks_in(self.options.log) if item[1] == skill.name]
+        if self.options.once and len(created) > 1:
             return
         if self.options.how == "raise":
             raise RuntimeError("the simulator has gone away")

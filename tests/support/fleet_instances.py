@@ -17,15 +17,15 @@ Places = tuple[int, ...]
 def apart(bench: Bench, count: int, rng: random.Random) -> list[int]:
     """Return positions without a common pin, drawn evenly one after another."""
     for _ in range(1_000):
-        found: list[int] = []
+        results: list[int] = []
         used: set[int] = set()
         for position in rng.sample(range(bench.n_positions), bench.n_positions):
             legs = set(bench.legs[position].tolist())
             if not legs & used:
-                found.append(position)
+                results.append(position)
                 used |= legs
-                if len(found) == count:
-                    return found
+                if len(results) == count:
+                    return results
     raise AssertionError(f"{count} bases do not fit on {bench.rows} x {bench.cols}")
 
 
@@ -79,4 +79,4 @@ def fewest(bench: Bench, robots: Robots, *, at_once: bool) -> int | None:
 def pins_are_disjoint(bench: Bench, places: Places) -> bool:
     """Whether bases at these positions share no pin."""
     legs = [set(bench.legs[place].tolist()) for place in places]
-    return not any(one & other for one, other in combinations(legs, 2))
+    return not any(first & other for first, other in combinations(legs, 2))

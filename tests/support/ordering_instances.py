@@ -59,8 +59,8 @@ def instance_of(n, seed, *, kind="whole", forbidden=0.0, density=0.2, families=0
     )
     inner = rng.sample(range(1, n - 1), n - 2)
     before = np.zeros((n, n), dtype=np.bool_)
-    for one, other in itertools.combinations(inner, 2):
-        before[one, other] = rng.random() < density
+    for first, other in itertools.combinations(inner, 2):
+        before[first, other] = rng.random() < density
     if not families:
         return OrderingInstance(costs, before)
     of = np.array([rng.randrange(families) for _ in range(n)])
@@ -88,7 +88,7 @@ def all_orders(instance):
     """Return every feasible order with its cost, costliest last: permutations, one by one."""
     n = instance.n
     pairs = np.argwhere(instance.before)
-    found = []
+    results = []
     for inner in itertools.permutations(range(1, n - 1)):
         order = np.array((0, *inner, n - 1))
         place = np.empty(n, dtype=np.int64)
@@ -96,8 +96,8 @@ def all_orders(instance):
         if (place[pairs[:, 0]] < place[pairs[:, 1]]).all():
             cost = math.fsum(instance.costs[order[:-1], order[1:]])
             if cost < 1e15:
-                found.append((cost, tuple(int(node) for node in order)))
-    return sorted(found)
+                results.append((cost, tuple(int(node) for node in order)))
+    return sorted(results)
 
 
 def least_cost(instance):

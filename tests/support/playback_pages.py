@@ -85,12 +85,12 @@ def _bodies() -> list[dict[str, Any]]:
 
 
 def _skills() -> list[dict[str, Any]]:
-    found = []
+    results = []
     for index, name in enumerate(PARTS):
         for start_s, verb in ((8.0 * index, "pick"), (8.0 * index + 4.0, "place")):
             skill = {"name": f"{verb}({name})", "start_s": start_s, "end_s": start_s + 4.0}
-            found.append(skill | {"arm": "arm", "tool": "gripper", "subject": name, "note": None})
-    return found
+            results.append(skill | {"arm": "arm", "tool": "gripper", "subject": name, "note": None})
+    return results
 
 
 def playback() -> dict[str, Any]:

@@ -18,11 +18,13 @@ def two_nodes() -> Iterator[Any]:
     from ray.cluster_utils import Cluster
 
     ray.shutdown()
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    made.second = made.add_node(num_cpus=1)
-    yield made
+    nodes = Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
+    )
+    nodes.second = nodes.add_node(num_cpus=1)
+    yield nodes
     ray.shutdown()
-    made.shutdown()
+    nodes.shutdown()
 
 
 def processes_of(node: Any) -> list[int]:
@@ -33,15 +35,15 @@ def processes_of(node: Any) -> list[int]:
         for info in infos
         if kind != "gcs_server"
     ]
-    found = list(own)
+    items = list(own)
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             parent = int(path.read_text().rpartition(")")[2].split()[1])
         except OSError:
             continue
         if parent in own:
-            found.append(int(path.parent.name))
-    return found
+            items.append(int(path.parent.name))
+    return items
 
 
 def actors(cluster: Any) -> set[int]:
@@ -58,9 +60,9 @@ def first_actors(cluster: Any) -> set[int]:
     """Return the actors of a cluster as soon as there are any."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
-        found = actors(cluster)
-        if found:
-            return found
+        result = actors(cluster)
+        if result:
+            return result
         time.sleep(0.1)
     raise AssertionError("there are no actors")
 

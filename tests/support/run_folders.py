@@ -118,7 +118,9 @@ def write_runs(
         seed=7,
         seeds=tuple(range(7, 7 + len(sequences))),
         physics=setup.physics_choice(task).name,
-        collision=tuple(one.name for one in setup.collision_choices(task)),
+        collision=tuple(
+            collision_choice.name for collision_choice in setup.collision_choices(task)
+        ),
         back_end_options={},
         family=None,
         checkpoint_steps=1_000,

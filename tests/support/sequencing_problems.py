@@ -42,8 +42,8 @@ def random_problems(draw):
     order = rng.sample(range(n), n)
     density = draw(st.sampled_from([0.0, 0.2, 0.5]))
     precedence = {
-        (one, other)
-        for place, one in enumerate(order)
+        (node, other)
+        for place, node in enumerate(order)
         for other in order[place + 1 :]
         if rng.random() < density
     }

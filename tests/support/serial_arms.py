@@ -24,10 +24,10 @@ def random_arm(joints: int, seed: int) -> ArmDescription:
         roll, pitch, yaw = rng.uniform(-math.pi, math.pi, 3).tolist()
         return Transform((x, y, z), (roll, pitch, yaw))
 
-    made = []
+    created = []
     for number in range(joints):
         middle, half = rng.uniform(-0.5, 0.5), rng.uniform(2.0, 3.0)
-        made.append(
+        created.append(
             Joint(
                 f"joint_{number + 1}",
                 placed(),
@@ -40,7 +40,7 @@ def random_arm(joints: int, seed: int) -> ArmDescription:
                 direction(),
             )
         )
-    return ArmDescription(f"arm {seed}", tuple(made), placed(), (0.0,) * joints)
+    return ArmDescription(f"arm {seed}", tuple(created), placed(), (0.0,) * joints)
 
 
 def ur_arm(name: str, lengths_m: tuple[float, float, float, float, float, float]) -> ArmDescription:

@@ -121,16 +121,16 @@ def small_tasks(draw):
     skills = []
     for i in range(draw(st.integers(6, 12))):
         # Mostly from a fact to one of the next, so that plans have some length.
-        made = 1 + i % (len(facts) - 1)
-        needed = {facts.names[made - 1 if rng.random() < 0.8 else max(0, made - 2)]}
+        created = 1 + i % (len(facts) - 1)
+        needed = {facts.names[created - 1 if rng.random() < 0.8 else max(0, created - 2)]}
         if rng.random() < 0.3:
             needed.add(rng.choice(facts.names))
-        others = [name for name in facts.names if name not in needed | {facts.names[made]}]
+        others = [name for name in facts.names if name not in needed | {facts.names[created]}]
         more = {
-            "requires": needed - {facts.names[made]},
+            "requires": needed - {facts.names[created]},
             "forbids": [name for name in others if rng.random() < 0.1],
-            "add": [facts.names[made]],
-            "delete": [name for name in facts.names[:made] if rng.random() < 0.25],
+            "add": [facts.names[created]],
+            "delete": [name for name in facts.names[:created] if rng.random() < 0.25],
             "cost": rng.choice([0.0, 0.1, 0.2, 0.3, 1.0]),
         }
         skills.append(make_skill(facts, f"skill_{i}", **more))
@@ -247,8 +247,8 @@ def small_assemblies(draw):
     elements = [*parts, *screws]
     rng.shuffle(elements)
     chart = [
-        {"before": one, "after": [other]}
-        for i, one in enumerate(elements)
+        {"before": element, "after": [other]}
+        for i, element in enumerate(elements)
         for other in elements[i + 1 :]
         if rng.random() < 0.25
     ]
@@ -335,8 +335,8 @@ def crowded_assemblies(draw, odd_turns=True):
         "parts": parts,
         "screws": screws,
         "chart": [
-            {"before": one, "after": [other]}
-            for i, one in enumerate(names)
+            {"before": name, "after": [other]}
+            for i, name in enumerate(names)
             for other in names[i + 1 :]
             if rng.random() < 0.3
         ],
@@ -352,9 +352,9 @@ def imagined_state(task, skill, rng, present=(), absent=()):
     where the wishes cannot be met.
     """
     facts = task.facts
-    wanted = {*present, *skill.precondition.requires}
+    entries = {*present, *skill.precondition.requires}
     banned = {*absent, *skill.precondition.forbids}
-    chosen = set(wanted)
+    chosen = set(entries)
     grouped = {fact for group in facts.exclusive for fact in group}
     complete = [g for g in facts.exclusive if any(f.startswith(("at(", "tool(")) for f in g)]
     groups = list(facts.exclusive)
@@ -387,10 +387,10 @@ def fake_back_end(task, answer=None, *, name="fake", base=Detector, **attributes
     key = (name, base, *sorted((key, repr(value)) for key, value in attributes.items()))
     if key not in _FAKES:
         _FAKES[key] = type("Fake", (base,), {"name": name, "check": _check, **attributes})
-    made = _FAKES[key](task)
-    made.asked = []
-    made.answer = answer or Verdict.feasible(task.facts.none, task.facts.none)
-    return made
+    created = _FAKES[key](task)
+    created.asked = []
+    created.answer = answer or Verdict.feasible(task.facts.none, task.facts.none)
+    return created
 
 
 def _check(self, skill, state):
@@ -459,19 +459,19 @@ def cheapest_by_length(model):
     """
     arrows = graph_of(model)
     layer = {model.initial: 0.0}
-    found = {}
+    minimum = {}
     for length in range(model.step_limit + 1):
         following = {}
         for state, cost in layer.items():
             if model.is_goal(state):
-                found[length] = min(cost, found.get(length, math.inf))
+                minimum[length] = min(cost, minimum.get(length, math.inf))
                 continue
             for _, step_cost, target in arrows[state]:
                 total = cost + step_cost
                 if total < following.get(target, math.inf):
                     following[target] = total
         layer = following
-    return found
+    return minimum
 
 
 def optimum(by_length, tie=1e-10):

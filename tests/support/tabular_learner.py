@@ -107,11 +107,11 @@ class TabularTraining(Training):
         return [{"states": float(len(run.rows)), "not_finite": float("nan")} for run in self.runs]
 
     def learned(self, run: int) -> Learned:
-        one = self.runs[run]
-        last = network(one.keys, one.q)
-        if one.best is None:
+        item = self.runs[run]
+        last = network(item.keys, item.q)
+        if item.best is None:
             return Learned(last)
-        keys, q, cost, step = one.best
+        keys, q, cost, step = item.best
         return Learned(last, network(keys, q), cost, step)
 
     def snapshot(self) -> Snapshot:
@@ -138,14 +138,14 @@ class TabularTraining(Training):
             raise ValueError("This is the snapshot of another number of runs.")
         self.steps = notes["steps"]
         self.failed = {int(run): why for run, why in notes["failed"].items()}
-        for index, (run, said) in enumerate(zip(self.runs, notes["runs"], strict=True)):
-            run.chance.bit_generator.state = said["chance"]
+        for index, (run, message) in enumerate(zip(self.runs, notes["runs"], strict=True)):
+            run.chance.bit_generator.state = message["chance"]
             run.keys, run.q = arrays[f"keys_{index}"], arrays[f"q_{index}"]
             run.rows = {key.tobytes(): row for row, key in enumerate(run.keys)}
-            run.done, run.cost, run.reward, run.greedy = said["episode"]
-            if said["best"] is not None:
+            run.done, run.cost, run.reward, run.greedy = message["episode"]
+            if message["best"] is not None:
                 tables = arrays[f"best_keys_{index}"], arrays[f"best_q_{index}"]
-                run.best = (*tables, *said["best"])
+                run.best = (*tables, *message["best"])
         self._observed, infos = self._env.restore(notes["env"])
         self._mask = infos["action_mask"]
 

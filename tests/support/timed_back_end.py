@@ -54,6 +54,6 @@ class Clock(PrecedenceDetector):
 
 def clock(task, tightness=0.5, seed=0):
     """Return a clock of a task."""
-    made = Clock(task)
-    made.tightness, made.seed = tightness, seed
-    return made
+    timer = Clock(task)
+    timer.tightness, timer.seed = tightness, seed
+    return timer

@@ -22,9 +22,9 @@ _TIMED = ("progress.json", "result.json", "manifest.json")
 def a_plan(problem: Problem, options: Mapping[str, Any] | None = None, **more: Any) -> TrainingPlan:
     """Return the plan of a quick training: seven runs, in two groups."""
     executor = more.pop("executor", ExecutorChoice())
-    asked = {"runs": 7, "steps": 400, "checkpoint_steps": 200, **more}
+    queries = {"runs": 7, "steps": 400, "checkpoint_steps": 200, **more}
     setup = Setup(options={"tabular": options or {}}, executor=executor)
-    return plan_training(problem, "tabular", setup, **asked)
+    return plan_training(problem, "tabular", setup, **queries)
 
 
 def train(

@@ -60,11 +60,11 @@ class Fence:
 
 def fences(text):
     """Return the fenced blocks of a page."""
-    found = []
+    results = []
     for match in FENCE.finditer(text):
         language, *words = match["info"].split() or [""]
-        found.append(Fence(language, words, match["body"], *match.span("body")))
-    return found
+        results.append(Fence(language, words, match["body"], *match.span("body")))
+    return results
 
 
 @dataclass

@@ -61,24 +61,24 @@ def urdf_of(arm):
     """Return the URDF of an arm, without shapes."""
     lines = [f'<robot name="{arm.name}">', '<link name="base"/>']
     before = "base"
-    for one in arm.joints:
-        body, frame = one.link, one.link.frame
+    for item in arm.joints:
+        body, frame = item.link, item.link.frame
         xx, yy, zz, xy, xz, yz = body.tensor_kg_m2
         # Where the source states the mass in another frame, through a fixed joint.
         lines += [
-            f'<link name="{one.name}_link"/>',
-            f'<link name="{one.name}_mass"><inertial><origin xyz="{_words(body.centre_m)}"/>',
+            f'<link name="{item.name}_link"/>',
+            f'<link name="{item.name}_mass"><inertial><origin xyz="{_words(body.centre_m)}"/>',
             f'<mass value="{body.mass_kg!r}"/><inertia ixx="{xx!r}" iyy="{yy!r}" izz="{zz!r}"',
             f'ixy="{xy!r}" ixz="{xz!r}" iyz="{yz!r}"/></inertial></link>',
-            f'<joint name="{one.name}_fixed" type="fixed"><parent link="{one.name}_link"/>',
-            f'<child link="{one.name}_mass"/>{_origin(frame)}</joint>',
-            f'<joint name="{one.name}" type="revolute"><parent link="{before}"/>',
-            f'<child link="{one.name}_link"/>{_origin(one.placement)}',
-            f'<axis xyz="{_words(one.axis)}"/><limit lower="{one.low_rad!r}"',
-            f'upper="{one.high_rad!r}" velocity="{one.speed_rad_per_s!r}"',
-            f'effort="{one.torque_nm!r}"/></joint>',
+            f'<joint name="{item.name}_fixed" type="fixed"><parent link="{item.name}_link"/>',
+            f'<child link="{item.name}_mass"/>{_origin(frame)}</joint>',
+            f'<joint name="{item.name}" type="revolute"><parent link="{before}"/>',
+            f'<child link="{item.name}_link"/>{_origin(item.placement)}',
+            f'<axis xyz="{_words(item.axis)}"/><limit lower="{item.low_rad!r}"',
+            f'upper="{item.high_rad!r}" velocity="{item.speed_rad_per_s!r}"',
+            f'effort="{item.torque_nm!r}"/></joint>',
         ]
-        before = f"{one.name}_link"
+        before = f"{item.name}_link"
     lines += [
         f'<link name="flange"/><joint name="mount" type="fixed"><parent link="{before}"/>',
         f'<child link="flange"/>{_origin(arm.tip)}</joint></robot>',

@@ -99,7 +99,7 @@ def a_run(seed: int, *, cost: float | None = 3.0, steps: int = 4, error: str = "
 
 class TestOptions:
     @pytest.mark.parametrize(
-        ("text", "wanted"),
+        ("text", "expected"),
         [
             ("0.8:0.999", Span("gamma", 0.8, 0.999)),
             ("0.1:1:log", Span("gamma", 0.1, 1.0, logarithmic=True)),
@@ -108,15 +108,15 @@ class TestOptions:
             ("*", Span("gamma", 0.0, 1.0)),
         ],
     )
-    def test_ranges_and_lists_say_what_may_be_chosen(self, text, wanted):
-        assert read_space("sarsa", [("gamma", text)]).dimensions == (wanted,)
+    def test_ranges_and_lists_say_what_may_be_chosen(self, text, expected):
+        assert read_space("sarsa", [("gamma", text)]).dimensions == (expected,)
 
     def test_whole_numbered_options_are_chosen_whole(self):
-        (one,) = read_space("sarsa", [("episodes", "50:300:log")]).dimensions
-        assert one == Span("episodes", 50, 300, whole=True, logarithmic=True)
-        assert one.holds(50)
-        assert not one.holds(50.0)
-        assert not one.holds(301)
+        (item,) = read_space("sarsa", [("episodes", "50:300:log")]).dimensions
+        assert item == Span("episodes", 50, 300, whole=True, logarithmic=True)
+        assert item.holds(50)
+        assert not item.holds(50.0)
+        assert not item.holds(301)
 
     def test_one_value_is_tried_first_or_holds_always(self):
         space = read_space("sarsa", [("gamma", "0.8:0.99"), ("gamma", "0.9"), ("alpha", "0.5")])
@@ -146,7 +146,7 @@ class TestOptions:
         open_ended = next(
             name
             for name, field in registry.load("solver", "replan").Options.model_fields.items()
-            if not any(hasattr(one, "le") for one in field.metadata) and field.annotation is int
+            if not any(hasattr(item, "le") for item in field.metadata) and field.annotation is int
         )
         with pytest.raises(OptionError, match="have no two ends"):
             read_space("replan", [(open_ended, "*")])
@@ -202,9 +202,9 @@ class TestStudy:
         trials = Listed(self.SETTINGS)
         result = do_sampled(plan, job, trials, 9, stopped=lambda: trials.done() >= 1, jobs=2)
         assert result.interrupted
-        ended = [one.split()[-1] for one in trials.events if not one.startswith("ask")]
-        asked = [one.split()[-1] for one in trials.events if one.startswith("ask")]
-        assert sorted(ended) == asked
+        ended = [event.split()[-1] for event in trials.events if not event.startswith("ask")]
+        queries = [item.split()[-1] for item in trials.events if item.startswith("ask")]
+        assert sorted(ended) == queries
         assert "give up" in " ".join(trials.events)
         assert trials.done() == len(result.plan.settings)
 
@@ -213,14 +213,14 @@ class TestStudy:
         result = do_sampled(plan, job, Listed(self.SETTINGS), 2)
         assert isinstance(result.plan, SampledPlan)
         worth = [rate_setting(result.records[i : i + 2], "cost") for i in (0, 2)]
-        assert worth == sorted(worth, key=lambda one: one or 0)
+        assert worth == sorted(worth, key=lambda first: first or 0)
         document = result.document()
-        assert {one["trial"] for one in document["settings"]} == {0, 1}
-        assert [one["value"] for one in document["settings"]] == worth
+        assert {setting["trial"] for setting in document["settings"]} == {0, 1}
+        assert [item["value"] for item in document["settings"]] == worth
         assert ("listed", "cost", "sampled") == tuple(
             document[key] for key in ("sampler", "minimise", "design")
         )
-        assert [one["option"] for one in document["space"]] == ["episodes", "gamma"]
+        assert [entry["option"] for entry in document["space"]] == ["episodes", "gamma"]
         json.dumps(document, allow_nan=False)
 
     def test_a_kept_trial_of_other_options_or_runs_is_damage(self, walk):
@@ -252,7 +252,7 @@ class TestStudy:
         plan, job = a_study(walk)
         figure = draw_sweep(do_sampled(plan, job, Listed(self.SETTINGS), 2))
         labels = [axes.get_ylabel() for axes in figure.axes]
-        assert [one for one in labels if one] == [
+        assert [label for label in labels if label] == [
             "arrive [%]",
             "arrive at the\noptimum [%]",
             "steps",

@@ -96,7 +96,7 @@ def timeless(document: Any) -> Any:
     """Return a document without what a clock decides."""
     if isinstance(document, dict):
         return {key: timeless(value) for key, value in document.items() if key != "learning_s"}
-    return [timeless(one) for one in document] if isinstance(document, list) else document
+    return [timeless(item) for item in document] if isinstance(document, list) else document
 
 
 class TestValues:
@@ -122,21 +122,21 @@ class TestValues:
             assert sorted(values, reverse=first > last) == list(values)
 
     def test_whole_numbered_options_take_the_nearest_whole_values_once(self):
-        asked = read_values("sarsa", [("episodes", "1:3:9")])
-        assert (1, 2, 3) == asked.axes[0].values
-        assert 35_000 == asked.centre["episodes"]
+        values = read_values("sarsa", [("episodes", "1:3:9")])
+        assert (1, 2, 3) == values.axes[0].values
+        assert 35_000 == values.centre["episodes"]
 
     def test_words_and_truths_can_be_listed(self):
-        asked = read_values("sarsa", [("objective", "cost,reward"), ("expected", "true,false")])
-        assert [("cost", "reward"), (True, False)] == [axis.values for axis in asked.axes]
+        values = read_values("sarsa", [("objective", "cost,reward"), ("expected", "true,false")])
+        assert [("cost", "reward"), (True, False)] == [axis.values for axis in values.axes]
 
     def test_text_with_a_comma_is_one_value_of_an_option_that_takes_any_text(self):
-        asked = read_values("sarsa", [("watch", "at(C1),at(C2)")])
-        assert ((), {"watch": "at(C1),at(C2)"}) == (asked.axes, asked.fixed)
+        values = read_values("sarsa", [("watch", "at(C1),at(C2)")])
+        assert ((), {"watch": "at(C1),at(C2)"}) == (values.axes, values.fixed)
 
     def test_one_value_beside_several_is_the_centre(self):
-        asked = read_values("sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")])
-        assert ({"gamma": 0.7}, {"alpha": 0.2}) == (asked.centre, asked.fixed)
+        values = read_values("sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")])
+        assert ({"gamma": 0.7}, {"alpha": 0.2}) == (values.centre, values.fixed)
 
     @pytest.mark.parametrize(
         ("name", "text", "message"),
@@ -259,13 +259,13 @@ class TestIntervals:
     @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
     def test_a_share_and_its_complement_mirror_each_other(self, counts):
         count, total = counts
-        one, other = share(count, total), share(total - count, total)
-        assert one is not None
+        first, other = share(count, total), share(total - count, total)
+        assert first is not None
         assert other is not None
-        assert one.low is not None
+        assert first.low is not None
         assert other.high is not None
-        assert one.low == pytest.approx(1 - other.high, abs=1e-12)
-        assert 0 <= one.low <= one.value
+        assert first.low == pytest.approx(1 - other.high, abs=1e-12)
+        assert 0 <= first.low <= first.value
 
     @pytest.mark.slow(reason="many draws; single intervals in every run")
     def test_the_interval_of_a_mean_covers_it_95_times_of_100(self):
@@ -346,11 +346,11 @@ class TestStudies:
         assert result.shared
         assert [4.0, 3.0, 5.0, 8.0, 9.0] == [start.optimum for start in plan.starts]
         for start in plan.starts:
-            one = result.summary([0], start.name)
-            assert (2, 2) == (one.runs, one.arrived)
-            assert one.excess is not None
-            assert 0.0 <= one.excess.value
-        times = {one.learning_s for one in result.records[0].outcomes}
+            summary = result.summary([0], start.name)
+            assert (2, 2) == (summary.runs, summary.arrived)
+            assert summary.excess is not None
+            assert 0.0 <= summary.excess.value
+        times = {outcome.learning_s for outcome in result.records[0].outcomes}
         assert 1 == len(times)
 
     @pytest.mark.usefixtures("in_this_process")
@@ -358,7 +358,7 @@ class TestStudies:
         plan, job = plan_study(walk, "exact", starts=["C20", "C6"], runs=1)
         result = do_study(plan, job)
         assert not result.shared
-        assert [4, 3] == [one.steps for one in result.records[0].outcomes]
+        assert [4, 3] == [outcome.steps for outcome in result.records[0].outcomes]
         assert 1 == result.summary([0]).best
 
     @pytest.mark.slow(
@@ -369,22 +369,22 @@ class TestStudies:
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=2)
         two = do_study(plan, job, jobs=2).document()
         with studies_in_this_process():
-            one = do_study(plan, job).document()
-        assert timeless(one) == timeless(two)
+            document = do_study(plan, job).document()
+        assert timeless(document) == timeless(two)
 
     def test_figures_are_those_of_the_runs(self):
         far = replace(OUTCOME, cost=6.0, steps=6)
         lost = StartOutcome("C20", Status.UNSOLVED, None, None, "lost", 0.3)
         plan = a_plan(seeds=(0, 1, 2, 3))
-        records = [SweepRecord(0, seed, (one,)) for seed, one in enumerate((OUTCOME, far, lost))]
+        records = [SweepRecord(0, seed, (item,)) for seed, item in enumerate((OUTCOME, far, lost))]
         result = SweepResult(plan, [*records, SweepRecord(0, 3, error="broke")])
-        one = result.summary([0], "C20")
-        assert (3, 2, 1) == (one.runs, one.arrived, one.best)
-        assert one.steps is not None
-        assert one.excess is not None
-        assert one.learning_s is not None
-        assert (5.0, 1.0) == (one.steps.value, one.excess.value)
-        assert one.learning_s.value == pytest.approx(statistics.mean([0.1, 0.1, 0.3]))
+        summary = result.summary([0], "C20")
+        assert (3, 2, 1) == (summary.runs, summary.arrived, summary.best)
+        assert summary.steps is not None
+        assert summary.excess is not None
+        assert summary.learning_s is not None
+        assert (5.0, 1.0) == (summary.steps.value, summary.excess.value)
+        assert summary.learning_s.value == pytest.approx(statistics.mean([0.1, 0.1, 0.3]))
         assert (1, 8) == (len(result.failed), result.missing)
 
     def test_tables_name_what_failed_and_what_is_missing(self):
@@ -595,15 +595,15 @@ class TestKilling:
 
 def in_session(session: int) -> list[int]:
     """Return the processes of a session."""
-    found = []
+    results = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 if os.getsid(int(entry.name)) == session:
-                    found.append(int(entry.name))
+                    results.append(int(entry.name))
             except ProcessLookupError:
                 continue
-    return found
+    return results
 
 
 class TestFigures:

@@ -53,7 +53,7 @@ class TestTableCost:
         assert 2.0 == again.least(0, 0)
 
     @pytest.mark.parametrize(
-        ("names", "values", "said"),
+        ("names", "values", "message"),
         [
             (("at(0)", "at(2)"), (1, 2), "side by side"),
             ((), (), "side by side"),
@@ -61,7 +61,7 @@ class TestTableCost:
             (("at(0)", "at(1)"), (1, -2), "not -2"),
         ],
     )
-    def test_a_table_that_does_not_fit_is_refused(self, names, values, said):
+    def test_a_table_that_does_not_fit_is_refused(self, names, values, message):
         """By what is wrong with it."""
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             TableCost(FACTS.of(*names), values)

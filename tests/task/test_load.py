@@ -108,7 +108,7 @@ class TestChanges:
         assert 5 == problem.config.costs[0][1]  # type: ignore[attr-defined]
 
     @pytest.mark.parametrize(
-        ("key", "value", "said"),
+        ("key", "value", "message"),
         [
             (
                 "dimension",
@@ -130,11 +130,11 @@ class TestChanges:
             ),
         ],
     )
-    def test_what_does_not_fit_is_one_message(self, path, key, value, said):
+    def test_what_does_not_fit_is_one_message(self, path, key, value, message):
         """That says where the value came from."""
         with pytest.raises(TaskError) as caught:
             load_problem(path, changes={key: value})
-        assert [f"{path}{said}"] == caught.value.lines()
+        assert [f"{path}{message}"] == caught.value.lines()
 
     def test_a_row_that_is_not_there_is_refused(self, path):
         """With the rows there are."""

@@ -34,19 +34,23 @@ KEPT = Checkpoint(
 
 
 def read(path: Path) -> Checkpoint:
-    found = read_checkpoint(path)
-    assert found is not None
-    return found
+    checkpoint = read_checkpoint(path)
+    assert checkpoint is not None
+    return checkpoint
 
 
 def test_what_was_kept_is_what_is_read(tmp_path):
     path = tmp_path / "checkpoint.safetensors"
     write_checkpoint(path, KEPT)
-    found = read(path)
-    assert (KEPT.steps, KEPT.lengths, NOTES) == (found.steps, found.lengths, found.snapshot.notes)
-    assert KEPT.snapshot.arrays.keys() == found.snapshot.arrays.keys()
+    content = read(path)
+    assert (KEPT.steps, KEPT.lengths, NOTES) == (
+        content.steps,
+        content.lengths,
+        content.snapshot.notes,
+    )
+    assert KEPT.snapshot.arrays.keys() == content.snapshot.arrays.keys()
     for name, array in KEPT.snapshot.arrays.items():
-        there = found.snapshot.arrays[name]
+        there = content.snapshot.arrays[name]
         assert (array.dtype, array.shape) == (there.dtype, there.shape)
         assert np.array_equal(array, there)
         assert there.flags.writeable
@@ -61,9 +65,9 @@ def test_what_was_kept_is_what_is_read(tmp_path):
 def test_any_array_comes_back_bit_for_bit(tmp_path_factory, array):
     path = tmp_path_factory.mktemp("any") / "checkpoint.safetensors"
     write_checkpoint(path, Checkpoint(1, {}, Snapshot({"one": array, "turned": array.T}, {})))
-    found = read(path).snapshot.arrays
-    assert array.tobytes() == found["one"].tobytes()
-    assert array.T.tobytes() == found["turned"].tobytes()
+    result = read(path).snapshot.arrays
+    assert array.tobytes() == result["one"].tobytes()
+    assert array.T.tobytes() == result["turned"].tobytes()
 
 
 def test_the_same_content_gives_the_same_bytes(tmp_path):
@@ -117,7 +121,7 @@ def test_a_write_that_fails_leaves_the_checkpoint_before(tmp_path, monkeypatch):
         with pytest.raises(OSError, match="No space left"):
             write_checkpoint(path, Checkpoint(800, {}, Snapshot({}, {})))
     assert 700 == read(path).steps
-    assert ["checkpoint.safetensors"] == [one.name for one in tmp_path.iterdir()]
+    assert ["checkpoint.safetensors"] == [item.name for item in tmp_path.iterdir()]
 
 
 def test_notes_that_are_no_json_are_refused(tmp_path):
@@ -153,17 +157,17 @@ class TestASparseFile:
     def test_whose_header_accounts_for_less_is_damaged(self, tmp_path):
         path = tmp_path / "a"
         write_checkpoint(path, KEPT)
-        said = self.refused(path, path.read_bytes())
-        assert re.search(r"is damaged: its header accounts for \d+ bytes, not for 53\d,", said)
+        message = self.refused(path, path.read_bytes())
+        assert re.search(r"is damaged: its header accounts for \d+ bytes, not for 53\d,", message)
 
     def test_for_which_there_is_no_room_is_told_so(self, tmp_path, monkeypatch):
         """Though its header accounts for all of it."""
         begins = self.begins()
         room = "skillplan.training.run_files.get_available_bytes"
         monkeypatch.setattr(room, lambda: 2 * (self.SIZE - len(begins)) - 1)
-        said = self.refused(tmp_path / "a", begins)
-        assert "its arrays take more memory than the 1,07" in said
-        assert said.endswith("Resume where there is more.")
+        message = self.refused(tmp_path / "a", begins)
+        assert "its arrays take more memory than the 1,07" in message
+        assert message.endswith("Resume where there is more.")
 
     def begins(self) -> bytes:
         """Return the length of a header, and the header of an array that takes all the rest."""

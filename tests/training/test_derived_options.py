@@ -47,5 +47,5 @@ class TestPlan:
 def test_a_training_says_what_was_derived(learner, tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["train", str(BOARD), "--solver", learner, "--runs", "1", "--out", f"{tmp_path}/a"])
-    said = capsys.readouterr().err.splitlines()
-    assert "derived from the task: steps 5,000, horizon 20" in said
+    message = capsys.readouterr().err.splitlines()
+    assert "derived from the task: steps 5,000, horizon 20" in message

@@ -18,7 +18,7 @@ def events(content: bytes) -> list[Any]:
     from tensorboardX.proto.event_pb2 import Event
     from tensorboardX.record_writer import masked_crc32c
 
-    found = []
+    results = []
     while content:
         (length,) = struct.unpack("<Q", content[:8])
         record = content[12 : 12 + length]
@@ -27,9 +27,9 @@ def events(content: bytes) -> list[Any]:
             (record, content[12 + length : 16 + length]),
         ):
             assert struct.unpack("<I", check)[0] == masked_crc32c(part)
-        found.append(Event.FromString(record))
+        results.append(Event.FromString(record))
         content = content[16 + length :]
-    return found
+    return results
 
 
 def test_the_file_begins_with_its_version():
@@ -43,14 +43,14 @@ def test_the_file_begins_with_its_version():
     st.dictionaries(st.text(max_size=200), st.floats(width=32, allow_nan=False), max_size=20),
 )
 def test_every_figure_is_read_as_it_was_written(wall_s, step, scalars):
-    (one,) = events(make_scalars_record(wall_s, step, scalars))
-    assert (wall_s, step) == (one.wall_time, one.step)
-    assert scalars == {value.tag: value.simple_value for value in one.summary.value}
+    (item,) = events(make_scalars_record(wall_s, step, scalars))
+    assert (wall_s, step) == (item.wall_time, item.step)
+    assert scalars == {value.tag: value.simple_value for value in item.summary.value}
 
 
 def test_records_follow_each_other():
     content = make_opening_record(0.0) + make_scalars_record(0.0, 300, {"loss": 0.5})
-    assert [0, 300] == [one.step for one in events(content)]
+    assert [0, 300] == [event.step for event in events(content)]
 
 
 def test_a_record_has_the_same_length_whatever_the_clock_says():

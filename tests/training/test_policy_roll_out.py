@@ -119,16 +119,16 @@ class TestBaseline:
 
 class TestOptimum:
     def test_it_is_proved_by_the_solver_that_suits(self, board):
-        found = prove_optimum(board, Setup())
-        assert (pytest.approx(BEST), "auto", "") == (found.cost, found.solver, found.reason)
-        assert OPTIMAL == ",".join(map(str, found.actions))
+        optimum = prove_optimum(board, Setup())
+        assert (pytest.approx(BEST), "auto", "") == (optimum.cost, optimum.solver, optimum.reason)
+        assert OPTIMAL == ",".join(map(str, optimum.actions))
 
     def test_without_time_the_reason_is_told(self, board):
         stop = Stop()
         stop.interrupt()
-        found = prove_optimum(board, Setup(), stop=stop)
-        assert found.cost is None
-        assert found.reason.startswith("auto: ")
+        optimum = prove_optimum(board, Setup(), stop=stop)
+        assert optimum.cost is None
+        assert optimum.reason.startswith("auto: ")
 
 
 class TestChance:
@@ -156,10 +156,10 @@ class TestChance:
 
     def test_its_optimum_is_proved_by_value_iteration(self, board):
         task = self.risky(board)
-        found = prove_optimum(task, Setup())
+        optimum = prove_optimum(task, Setup())
         again = task.skills[0].cost.at(task.initial)
-        assert ("value-iteration", ()) == (found.solver, found.actions)
-        assert pytest.approx(BEST + 0.25 * again, rel=1e-6) == found.cost
+        assert ("value-iteration", ()) == (optimum.solver, optimum.actions)
+        assert pytest.approx(BEST + 0.25 * again, rel=1e-6) == optimum.cost
 
 
 def test_scores_of_a_looked_up_sequence_are_one_for_its_action(board):

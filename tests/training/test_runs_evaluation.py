@@ -26,12 +26,14 @@ def evaluated(path: Path, task_file: str = BOARD, drawn: Sampling = DRAWN) -> Tr
 def test_every_run_is_followed_greedily_and_by_chance(tmp_path):
     result = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS]))
     assert [RunStatus.COMPLETE, RunStatus.COMPLETE, RunStatus.INCOMPLETE] == [
-        one.status for one in result.outcomes
+        outcome.status for outcome in result.outcomes
     ]
     assert [0.0, pytest.approx(0.00698, abs=1e-5)] == result.deviations
-    assert [Tally(40, 40), Tally(40, 40)] == [one.sampled for one in result.outcomes[:2]]
+    assert [Tally(40, 40), Tally(40, 40)] == [item.sampled for item in result.outcomes[:2]]
     assert (2, 120) == (result.completed, result.success.episodes)
-    assert ["best", "best", "last"] == [one.greedy.kept for one in result.outcomes if one.greedy]
+    assert ["best", "best", "last"] == [
+        entry.greedy.kept for entry in result.outcomes if entry.greedy
+    ]
 
 
 def test_a_run_does_not_depend_on_those_beside_it(tmp_path):
@@ -39,7 +41,7 @@ def test_a_run_does_not_depend_on_those_beside_it(tmp_path):
     alone = evaluated(write_runs(tmp_path / "one", BOARD, [OPTIMAL]), drawn=drawn)
     beside = evaluated(write_runs(tmp_path / "three", BOARD, [OPTIMAL] * 3), drawn=drawn)
     assert alone.outcomes[0] == beside.outcomes[0]
-    tallies = [one.sampled.successes for one in beside.outcomes if one.sampled]
+    tallies = [outcome.sampled.successes for outcome in beside.outcomes if outcome.sampled]
     assert len(set(tallies)) > 1
 
 
@@ -51,12 +53,12 @@ def test_best_and_last_are_both_followed(tmp_path):
         (other / "runs/00/last").with_suffix(suffix).replace(
             (path / "runs/00/last").with_suffix(suffix)
         )
-    (one,) = evaluated(path).outcomes
-    assert one.best is not None
-    assert one.last is not None
-    assert OPTIMAL == ",".join(map(str, one.best.actions))
-    assert SWITCHED == ",".join(map(str, one.last.actions))
-    assert one.greedy is one.best
+    (item,) = evaluated(path).outcomes
+    assert item.best is not None
+    assert item.last is not None
+    assert OPTIMAL == ",".join(map(str, item.best.actions))
+    assert SWITCHED == ",".join(map(str, item.last.actions))
+    assert item.greedy is item.best
 
 
 def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path):
@@ -66,7 +68,7 @@ def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("break_it", "told"),
+    ("break_it", "message"),
     [
         (lambda run: (run / "policy.json").write_text("{"), "policy.json: is damaged"),
         (lambda run: (run / "policy.safetensors").unlink(), "policy.safetensors: cannot be read"),
@@ -94,12 +96,12 @@ def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path):
         ),
     ],
 )
-def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(tmp_path, break_it, told):
+def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(tmp_path, break_it, message):
     path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL, OPTIMAL])
     break_it(path / "runs" / "00")
     broken, sound = evaluated(path).outcomes
     assert RunStatus.FAILED is broken.status
-    assert told in broken.reason
+    assert message in broken.reason
     assert broken.tally.rate is None
     assert (RunStatus.COMPLETE, Tally(40, 40)) == (sound.status, sound.sampled)
 
@@ -115,10 +117,10 @@ def test_a_run_whose_training_was_cut_off_says_how_to_go_on(tmp_path):
 def test_another_task_is_named_by_what_has_changed(tmp_path):
     folder = RunFolder(write_runs(tmp_path / "runs", BOARD, [OPTIMAL]))
     check_same_task(folder, load_problem(BOARD))
-    with pytest.raises(OptionError) as told:
+    with pytest.raises(OptionError) as message:
         check_same_task(folder, load_problem(BOARD, changes={"parts.pcb.mass_kg": "0.2"}))
-    assert "parts.pcb.mass_kg: 0.12 there, 0.2 now" in str(told.value)
-    assert "--changed-task" in str(told.value)
+    assert "parts.pcb.mass_kg: 0.12 there, 0.2 now" in str(message.value)
+    assert "--changed-task" in str(message.value)
 
 
 def test_on_a_task_with_other_skills_no_policy_can_act(tmp_path):

@@ -80,7 +80,7 @@ def test_what_is_counted_elsewhere_is_what_is_counted_here(kept, tmp_path):
     """Of every group: checks, executions and how often each back end was asked."""
     train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
     assert counts(kept) == counts(tmp_path / "sent")
-    assert all(one["checks"] > 0 for one in counts(kept))
+    assert all(count["checks"] > 0 for count in counts(kept))
 
 
 @pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
@@ -109,8 +109,8 @@ def test_after_a_stop_no_worker_is_started(tmp_path, monkeypatch):
     result = train(tmp_path / "a", executor=ELSEWHERE, resume=True, stop_after=1)
     assert ["the training"] == started
     assert result.interrupted
-    assert all(one.last is not None for one in result.outcomes)
-    steps = [one.steps for one in RunFolder(tmp_path / "a").runs()]
+    assert all(outcome.last is not None for outcome in result.outcomes)
+    steps = [run.steps for run in RunFolder(tmp_path / "a").runs()]
     assert [400] * 4 + [100] * 3 == steps
 
 
@@ -144,7 +144,7 @@ def test_a_second_loss_costs_the_runs_of_the_group(tmp_path, monkeypatch):
     """The other group has learned."""
     monkeypatch.setattr(OnAnotherMachine, "lost_after", [1, 0])
     result = train(tmp_path / "sent", executor=ELSEWHERE)
-    assert [0, 1, 2, 3] == [one.run for one in result.failed]
+    assert [0, 1, 2, 3] == [failure.run for failure in result.failed]
     assert "its process was ended twice, by the loss of its machine" == result.failed[0].reason
 
 

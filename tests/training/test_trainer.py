@@ -48,9 +48,9 @@ class TestWhatIsKept:
             assert run.policy is not None
             assert run.last is not None
             assert (400, "last") == (run.last.content.step, run.last.kept)
-            assert list(range(100, 401, 100)) == [one.step for one in run.figures]
+            assert list(range(100, 401, 100)) == [figure.step for figure in run.figures]
             assert run.episodes[-1].step <= 400
-            assert all(set(one.figures) == {"states"} for one in run.figures)
+            assert all(set(item.figures) == {"states"} for item in run.figures)
 
     def test_the_result_is_that_of_the_files(self, tmp_path):
         result = train(tmp_path / "a", runs=3)
@@ -65,8 +65,10 @@ class TestWhatIsKept:
 
     def test_all_metrics_stand_in_one_file_with_their_run(self, whole):
         lines = [json.loads(line) for line in (whole / "metrics.jsonl").read_text().splitlines()]
-        assert sorted(one["run"] for one in lines) == [one["run"] for one in lines]
-        first = [{k: v for k, v in one.items() if k != "run"} for one in lines if one["run"] == 0]
+        assert sorted(element["run"] for element in lines) == [entry["run"] for entry in lines]
+        first = [
+            {k: v for k, v in item.items() if k != "run"} for item in lines if item["run"] == 0
+        ]
         own = (whole / "runs" / "00" / "metrics.jsonl").read_text().splitlines()
         assert [json.loads(line) for line in own] == first
 
@@ -91,11 +93,11 @@ class TestWhatIsKept:
 
     def test_a_run_learns_the_same_alone(self, whole, tmp_path):
         train(tmp_path / "alone", runs=1, seed=3)
-        one, other = (
+        first, other = (
             (folder / "runs" / run / "metrics.jsonl").read_bytes()
             for folder, run in ((whole, "03"), (tmp_path / "alone", "00"))
         )
-        assert one == other
+        assert first == other
 
 
 class TestWhatHappens:
@@ -123,9 +125,11 @@ class TestWhatHappens:
     def test_a_stop_between_two_strides_changes_nothing(self, whole, tmp_path, jobs, reports):
         stopped = train(tmp_path / "a", jobs=jobs, stop_after=reports)
         assert stopped.interrupted
-        begun = [one for one in RunFolder(tmp_path / "a").runs() if one.policy is not None]
-        assert begun
-        assert all(one.steps == one.last.content.step for one in begun if one.last is not None)
+        started = [run for run in RunFolder(tmp_path / "a").runs() if run.policy is not None]
+        assert started
+        assert all(
+            item.steps == item.last.content.step for item in started if item.last is not None
+        )
         gone_on = train(tmp_path / "a", jobs=jobs, resume=True)
         assert not gone_on.interrupted
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
@@ -185,9 +189,9 @@ class TestWhatHappens:
         begun_s = time.monotonic()
         stopped = train(tmp_path / "a", slow, jobs=jobs, stop_after=1, delay_s=0.1, **more)
         assert time.monotonic() - begun_s < 30
-        assert {100} == {one.steps for one in RunFolder(tmp_path / "a").runs()}
+        assert {100} == {run.steps for run in RunFolder(tmp_path / "a").runs()}
         assert stopped.interrupted
-        assert all(one.last is not None for one in stopped.outcomes)
+        assert all(outcome.last is not None for outcome in stopped.outcomes)
         train(tmp_path / "a", slow, jobs=jobs, resume=True, **more)
         assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
 
@@ -229,7 +233,9 @@ class TestWhatHappens:
 
         monkeypatch.setattr(GroupTraining, "_keep", never)
         result = train(whole, resume=True)
-        assert 7 * 400 == sum(one.training.steps for one in result.outcomes if one.training)
+        assert 7 * 400 == sum(
+            outcome.training.steps for outcome in result.outcomes if outcome.training
+        )
         assert before == learned_bytes(whole)
         assert effort == RunFolder(whole).progress(0)
 
@@ -238,13 +244,13 @@ class TestFailures:
     def test_a_run_that_cannot_go_on_is_named_and_the_others_do(self, whole, tmp_path):
         result = train(tmp_path / "a", {"fails": "1@250"})
         # In either group there is a run of this number.
-        assert [1, 5] == [one.run for one in result.failed]
+        assert [1, 5] == [failure.run for failure in result.failed]
         assert "its values are not finite" == result.outcomes[1].reason
         for run in ("00", "02", "06"):
-            one, other = (
+            first, other = (
                 folder / "runs" / run / "metrics.jsonl" for folder in (whole, tmp_path / "a")
             )
-            assert one.read_bytes() == other.read_bytes()
+            assert first.read_bytes() == other.read_bytes()
         assert not result.interrupted
 
     @pytest.mark.parametrize(
@@ -256,8 +262,8 @@ class TestFailures:
     )
     def test_a_group_that_raises_does_not_take_the_others_along(self, whole, tmp_path, jobs):
         result = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs)
-        assert [4, 5, 6] == [one.run for one in result.failed]
-        (reason,) = {one.reason for one in result.failed}
+        assert [4, 5, 6] == [item.run for item in result.failed]
+        (reason,) = {failure.reason for failure in result.failed}
         assert reason.startswith("The solver 'tabular' failed: RuntimeError: no memory left (")
         assert "tabular_learner.py:" in reason
         assert RunStatus.FAILED is result.outcomes[6].status
@@ -270,12 +276,12 @@ class TestFailures:
             ).items()
         }
         again = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs, resume=True)
-        assert [4, 5, 6] == [one.run for one in again.failed]
+        assert [4, 5, 6] == [entry.run for entry in again.failed]
 
     @pytest.mark.slow(reason="starts three processes; killed processes of checks are in every run")
     def test_a_process_that_is_killed_twice_costs_its_runs_only(self, tmp_path):
         result = train(tmp_path / "a", {"dies": "5@350"}, jobs=2)
-        assert [4, 5, 6] == [one.run for one in result.failed]
+        assert [4, 5, 6] == [failure.run for failure in result.failed]
         assert "its process was ended twice, by signal 9" == result.failed[0].reason
         assert 400 == RunFolder(tmp_path / "a").run(0).steps
 
@@ -412,16 +418,16 @@ class TestPlans:
             plan_training(load_problem(BOARD), "tabula")
 
     def test_back_ends_that_were_made_to_read_the_file_are_not_made_again(self, monkeypatch):
-        made = []
+        created = []
         begin = PrecedenceDetector.__init__
 
         def noted(self: PrecedenceDetector, *words: Any, **options: Any) -> None:
-            made.append(self)
+            created.append(self)
             begin(self, *words, **options)
 
         monkeypatch.setattr(PrecedenceDetector, "__init__", noted)
         plan_training(load_problem(BOARD), "tabular")
-        assert len(made) == 1
+        assert len(created) == 1
 
     @pytest.mark.parametrize(
         ("options", "message"),

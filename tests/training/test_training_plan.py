@@ -55,8 +55,8 @@ def test_a_training_goes_on_in_the_groups_that_it_was_begun_with(tmp_path, monke
         stopped = train(tmp_path / "a", stop_after=1, **more)
     assert stopped.interrupted
     assert not train(tmp_path / "a", resume=True, **more).interrupted
-    found = RunFolder(tmp_path / "a")
-    assert ((0, 1, 2),) == found.manifest.groups
+    run_folder = RunFolder(tmp_path / "a")
+    assert ((0, 1, 2),) == run_folder.manifest.groups
     assert ((0, 1), (2,)) == RunFolder(tmp_path / "whole").manifest.groups
     assert not (tmp_path / "a" / "groups" / "1").exists()
     whole, gone_on = (

@@ -74,13 +74,13 @@ class TestTrials:
         assert 40 == len({(trial.skill.name, trial.fault) for trial in collisions})
         kinds = Counter(trial.kind for trial in collisions)
         assert {"beside", "tall", "too deep", "in the holder", "under the screw"} <= set(kinds)
-        near = [one for one in trials.of(Truth.LEGITIMATE) if one.trial.kind == "near miss"]
+        near = [item for item in trials.of(Truth.LEGITIMATE) if item.trial.kind == "near miss"]
         assert 40 == len(near)
 
     def test_orders_that_the_geometry_forbids_are_tried(self, trials):
         """A part put through another, and parts put down on nothing."""
-        orders = [one.trial for one in trials.checked if one.trial.kind == "wrong order"]
-        assert ["brace stands in the way of transformer"] == [one.fault for one in orders]
+        orders = [check.trial for check in trials.checked if check.trial.kind == "wrong order"]
+        assert ["brace stands in the way of transformer"] == [order.fault for order in orders]
         falling = [checked.trial for checked in trials.of(Truth.OUTCOME)]
         assert {"place(switch_1)", "place(brace)", "fasten(screw_1)"} <= {
             trial.skill.name for trial in falling
@@ -93,13 +93,15 @@ class TestTrials:
         trials = try_detectors(drawn, lambda task: [KinematicEngine(task), AabbDetector(task)], 0)
         assert "more than half of the back ends grant" == trials.reference
         assert trials.of(Truth.LEGITIMATE)
-        assert not [one for one in trials.of(Truth.COLLISION) if one.trial.kind != "wrong order"]
+        assert not [
+            trial for trial in trials.of(Truth.COLLISION) if trial.trial.kind != "wrong order"
+        ]
 
     def test_being_stopped_keeps_what_is_known(self, board):
         """After three trials."""
-        made = []
+        created = []
         trials = try_detectors(
-            board, back_ends, note=lambda: made.append(1), stopped=lambda: len(made) == 3
+            board, back_ends, note=lambda: created.append(1), stopped=lambda: len(created) == 3
         )
         assert trials.stopped
         assert 3 == len(trials.checked)
@@ -109,7 +111,7 @@ class TestCounting:
     def test_false_alarms_and_misses_are_counted(self, trials):
         """The blind one misses all, the one that sees blocks also those that are clear."""
         document = make_detectors_document(trials, 1.0)
-        by_name = {one["name"]: one for one in document["detectors"]}
+        by_name = {detector["name"]: detector for detector in document["detectors"]}
         assert ["aabb", "blind", "seer"] == list(by_name)
         assert (0, 41) == (by_name["blind"]["false_alarms"], by_name["blind"]["misses"])
         assert 40 == by_name["seer"]["false_alarms"]
@@ -119,9 +121,11 @@ class TestCounting:
 
     def test_every_wrong_verdict_is_listed_with_its_evidence(self, trials):
         """As many as are counted; with the state and the injected fault."""
-        for one in make_detectors_document(trials, 1.0)["detectors"]:
-            wrong = one["wrong_rulings"]
-            assert one["false_alarms"] + one["misses"] + one["undecided"] == len(wrong)
+        for detector in make_detectors_document(trials, 1.0)["detectors"]:
+            wrong = detector["wrong_rulings"]
+            assert detector["false_alarms"] + detector["misses"] + detector["undecided"] == len(
+                wrong
+            )
             assert all(checked["state"] for checked in wrong)
         assert 40 <= len(list_wrong(trials, "seer"))
 

@@ -66,7 +66,7 @@ def hits(trial, task):
         pose = Pose.upright(motion.visit.position, motion.visit.yaw_rad)
         moving += world_boxes(body, pose)
     by = (0.0, 0.0, motion.above[2] - motion.tip[2])
-    return any(sweep_hits(one, by, other, 0.0) for one in moving for other in obstacles)
+    return any(sweep_hits(sweep, by, other, 0.0) for sweep in moving for other in obstacles)
 
 
 class TestInjectedCollisions:
@@ -74,7 +74,7 @@ class TestInjectedCollisions:
     def test_a_block_beside_a_part_is_in_the_way_of_a_finger_or_the_palm(self, board, skill):
         """Whatever the side and the depth."""
         trials = list(inject_collisions(board, *initial(board, skill)))
-        blocks = [one for one in trials if one.kind in ("beside", "light, beside", "tall")]
+        blocks = [item for item in trials if item.kind in ("beside", "light, beside", "tall")]
         assert 6 <= len(blocks)
         assert all(hits(trial, board) for trial in blocks)
         assert {Truth.COLLISION} == {trial.truth for trial in trials}
@@ -89,15 +89,15 @@ class TestInjectedCollisions:
             if "under the part" in trial.kind:
                 block = trial.task.scene.body(OBSTACLE)
                 (box,) = world_boxes(block, block.placement(state).pose)
-                assert any(sweep_hits(one, (0, 0, 0.1), box, LEAST_HIT_M) for one in goal)
+                assert any(sweep_hits(target, (0, 0, 0.1), box, LEAST_HIT_M) for target in goal)
 
     def test_of_two_parts_one_may_stand_where_the_other_belongs(self, board):
         """Only where they would really overlap: a bridge goes over what it spans."""
         placed = ("pick(pcb)", "place(pcb)", "pick(switch_1)", "place(switch_1)", "pick(switch_2)")
         state = after(board, *placed)
         trials = inject_collisions(board, board.skill("place(switch_2)"), state)
-        said = [trial.fault for trial in trials if trial.kind == "place taken"]
-        assert ["switch_1 stands where switch_2 belongs"] == said
+        messages = [trial.fault for trial in trials if trial.kind == "place taken"]
+        assert ["switch_1 stands where switch_2 belongs"] == messages
         over = ("pick(pcb)", "place(pcb)", "pick(transformer)", "place(transformer)", "pick(brace)")
         trials = inject_collisions(board, board.skill("place(brace)"), after(board, *over))
         assert not [trial for trial in trials if trial.kind == "place taken"]

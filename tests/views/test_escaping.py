@@ -26,7 +26,7 @@ def test_every_control_and_format_character_is_written_out():
         for code in range(sys.maxunicode + 1)
         if unicodedata.category(chr(code)) in ("Cc", "Cf", "Cs", "Zl", "Zp")
     ]
-    raw = [one for one in hidden if escape(one) == one]
+    raw = [char for char in hidden if escape(char) == char]
     assert ["\t", "\n"] == raw
     assert "".join(map(escape, hidden)).isascii()
 

@@ -158,13 +158,13 @@ def texts(figure: Figure | bytes) -> list[str]:
     """Return the texts of a figure's SVG."""
     content = figure if isinstance(figure, bytes) else render_figure(figure, ".svg")
     root = ElementTree.fromstring(content)
-    found = [element.text or "" for element in root.iter("{http://www.w3.org/2000/svg}text")]
-    return [text.strip() for text in found]
+    results = [element.text or "" for element in root.iter("{http://www.w3.org/2000/svg}text")]
+    return [text.strip() for text in results]
 
 
 def collection(figure: Figure, gid: str) -> Collection:
-    (found,) = [c for axes in figure.axes for c in axes.collections if c.get_gid() == gid]
-    return found
+    (results,) = [c for axes in figure.axes for c in axes.collections if c.get_gid() == gid]
+    return results
 
 
 class TestFiles:

@@ -42,7 +42,7 @@ def figure():
 
 
 def gids(figure: Figure) -> set[str]:
-    return {one.get_gid() or "" for one in figure.axes[0].get_children()}
+    return {get_child.get_gid() or "" for get_child in figure.axes[0].get_children()}
 
 
 def test_every_hull_is_drawn_and_where_it_is_touched(figure):
@@ -80,10 +80,12 @@ def test_names_stand_before_all_hulls_and_not_across_each_other():
     drawn = draw_hulls(scene, HEADING)
     drawn.canvas.draw()
     (axes,) = drawn.axes
-    assert min(text.zorder for text in axes.texts) > max(one.zorder for one in axes.collections)
+    assert min(text.zorder for text in axes.texts) > max(
+        collection.zorder for collection in axes.collections
+    )
     boxes = [text.get_window_extent() for text in axes.texts]
     assert len(boxes) == 3
-    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert not any(first.overlaps(other) for first, other in combinations(boxes, 2))
 
 
 def test_what_stands_far_off_is_not_drawn_beyond_the_axes():

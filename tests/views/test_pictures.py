@@ -85,8 +85,8 @@ def test_a_layout_without_a_plan_shows_the_cell(board):
 
 def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(board, plan):
     """The board first, the screws last; each has a number and a name."""
-    found = labels(draw_exploded_view(board, plan))
-    named = dict(zip(found[1::2], map(int, found[::2]), strict=True))
+    texts = labels(draw_exploded_view(board, plan))
+    named = dict(zip(texts[1::2], map(int, texts[::2]), strict=True))
     assert {"pcb": 1, "switch_1": 2, "brace": 5, "screw_2": 8}.items() <= named.items()
 
 
@@ -170,8 +170,8 @@ def test_pairs_that_follow_from_others_are_not_drawn(board):
 
 def test_layers_follow_the_longest_chain(board):
     graph = build_precedence_graph(board, None)
-    depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
-    assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
+    depth = {node: k for k, layer in enumerate(graph.layers) for node in layer}
+    assert (0, 1, 2, 3) == tuple(depth[item] for item in ("pcb", "clock", "brace", "screw_1"))
 
 
 def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there():
@@ -190,10 +190,10 @@ def test_numbers_of_steps_cover_no_others():
     rows = place_number_rows(ends, (300.0, 300.0))
     assert [(1,), (3, 5, 7), (2, 4, 6, 8, 10)] == [row.numbers for row in rows]
     assert rows[0].at == rows[0].centre
-    for one, other in combinations(rows, 2):
-        across = abs(one.centre[0] - other.centre[0])
-        down = abs(one.centre[1] - other.centre[1])
-        assert across >= one.half_px + other.half_px or down >= 2 * NUMBER_PX
+    for first, other in combinations(rows, 2):
+        across = abs(first.centre[0] - other.centre[0])
+        down = abs(first.centre[1] - other.centre[1])
+        assert across >= first.half_px + other.half_px or down >= 2 * NUMBER_PX
 
 
 def test_names_stand_where_they_do_in_every_process(board, plan):
@@ -210,8 +210,8 @@ def test_a_circle_is_drawn_all_the_same(board):
         board, chart(relation("clock", "pcb"), relation("clock", "brace"))
     )
     assert [("clock", "pcb")] == [(e.before, e.after) for e in graph.edges if e.closing]
-    depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
-    assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
+    depth = {node: k for k, layer in enumerate(graph.layers) for node in layer}
+    assert (0, 1, 2, 3) == tuple(depth[item] for item in ("pcb", "clock", "brace", "screw_1"))
     assert any("closes a cycle" in text for text in labels(draw_precedence(graph, "circle")))
 
 
@@ -231,8 +231,8 @@ def test_a_picture_of_a_page_has_no_style_attribute(board, plan):
     graph = build_precedence_graph(board, None)
     text = embed_picture(draw_precedence(graph, "Precedence"), "p")
     root = ElementTree.fromstring(text)
-    assert not [one for one in root.iter() if "style" in one.attrib]
-    assert any("pcb before" in (one.text or "") for one in root.iter("title"))
+    assert not [element for element in root.iter() if "style" in element.attrib]
+    assert any("pcb before" in (item.text or "") for item in root.iter("title"))
 
 
 def test_a_bar_of_a_page_says_where_it_leads(board, plan):

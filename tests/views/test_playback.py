@@ -47,9 +47,9 @@ def played(tracks: Tracks, track: int) -> Numbers:
     turns = numbers("orientations", "<i2", 4) / 32767
     rows = np.hstack([places, turns])
     frames = np.arange(tracks.frames)
-    made = np.stack([np.interp(frames, keys, column) for column in rows.T], axis=1)
-    made[:, 3:] /= np.linalg.norm(made[:, 3:], axis=1, keepdims=True)
-    return made
+    stack = np.stack([np.interp(frames, keys, column) for column in rows.T], axis=1)
+    stack[:, 3:] /= np.linalg.norm(stack[:, 3:], axis=1, keepdims=True)
+    return stack
 
 
 def a_motion(frames: int = 600) -> Numbers:
@@ -167,11 +167,11 @@ def test_a_base_ends_a_swing_where_the_lattice_has_it():
     bench = Bench(6, 13, 0.34, 11)
     start = bench.position("C41")
     for action in range(1, 11):
-        swing, made = bench.swing(start, action), make_turning(bench, start, action, 1.0, 3.0)
-        assert (swing is None) == (made is None)
-        if swing is None or made is None:
+        swing, created = bench.swing(start, action), make_turning(bench, start, action, 1.0, 3.0)
+        assert (swing is None) == (created is None)
+        if swing is None or created is None:
             continue  # it would leave the bench
-        xs, ys, _ = compute_base_rows(bench, start, [made], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
+        xs, ys, _ = compute_base_rows(bench, start, [created], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
         assert np.allclose(bench.centroids_m[start], (xs[0], ys[0]), atol=1e-12)
         assert np.allclose(bench.centroids_m[swing.end], (xs[-1], ys[-1]), atol=1e-12)
 

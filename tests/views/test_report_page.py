@@ -58,8 +58,8 @@ class Elements(HTMLParser):
 
 def chapter(words: str = "calm") -> Chapter:
     """Return a chapter that says something."""
-    made = table(words, [words, "n"], [[words, words]], " n")
-    return Chapter("c1", words, tag("p", {"title": words}, words), [Section("s", words, made)])
+    created = table(words, [words, "n"], [[words, words]], " n")
+    return Chapter("c1", words, tag("p", {"title": words}, words), [Section("s", words, created)])
 
 
 def a_page(words: str = "calm", playing: bool = True) -> str:
@@ -75,7 +75,7 @@ def test_names_of_others_are_text_and_no_markup():
     assert not [key for _, given in hostile.found for key in given if key.startswith("on")]
     assert "\x1b" not in a_page(HOSTILE)
     assert "\u202e" not in a_page(HOSTILE)
-    (data,) = (one for one in hostile.content["script"] if one.startswith("{"))
+    (data,) = (item for item in hostile.content["script"] if item.startswith("{"))
     assert HOSTILE == json.loads(data)["title"]
 
 
@@ -118,11 +118,11 @@ def test_a_page_has_landmarks_and_says_what_tables_show():
     """For who does not see it."""
     names = [name for name, _ in Elements(a_page()).found]
     assert {"header", "nav", "main", "footer", "caption", "h1", "h2"} <= set(names)
-    found = Elements(a_page()).found
+    result = Elements(a_page()).found
     assert [("col", "row")] == [
         (
-            next(a["scope"] for name, a in found if name == "th"),
-            [a["scope"] for name, a in found if name == "th"][-1],
+            next(a["scope"] for name, a in result if name == "th"),
+            [a["scope"] for name, a in result if name == "th"][-1],
         )
     ]
 
@@ -130,9 +130,9 @@ def test_a_page_has_landmarks_and_says_what_tables_show():
 def test_the_page_serves_dark_rooms_narrow_screens_and_paper():
     style = read_page_style()
     assert {"prefers-color-scheme:dark", "max-width:560px", "@media print"} <= {
-        one
-        for one in ("prefers-color-scheme:dark", "max-width:560px", "@media print")
-        if one in style
+        item
+        for item in ("prefers-color-scheme:dark", "max-width:560px", "@media print")
+        if item in style
     }
     assert "url(" not in style
 
@@ -144,8 +144,8 @@ def test_a_comparison_from_elsewhere_is_data():
         {"solver": "exact", "status": "optimal", "cost": 1.5, "stats": {"wall_s": 0.2}},
         "no row",
     ]
-    made = build_comparison_chapter({"rows": rows, "warm": False}, "c1")
-    page = render_page("t", [made])
+    comparison_chapter = build_comparison_chapter({"rows": rows, "warm": False}, "c1")
+    page = render_page("t", [comparison_chapter])
     assert "<script" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "1.5" in page
@@ -186,13 +186,15 @@ def test_numbers_of_a_column_have_the_same_decimals():
 def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures():
     """Each reason is a sentence of its own."""
     why = "pcb before clock before pcb: clock belongs on pcb\nwith another start it has an order"
-    said = str(build_lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"}))
+    message = str(
+        build_lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"})
+    )
     assert [
         "Proved: there is no plan.",
         "pcb before clock before pcb: clock belongs on pcb.",
         "with another start it has an order.",
-    ] == re.findall(r'<p class="lead">(.*?)</p>', said)
-    assert ["Status"] == re.findall("<dt>(.*?)</dt>", said)
+    ] == re.findall(r'<p class="lead">(.*?)</p>', message)
+    assert ["Status"] == re.findall("<dt>(.*?)</dt>", message)
 
 
 OPTIMAL = {
@@ -265,5 +267,5 @@ class TestTheHeadline:
 )
 def test_the_time_of_a_plan_says_whose_it_is(measured_s, played_s, expected):
     """A task's figures, paths and simulation differ, and a reader sees which is which."""
-    said = build_lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
-    assert expected in str(said)
+    lead = build_lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
+    assert expected in str(lead)

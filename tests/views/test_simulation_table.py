@@ -35,8 +35,10 @@ def simulation(board_task):
     done.append(PerformedSkill(skills[2].name, jammed, 4.0, 6.0))
     pose = Pose.upright((0.489, 0.0, 0.0), 0.0)
     arrivals = (Arrival("pcb", pose, pose, 0.00012, 0.001),)
-    made = Performance(tuple(done), arrivals, 6.0, 1440, {"largest_n": 1.5})
-    return Simulation(board_task, skills, "pybullet", made, 1.2, files={"video": "/tmp/plan.mp4"})
+    performance = Performance(tuple(done), arrivals, 6.0, 1440, {"largest_n": 1.5})
+    return Simulation(
+        board_task, skills, "pybullet", performance, 1.2, files={"video": "/tmp/plan.mp4"}
+    )
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -65,12 +67,12 @@ def test_arrivals_have_a_table_of_their_own(simulation):
 def timed(simulation: Simulation, timed_by: str, *acting_s: float | None) -> Simulation:
     """Return the simulation with planned times, and times that the hand acts."""
     done = [
-        replace(one, acting_s=taken_s)
-        for one, taken_s in zip(simulation.performance.skills, acting_s, strict=False)
+        replace(skill, acting_s=taken_s)
+        for skill, taken_s in zip(simulation.performance.skills, acting_s, strict=False)
     ]
     done += simulation.performance.skills[len(done) :]
-    made = replace(simulation.performance, skills=tuple(done), pace="strokes at 0.25 m/s")
-    return replace(simulation, performance=made, planned=PlannedTimes([1.5, 1.0, 9.0], timed_by))
+    created = replace(simulation.performance, skills=tuple(done), pace="strokes at 0.25 m/s")
+    return replace(simulation, performance=created, planned=PlannedTimes([1.5, 1.0, 9.0], timed_by))
 
 
 def times_note(simulation: Simulation) -> str:
@@ -80,15 +82,15 @@ def times_note(simulation: Simulation) -> str:
 
 def test_the_difference_from_the_planned_time_is_told_with_its_reasons(simulation):
     """Over the skills that succeeded, whose dwells are 3 s each; shares add up."""
-    made = timed(simulation, "swept", 3.0, 3.5)
-    assert times_note(made) == (
+    created = timed(simulation, "swept", 3.0, 3.5)
+    assert times_note(created) == (
         "times      4.0 s simulated, 2.5 s planned by swept: +1.5 s; +0.5 s acting beyond the "
         "dwells; +1.0 s travels and strokes (strokes at 0.25 m/s)"
     )
-    times = made.document()["times"]
+    times = created.document()["times"]
     shares = (times["settling_s"], times["acting_s"], times["moving_s"])
     assert sum(shares) == pytest.approx(times["difference_s"])
-    planned = [column.heading for column in tabulate_simulation(made)[-1].columns]
+    planned = [column.heading for column in tabulate_simulation(created)[-1].columns]
     assert "planned [s]" in planned
 
 

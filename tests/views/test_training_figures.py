@@ -40,10 +40,12 @@ def a_curve(
 
 def line(figure: Figure, gid: str) -> Any:
     """Return the one line or text of a figure that has an id."""
-    (found,) = [
-        one for one in figure.axes[0].get_children() if (one.get_gid() or "").startswith(gid)
+    (results,) = [
+        get_child
+        for get_child in figure.axes[0].get_children()
+        if (get_child.get_gid() or "").startswith(gid)
     ]
-    return found
+    return results
 
 
 class TestCurve:
@@ -75,9 +77,9 @@ class TestCurve:
     def test_successes_are_placed_by_step_or_by_episode(self):
         curve = a_curve([0, 1, 1])
         for against, places in (("steps", [20, 30]), ("episodes", [2, 3])):
-            found, costs, smooth = curve.successes(against)  # type: ignore[arg-type]
+            result, costs, smooth = curve.successes(against)  # type: ignore[arg-type]
             assert (places, [2.01, 2.02], [2.01, 2.015]) == (
-                found.tolist(),
+                result.tolist(),
                 costs.tolist(),
                 pytest.approx(smooth.tolist()),
             )
@@ -107,9 +109,9 @@ class TestSuccess:
         label = line(draw_success(curves, HEADING, published=0.4), "published").get_text()
         assert "Moller et al.: about 40 %" == label
         assert not [
-            one
-            for one in draw_success(curves, HEADING).axes[0].get_children()
-            if one.get_gid() == "published"
+            get_child
+            for get_child in draw_success(curves, HEADING).axes[0].get_children()
+            if get_child.get_gid() == "published"
         ]
 
     @pytest.mark.parametrize(
@@ -121,7 +123,7 @@ class TestSuccess:
 
     def test_where_runs_end_early_a_line_says_so(self):
         curves = [a_curve([1] * 20), a_curve([1] * 40, run=1)]
-        texts = [one.get_text() for one in draw_success(curves, HEADING).axes[0].texts]
+        texts = [text.get_text() for text in draw_success(curves, HEADING).axes[0].texts]
         assert ["beyond, of the runs that went on"] == texts
         assert not draw_success([curves[0], curves[0]], HEADING).axes[0].texts
 
@@ -136,17 +138,23 @@ class TestDistances:
         curves = [a_curve([1] * 5, run=run) for run in range(20)]
         legend = draw_distances(curves, METRIC, HEADING).legends[0]
         looks = {
-            (one.get_color(), str(one.get_linestyle()), str(getattr(one, "_dash_pattern", "")))
-            for one in legend.get_lines()
+            (
+                get_line.get_color(),
+                str(get_line.get_linestyle()),
+                str(getattr(get_line, "_dash_pattern", "")),
+            )
+            for get_line in legend.get_lines()
         }
         assert 20 == len(looks)
-        assert [curve.label for curve in curves] == [one.get_text() for one in legend.get_texts()]
+        assert [curve.label for curve in curves] == [
+            get_text.get_text() for get_text in legend.get_texts()
+        ]
 
     def test_a_run_that_never_completes_is_named_as_such(self):
         curves = [a_curve([1, 1]), a_curve([0, 0], run=1)]
         legend = draw_distances(curves, METRIC, HEADING).legends[0]
         assert ["run 0, seed 0", "run 1, seed 1: none"] == [
-            one.get_text() for one in legend.get_texts()
+            get_text.get_text() for get_text in legend.get_texts()
         ]
 
     def test_the_line_is_the_mean_of_the_last_100_sequences(self):
@@ -159,7 +167,7 @@ class TestDistances:
         assert {1.5} == set(line(figure, "optimum").get_ydata())
         low, _ = figure.axes[0].get_ylim()
         assert low < 1.5
-        assert ["proved optimum 1.50000 m"] == [one.get_text() for one in figure.axes[0].texts]
+        assert ["proved optimum 1.50000 m"] == [text.get_text() for text in figure.axes[0].texts]
 
     def test_without_a_completed_sequence_there_is_nothing_to_draw(self):
         with pytest.raises(ValueError, match="no completed sequence"):

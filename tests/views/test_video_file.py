@@ -23,11 +23,11 @@ def plain(colour: int, width: int = 6, height: int = 4) -> Image:
 def shown(path: Path) -> list[tuple[bytes, int]]:
     """Return the pictures of a GIF, each with how long it is shown [ms]."""
     with PillowImage.open(path) as gif:
-        found = []
+        results = []
         for index in range(gif.n_frames):
             gif.seek(index)
-            found.append((gif.convert("RGB").tobytes(), gif.info["duration"]))
-        return found
+            results.append((gif.convert("RGB").tobytes(), gif.info["duration"]))
+        return results
 
 
 @settings(max_examples=examples(40))
@@ -39,7 +39,7 @@ def test_a_gif_shows_every_picture_as_long_as_it_lasts(tmp_path_factory, colours
         for colour in colours:
             video.add(plain(colour))
     distinct = [
-        one for one, before in zip(colours, [None, *colours[:-1]], strict=True) if one != before
+        item for item, before in zip(colours, [None, *colours[:-1]], strict=True) if item != before
     ]
     frames = shown(path)
     assert [bytes([colour]) * 72 for colour in distinct] == [picture for picture, _ in frames]
@@ -50,7 +50,7 @@ def test_a_gif_shows_every_picture_as_long_as_it_lasts(tmp_path_factory, colours
 def test_only_what_changes_is_kept(tmp_path):
     """A small change makes a small picture, and what is shown is the whole."""
     path = tmp_path / "video.gif"
-    pixels = bytearray(bytes(one // 600 for one in range(76_800)))
+    pixels = bytearray(bytes(item // 600 for item in range(76_800)))
     pictures = []
     for index in range(10):
         pixels[3000 + 30 * index : 3012 + 30 * index] = b"\xff" * 12
@@ -69,14 +69,14 @@ def test_only_what_changes_is_kept(tmp_path):
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_equal_pictures_make_equal_files(tmp_path, suffix):
     """Bit for bit."""
-    made = []
+    created = []
     for name in ("one", "other"):
         path = tmp_path / f"{name}{suffix}"
         with open_video(path, 10, "--video") as video:
             for colour in range(0, 250, 25):
                 video.add(plain(colour, 32, 32))
-        made.append(path.read_bytes())
-    assert made[0] == made[1]
+        created.append(path.read_bytes())
+    assert created[0] == created[1]
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])

@@ -149,13 +149,13 @@ def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path):
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", playback()), before=NO_WEBGL)
     assert page.evaluate("skillplanPlayer.webgl") is False
-    said = page.evaluate("document.getElementById('playback-root').innerText")
+    value = page.evaluate("document.getElementById('playback-root').innerText")
     page.seek(8.0)
     time_s = page.evaluate("skillplanPlayer.time()")
     complaints = page.complaints
     page.close()
-    assert "needs WebGL" in said
-    assert "A still." in said
+    assert "needs WebGL" in value
+    assert "A still." in value
     assert time_s == 8.0
     assert complaints == []
 

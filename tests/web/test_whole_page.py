@@ -136,9 +136,9 @@ def test_without_javascript_tables_and_pictures_stay(written, bench, tmp_path):
         page.open_without_script(written)
         assert page.evaluate("document.querySelectorAll('#c1-plan tbody tr').length") == 15
         assert page.evaluate("document.querySelectorAll('svg.picture').length") == 5
-        said = page.evaluate("document.getElementById('playback-root').innerText")
-        assert "needs JavaScript and WebGL" in said
-        assert "brace" in said, "the still names the parts"
+        value = page.evaluate("document.getElementById('playback-root').innerText")
+        assert "needs JavaScript and WebGL" in value
+        assert "brace" in value, "the still names the parts"
         page.open_without_script(bench)
         assert page.evaluate("document.querySelectorAll('svg.picture').length") == 2
         assert page.complaints == []
@@ -150,8 +150,8 @@ def test_without_webgl_the_still_of_the_product_stays(written, tmp_path):
     page = Page(tmp_path / "browser")
     try:
         page.open(written, before=NO_WEBGL)
-        said = page.evaluate("document.getElementById('playback-root').innerText")
-        assert "needs WebGL" in said
+        value = page.evaluate("document.getElementById('playback-root').innerText")
+        assert "needs WebGL" in value
         assert page.evaluate("document.querySelectorAll('#playback-root svg.picture').length") == 1
         assert page.complaints == []
     finally:
@@ -162,10 +162,10 @@ def test_it_prints_as_a_few_pages_with_the_picture_on_them(page, written):
     """Of A4 or letter; what is only for a screen is left out."""
     page.open(written)
     page.seek(12.0)
-    made = page.printed()
-    assert made.startswith(b"%PDF")
-    assert 4 <= len(re.findall(rb"/Type\s*/Page\b", made)) <= 8
-    sizes = [(int(w), int(h)) for w, h in re.findall(rb"/Width (\d+)\s*/Height (\d+)", made)]
+    created = page.printed()
+    assert created.startswith(b"%PDF")
+    assert 4 <= len(re.findall(rb"/Type\s*/Page\b", created)) <= 8
+    sizes = [(int(w), int(h)) for w, h in re.findall(rb"/Width (\d+)\s*/Height (\d+)", created)]
     assert any(width >= 600 and height >= 300 for width, height in sizes), sizes
     page.call("Emulation.setEmulatedMedia", media="print")
     bar = "getComputedStyle(document.querySelector('.player-bar')).display"

@@ -77,7 +77,7 @@ class TestWhoeverHasJobs:
         task = lid_task()
         checks = make_feasibility(task, ELSEWHERE, jobs=3, back_ends=[ExpensiveBoxes(task)])
         alone = make_feasibility(task, back_ends=[ExpensiveBoxes(task)])
-        queries = [(one, task.initial) for one in task.skills if one.applicable(task.initial)]
+        queries = [(skill, task.initial) for skill in task.skills if skill.applicable(task.initial)]
         assert alone.verdicts(queries) == checks.verdicts(queries)
         assert {"checks, 3 slots at there"} == set(elsewhere)
 

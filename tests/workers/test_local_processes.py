@@ -27,9 +27,9 @@ from skillplan.workers import (
 @pytest.fixture
 def executor():
     """Of two slots; what is left of its processes is ended."""
-    made = LocalProcesses(2)
-    yield made
-    made.close()
+    local_processes = LocalProcesses(2)
+    yield local_processes
+    local_processes.close()
 
 
 def started(executor: LocalProcesses, function: Callable[..., Any]) -> Worker:

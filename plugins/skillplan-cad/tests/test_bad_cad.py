@@ -69,10 +69,10 @@ def refused(capsys, tmp_path, *words):
     out = tmp_path / "product"
     assert run(["import-cad", *words, "--out", str(out)]) == 2
     assert not out.exists()
-    said = capsys.readouterr().err
-    assert said.count("error:") == 1
-    assert "Traceback" not in said
-    return " ".join(said.split())
+    message = capsys.readouterr().err
+    assert message.count("error:") == 1
+    assert "Traceback" not in message
+    return " ".join(message.split())
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def refused(capsys, tmp_path, *words):
 def test_a_damaged_step_file_is_refused_by_the_command(capsys, tmp_path, content, words):
     source = tmp_path / "whole.step"
     source.write_bytes(content)
-    said = refused(capsys, tmp_path, str(source))
-    assert f"{source.name}: {words}" in said
+    message = refused(capsys, tmp_path, str(source))
+    assert f"{source.name}: {words}" in message
 
 
 @pytest.mark.parametrize(
@@ -163,17 +163,17 @@ def test_a_file_of_200_megabytes_is_refused_with_the_limit(capsys, tmp_path, nam
     sparse(source)
     options = () if source.suffix == ".step" else ("--unit", "mm")
     given = source if not options else source.parent
-    said = refused(capsys, tmp_path, str(given), *options)
-    assert "larger than the 134,217,728 bytes" in said
-    assert remedy in said
+    message = refused(capsys, tmp_path, str(given), *options)
+    assert "larger than the 134,217,728 bytes" in message
+    assert remedy in message
 
 
 def test_an_empty_mesh_is_refused_with_its_file_and_what_to_do(capsys, tmp_path):
     source = tmp_path / "parts"
     source.mkdir()
     (source / "one.stl").write_bytes(b"")
-    said = refused(capsys, tmp_path, str(source), "--unit", "mm")
-    assert "one.stl: is empty. Save it anew, or take it out of the folder" in said
+    message = refused(capsys, tmp_path, str(source), "--unit", "mm")
+    assert "one.stl: is empty. Save it anew, or take it out of the folder" in message
 
 
 def block(path, low_mm, size_mm=10.0):
@@ -242,9 +242,9 @@ def test_a_link_that_leads_out_of_a_folder_or_nowhere_is_refused(capsys, tmp_pat
     block(source / "one.obj", 0.0)
     block(source / "two.obj", 10.0)
     (source / "loop.obj").symlink_to(target)
-    said = refused(capsys, tmp_path, str(source), "--unit", "mm")
-    assert "loop.obj: cannot be read: " in said
-    assert target == "loop.obj" or "a link leads out of the folder. Copy the file there" in said
+    message = refused(capsys, tmp_path, str(source), "--unit", "mm")
+    assert "loop.obj: cannot be read: " in message
+    assert target == "loop.obj" or "a link leads out of the folder. Copy the file there" in message
 
 
 def test_a_link_within_a_folder_is_followed(tmp_path):
@@ -280,8 +280,8 @@ def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
         "property float x\nproperty float y\nproperty float z\nelement face 1\n"
         "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     )
-    said = refused(capfd, tmp_path, str(source), "--unit", "mm")
-    assert "not watertight: two (3 open edges" in said
+    message = refused(capfd, tmp_path, str(source), "--unit", "mm")
+    assert "not watertight: two (3 open edges" in message
 
 
 @pytest.mark.parametrize(
@@ -431,9 +431,9 @@ def test_damage_is_refused_in_words_or_makes_no_difference(tmp_path, name, seed)
     content = gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content
     path = tmp_path / "damaged.step"
     path.write_bytes(damaged(content, seed))
-    told, read = "", ()
+    message, read = "", ()
     try:
         read = read_product(path, ReadOptions())
     except OptionError as error:
-        told = str(error)
-    assert len(read) > 1 or told.startswith(f"{path}: ")
+        message = str(error)
+    assert len(read) > 1 or message.startswith(f"{path}: ")

@@ -41,23 +41,23 @@ def borne(product, up=UP):
 
 
 def test_parts_stand_on_the_table_and_on_what_stands():
-    found = borne(product_of(plate=PLATE, sleeve=SLEEVE))
-    assert found.order == ("plate", "sleeve")
-    assert found.on == {"plate": (), "sleeve": ("plate",)}
-    assert found.why_not == {}
+    bearing = borne(product_of(plate=PLATE, sleeve=SLEEVE))
+    assert bearing.order == ("plate", "sleeve")
+    assert bearing.on == {"plate": (), "sleeve": ("plate",)}
+    assert bearing.why_not == {}
 
 
 def test_what_only_its_fit_holds_is_not_borne_and_neither_is_what_stands_on_it():
     knob = box(20, 20, 60, 40, 40, 65)
-    found = borne(product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM, knob=knob))
-    assert found.order == ("plate", "sleeve")
-    assert "only its fit to sleeve or knob holds it" in found.why_not["ram"]
-    assert "stands on ram alone, which nothing bears" in found.why_not["knob"]
+    bearing = borne(product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM, knob=knob))
+    assert bearing.order == ("plate", "sleeve")
+    assert "only its fit to sleeve or knob holds it" in bearing.why_not["ram"]
+    assert "stands on ram alone, which nothing bears" in bearing.why_not["knob"]
 
 
 def test_a_part_with_its_centre_of_mass_beside_what_bears_it_would_tip():
-    found = borne(product_of(plate=PLATE, board=box(50, 0, 10, 150, 60, 14)))
-    assert "would tip off plate" in found.why_not["board"]
+    bearing = borne(product_of(plate=PLATE, board=box(50, 0, 10, 150, 60, 14)))
+    assert "would tip off plate" in bearing.why_not["board"]
 
 
 def test_without_what_hangs_below_all_others_they_stand():
@@ -65,9 +65,9 @@ def test_without_what_hangs_below_all_others_they_stand():
     block, hole = box(0, 0, 0, 40, 40, 60), box(0, 0, -10, 40, 40, 20)
     collar = box(-5, -5, -10, 45, 45, 20) - hole
     shelf = box(5, 5, 60, 35, 35, 70)
-    found = borne(product_of(block=block, collar=collar, shelf=shelf))
-    assert found.order == ("block", "shelf")
-    assert "stands lower than all others" in found.why_not["collar"]
+    bearing = borne(product_of(block=block, collar=collar, shelf=shelf))
+    assert bearing.order == ("block", "shelf")
+    assert "stands lower than all others" in bearing.why_not["collar"]
 
 
 def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_more():
@@ -76,8 +76,8 @@ def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_mor
         post=box(10, 20, 20, 60, 40, 40),
         cap=box(60, 20, 20, 70, 40, 40),
     )
-    found = best_bearing(lying, related(lying))
-    assert (found.up, found.order) == (ATTITUDES["x"], ("plate", "post", "cap"))
+    bearing = best_bearing(lying, related(lying))
+    assert (bearing.up, bearing.order) == (ATTITUDES["x"], ("plate", "post", "cap"))
     flat = borne(lying)
     assert flat.order == ("post", "cap")
     assert "stands lower than all others" in flat.why_not["plate"]
@@ -147,19 +147,19 @@ def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
     assert list(task.document["parts"]) == ["plate", "sleeve"]
     assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
     assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]
-    told = attitude_warnings(product, known, none, "z")
-    assert told[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
-    assert "no part stands on a level face" in told[1]
+    message = attitude_warnings(product, known, none, "z")
+    assert message[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
+    assert "no part stands on a level face" in message[1]
 
 
 def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_for():
     lying = product_of(plate=box(0, 0, 0, 10, 60, 60), post=box(10, 20, 20, 60, 40, 40))
     known = related(lying)
-    found = attitude(lying, known, "auto")
-    (chosen,) = attitude_warnings(lying, known, found, "auto")
+    result = attitude(lying, known, "auto")
+    (chosen,) = attitude_warnings(lying, known, result, "auto")
     assert chosen.startswith("x points up, as then 2 of 2 parts stand by themselves")
-    asked = attitude(lying, known, "z")
-    (better,) = attitude_warnings(lying, known, asked, "z")
+    choice = attitude(lying, known, "z")
+    (better,) = attitude_warnings(lying, known, choice, "z")
     assert better.endswith("1 of 2 parts stand by themselves; with --up x it would be 2.")
 
 
@@ -169,6 +169,6 @@ def test_turned_over_what_bears_the_others_comes_first():
     product, known = fixture("dovetail"), relation("dovetail")
     assert bearing_of(product, known, ATTITUDES["-z"]).order == ("slide", "rail")
     product, known = fixture("mirrored"), relation("mirrored")
-    found = bearing_of(product, known, ATTITUDES["x"])
-    assert found.order == ("plate",)
-    assert sorted(found.why_not) == ["left_1", "left_2", "right"]
+    bearing = bearing_of(product, known, ATTITUDES["x"])
+    assert bearing.order == ("plate",)
+    assert sorted(bearing.why_not) == ["left_1", "left_2", "right"]

@@ -16,24 +16,24 @@ SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", 
 LARGER = ("bracket", "eight", "fastened")
 
 
-def assert_true(name, found):
+def assert_true(name, expected):
     """Hold a relation against the truth of a fixture, along all three axes."""
     for axis, direction in ALONG.items():
-        assert true_links(name, axis) == links(found, direction), (name, axis)
+        assert true_links(name, axis) == links(expected, direction), (name, axis)
         backwards = {(by, part) for part, by in true_links(name, axis)}
-        assert backwards == links(found, direction + 1), (name, axis)
+        assert backwards == links(expected, direction + 1), (name, axis)
 
 
 def turned(degrees):
     """Return the turn about x, then y, then z."""
-    made = np.eye(3)
+    matrix = np.eye(3)
     for axis, angle in enumerate(np.radians(degrees)):
-        one, two = (axis + 1) % 3, (axis + 2) % 3
+        item, two = (axis + 1) % 3, (axis + 2) % 3
         turn = np.eye(3)
-        turn[one, one] = turn[two, two] = np.cos(angle)
-        turn[two, one], turn[one, two] = np.sin(angle), -np.sin(angle)
-        made = turn @ made
-    return made
+        turn[item, item] = turn[two, two] = np.cos(angle)
+        turn[two, item], turn[item, two] = np.sin(angle), -np.sin(angle)
+        matrix = turn @ matrix
+    return matrix
 
 
 @pytest.mark.parametrize("name", thinned(SOLID, "l_slot", "interlocked"))
@@ -68,15 +68,15 @@ def test_a_product_turned_in_space_has_the_same_links(name):
     directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
     entries = blocked_of(whole, directions, 1e-4).entries
     for axis, number in ALONG.items():
-        found = {(one.part, one.by) for one in entries if one.direction == number}
-        assert true_links(name, axis) == found
+        results = {(entry.part, entry.by) for entry in entries if entry.direction == number}
+        assert true_links(name, axis) == results
 
 
 @pytest.mark.slow(reason="rays through the bracket again; inches are converted, and it is true")
 def test_a_product_in_inches_has_the_same_links():
-    found = relation("inch")
+    result = relation("inch")
     for axis, direction in ALONG.items():
-        assert true_links("bracket", axis) == links(found, direction)
+        assert true_links("bracket", axis) == links(result, direction)
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 0), (17, 31, 43)])
@@ -88,11 +88,11 @@ def test_a_link_far_narrower_than_the_parts_is_found(tmp_path, degrees):
     rail.export(tmp_path / "rail.stl")
     turn = turned(degrees)
     whole = moved(read_product(tmp_path, ReadOptions(unit="mm")), turn)
-    found = blocked_of(whole, [tuple(turn[:, 2]), tuple(-turn[:, 2])], 1e-4).entries
+    result = blocked_of(whole, [tuple(turn[:, 2]), tuple(-turn[:, 2])], 1e-4).entries
     assert {("lid", "rail", 1), ("rail", "lid", 0)} == {
-        (one.part, one.by, one.direction) for one in found
+        (item.part, item.by, item.direction) for item in result
     }
-    assert all(2e-4 <= one.width_m <= 4.1e-4 for one in found)
+    assert all(2e-4 <= entry.width_m <= 4.1e-4 for entry in result)
 
 
 def test_names_and_order_of_parts_change_nothing():
@@ -106,21 +106,23 @@ def test_names_and_order_of_parts_change_nothing():
         ),
     )
     names = {f"part {number}": part.name for number, part in enumerate(reversed(whole.parts))}
-    found = related(renamed)
+    result = related(renamed)
     for axis, direction in ALONG.items():
-        pairs = {(names[part], names[by]) for part, by in links(found, direction)}
+        pairs = {(names[part], names[by]) for part, by in links(result, direction)}
         assert true_links("l_slot", axis) == pairs
 
 
 def test_a_link_says_how_far_and_where_the_parts_meet():
     """The block, 10 mm above nothing but the plate, meets it at once; the balloon only later."""
-    found = {(one.part, one.by): one for one in relation("floating").blocked if one.direction == 5}
+    results = {
+        (link.part, link.by): link for link in relation("floating").blocked if link.direction == 5
+    }
     parts = {part.name: part for part in product("floating").parts}
-    for (part, by), one in found.items():
+    for (part, by), result in results.items():
         gap = parts[part].bounds_m[0, 2] - parts[by].bounds_m[1, 2]
-        assert gap == pytest.approx(one.distance_m, abs=1e-6)
-        assert parts[by].bounds_m[1, 2] == pytest.approx(one.point_m[2], abs=1e-6)
-        assert one.width_m > 1e-3
+        assert gap == pytest.approx(result.distance_m, abs=1e-6)
+        assert parts[by].bounds_m[1, 2] == pytest.approx(result.point_m[2], abs=1e-6)
+        assert result.width_m > 1e-3
 
 
 @pytest.mark.slow(reason="rays through a product more; what blocks what in every run")
@@ -128,7 +130,7 @@ def test_what_hangs_on_the_tolerance_is_listed():
     """The pin is 0.5 mm too thick: a disc of 0.2 mm fits into that ring, one of 0.4 mm does not."""
     coarse = related(product("interfering"), 0.2)
     assert coarse.sensitive
-    assert {"block", "pin"} == {one.part for one in coarse.sensitive}
+    assert {"block", "pin"} == {link.part for link in coarse.sensitive}
     assert not related(product("interfering"), 0.04).sensitive
 
 
@@ -166,19 +168,19 @@ class TestConfirmation:
     )
     def test_meshes_agree_with_rays(self, name):
         """On each pair that blocks, and each that touches and does not."""
-        found = relation(name)
-        touching = [one.parts for one in found.contacts if one.kind != "thread"]
+        result = relation(name)
+        touching = [contact.parts for contact in result.contacts if contact.kind != "thread"]
         confirmation = Confirmation(product(name), 1e-4)
-        assert confirmation.doubts(found.blocked, touching, found.directions) == ()
+        assert confirmation.doubts(result.blocked, touching, result.directions) == ()
 
     def test_what_rays_got_wrong_is_listed(self):
         """A link that is not there, and one that is missing."""
-        found = relation("l_slot")
+        result = relation("l_slot")
         missing = Confirmation(product("l_slot"), 1e-4).doubts(
-            [], [("body", "key")], found.directions
+            [], [("body", "key")], result.directions
         )
         assert missing
-        assert not any(one.rays_say_blocked for one in missing)
+        assert not any(item.rays_say_blocked for item in missing)
         link = relation("floating").blocked[0]
         invented = dataclasses.replace(link, part="balloon", by="plate", direction=0)
         (wrong,) = Confirmation(product("floating"), 1e-4).doubts(

@@ -26,9 +26,9 @@ ROUND = Face(
 
 
 def test_two_moves_free_a_key_from_an_l_shaped_tunnel():
-    found = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)])
-    assert (found.outcome, found.turned) == ("free", False)
-    first, second = (np.asarray(move.offset_m) for move in found.moves)
+    path = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)])
+    assert (path.outcome, path.turned) == ("free", False)
+    first, second = (np.asarray(move.offset_m) for move in path.moves)
     # To where the tunnel bends, and out of it.
     assert first == pytest.approx([first[0], 0, 0])
     assert 0.0189 < first[0] < 0.0211
@@ -38,36 +38,36 @@ def test_two_moves_free_a_key_from_an_l_shaped_tunnel():
 
 def test_a_key_as_wide_as_its_tunnel_finds_the_one_place_where_it_goes_on():
     tight = box(0, 0, 0, 40, 40, 12) - box(5, 6, 3, 35, 14, 9) - box(26, 6, 3, 34, 40, 9)
-    found = free_path([part_of("key", KEY)], [part_of("body", tight)])
-    assert found.outcome == "free"
-    assert found.moves[0].offset_m[0] == pytest.approx(0.020, abs=2e-4)
+    path = free_path([part_of("key", KEY)], [part_of("body", tight)])
+    assert path.outcome == "free"
+    assert path.moves[0].offset_m[0] == pytest.approx(0.020, abs=2e-4)
 
 
 def test_a_key_in_a_closed_tunnel_is_closed_in_and_the_body_is_named_with_a_point():
-    found = free_path([part_of("key", KEY)], [part_of("body", TUNNEL)], turns=False)
-    assert found.outcome == "closed"
-    (met,) = found.in_the_way
+    path = free_path([part_of("key", KEY)], [part_of("body", TUNNEL)], turns=False)
+    assert path.outcome == "closed"
+    (met,) = path.in_the_way
     assert met.part == "body"
     assert np.all(np.asarray(met.point_m) > -0.001)
     assert np.all(np.asarray(met.point_m) < 0.041)
 
 
 def test_a_budget_that_is_spent_says_so():
-    found = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)], budget=3, turns=False)
-    assert (found.outcome, found.iterations, found.moves) == ("budget spent", 3, ())
+    path = free_path([part_of("key", KEY)], [part_of("body", L_TUNNEL)], budget=3, turns=False)
+    assert (path.outcome, path.iterations, path.moves) == ("budget spent", 3, ())
 
 
 def test_links_of_a_chain_are_closed_by_translations():
     links = part_of("upright", UPRIGHT), part_of("lying", LYING)
-    found = free_path([links[0]], [links[1]], turns=False)
-    assert found.outcome == "closed"
+    path = free_path([links[0]], [links[1]], turns=False)
+    assert path.outcome == "closed"
 
 
 @pytest.mark.slow(reason="3 s of turns; that translations lead nowhere is left in every run")
 def test_a_quarter_turn_frees_a_bayonet():
-    found = free_path([part_of("shaft", SHAFT, [ROUND])], [part_of("bush", BAYONET)])
-    assert (found.outcome, found.turned) == ("free", True)
-    turn, lift = found.moves
+    path = free_path([part_of("shaft", SHAFT, [ROUND])], [part_of("bush", BAYONET)])
+    assert (path.outcome, path.turned) == ("free", True)
+    turn, lift = path.moves
     assert turn.angle_rad == pytest.approx(-np.pi / 2)
     assert turn.axis.direction == (0.0, 0.0, 1.0)
     assert lift.offset_m[2] > 0.0149
@@ -76,8 +76,8 @@ def test_a_quarter_turn_frees_a_bayonet():
 @pytest.mark.slow(reason="6 s of turns; that translations lead nowhere is left in every run")
 def test_links_of_a_chain_are_closed_by_turns_too():
     links = part_of("upright", UPRIGHT), part_of("lying", LYING)
-    found = free_path([links[0]], [links[1]])
-    assert (found.outcome, found.turned) == ("closed", True)
+    path = free_path([links[0]], [links[1]])
+    assert (path.outcome, path.turned) == ("closed", True)
 
 
 def test_a_shrunk_box_is_smaller_by_the_inset_on_each_side():

@@ -73,22 +73,22 @@ def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(
     tmp_path, made, capsys, monkeypatch
 ):
     """Kept or made, by any number of processes; a change reruns what follows."""
-    said = []
+    messages = []
     calls = ([], ["--jobs", "2"], ["--threads", "solid"], ["--robot", "ur5e"])
     for number, more in enumerate(calls):
         assert run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), *more]) == 0
-        said.append(capsys.readouterr().err)
+        messages.append(capsys.readouterr().err)
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "other"))
     assert run(["import-cad", SOURCE, "--out", str(tmp_path / "4"), "--jobs", "2"]) == 0
     first, *others = (contents(folder) for folder in (made, *(tmp_path / n for n in "014")))
     assert {"relation.json", "report.json", "exploded.png", "product.yaml"} < first.keys()
     assert all(other == first for other in others)
-    assert "kept from" not in said[0]
-    assert said[1].count("kept from an earlier run") == 6
-    assert "joints ..." in said[2]
-    assert "blocking: kept from an earlier run" in said[2]
-    assert "planning ..." in said[2]
-    assert said[3].count("kept from an earlier run") == 6
+    assert "kept from" not in messages[0]
+    assert messages[1].count("kept from an earlier run") == 6
+    assert "joints ..." in messages[2]
+    assert "blocking: kept from an earlier run" in messages[2]
+    assert "planning ..." in messages[2]
+    assert messages[3].count("kept from an earlier run") == 6
 
 
 def contents(folder):
@@ -109,7 +109,7 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ([str(FIXTURES / "nothing.step")], "there is no such file or folder"),
         ([str(FIXTURES / "bracket.json")], "is neither STEP"),
@@ -130,10 +130,10 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
         ([SOURCE, "--unit", "mm"], "states its unit"),
     ],
 )
-def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, said):
+def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, message):
     """One message, exit code 2."""
     assert run(["import-cad", *words, "--out", str(tmp_path / "product")]) == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "product").exists()
 
 
@@ -152,12 +152,12 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     printed = capsys.readouterr()
     assert "block and pin overlap by 38." in printed.err
     document = json.loads(printed.out)
-    assert [one["parts"] for one in document["interference"]] == [["block", "pin"]]
+    assert [item["parts"] for item in document["interference"]] == [["block", "pin"]]
     assert document == json.loads((out / "report.json").read_text("utf-8"))
     run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
-    told = capsys.readouterr().err
-    assert "balloon: touches no other part" in told
-    assert "balloon is left out: it has nothing beneath it" in told
+    message = capsys.readouterr().err
+    assert "balloon: touches no other part" in message
+    assert "balloon is left out: it has nothing beneath it" in message
     document = json.loads((tmp_path / "other" / "report.json").read_text("utf-8"))
     assert list(document["left_out"]) == ["balloon"]
     assert document["attitude"]["stands"] == [
@@ -183,8 +183,8 @@ def test_what_is_stuck_is_named_and_no_task_is_written(tmp_path, capsys):
     """With the part and the point that are in its way; exit code 1."""
     out = tmp_path / "product"
     assert run(["import-cad", str(file("interfering")), "--out", str(out)]) == 1
-    told = " ".join(capsys.readouterr().err.split())
-    assert "pin is stuck among block: no straight move, path or turn" in told
+    message = " ".join(capsys.readouterr().err.split())
+    assert "pin is stuck among block: no straight move, path or turn" in message
     assert not (out / "product.yaml").exists()
     assert json.loads((out / "relation.json").read_text("utf-8"))["stuck"] == ["pin"]
 

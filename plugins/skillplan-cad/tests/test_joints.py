@@ -42,12 +42,12 @@ def joints():
 @pytest.mark.parametrize("name", thinned(NAMES, "fastened", "mirrored"))
 def test_fasteners_are_found_and_none_is_invented(joints, name):
     """With what they are, and the line along which they come out."""
-    wanted = truth(name).get("fasteners", {})
-    found = {one.part: one for one in joints(name).fasteners}
-    assert set(wanted) == set(found)
-    for part, about in wanted.items():
-        assert about["kind"] == found[part].kind
-        assert abs(np.dot(about["axis"], found[part].axis)) == pytest.approx(1, abs=1e-3)
+    expected = truth(name).get("fasteners", {})
+    results = {fastener.part: fastener for fastener in joints(name).fasteners}
+    assert set(expected) == set(results)
+    for part, about in expected.items():
+        assert about["kind"] == results[part].kind
+        assert abs(np.dot(about["axis"], results[part].axis)) == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", thinned(["bracket", "eight", "fastened"], "bracket", "fastened"))
@@ -61,18 +61,21 @@ def test_screws_without_a_name_are_known_by_head_and_drive(name):
             for number, part in enumerate(whole.parts)
         ),
     )
-    found = {one.part: one.kind for one in joints_of(plain, 1e-4, "axes", "unscrew").fasteners}
-    wanted = {
+    results = {
+        fastener.part: fastener.kind
+        for fastener in joints_of(plain, 1e-4, "axes", "unscrew").fasteners
+    }
+    entries = {
         f"part {whole.index(part)}": about["kind"]
         for part, about in truth(name)["fasteners"].items()
         if about["kind"] != "pin"
     }
-    assert wanted == found
+    assert entries == results
 
 
 def test_a_screw_comes_out_towards_its_head_and_joins_what_it_passes(joints):
     """From the head on; its thread is in the last."""
-    screw = next(one for one in joints("bracket").fasteners if one.part == "screw_1")
+    screw = next(fastener for fastener in joints("bracket").fasteners if fastener.part == "screw_1")
     assert screw.axis == pytest.approx((0, 0, 1), abs=1e-6)
     assert screw.joins == ("washer_1", "angle", "plate")
     assert screw.threaded_in == ("plate",)
@@ -81,30 +84,30 @@ def test_a_screw_comes_out_towards_its_head_and_joins_what_it_passes(joints):
 
 def test_a_nut_comes_off_the_end_of_its_bolt_and_joins_what_it_lies_on(joints):
     """And the bolt is threaded in it, not in what only guides it."""
-    found = {one.part: one for one in joints("fastened").fasteners}
-    assert found["nut"].axis == pytest.approx((0, 0, -1), abs=1e-6)
-    assert found["nut"].joins == ("bolt", "base")
-    assert found["nut"].threaded_in == ("bolt",)
-    assert found["bolt"].threaded_in == ("nut",)
-    assert found["bolt"].joins == ("washer", "cover", "base", "nut")
+    results = {fastener.part: fastener for fastener in joints("fastened").fasteners}
+    assert results["nut"].axis == pytest.approx((0, 0, -1), abs=1e-6)
+    assert results["nut"].joins == ("bolt", "base")
+    assert results["nut"].threaded_in == ("bolt",)
+    assert results["bolt"].threaded_in == ("nut",)
+    assert results["bolt"].joins == ("washer", "cover", "base", "nut")
 
 
 def test_a_fit_has_its_radius_and_by_how_much_the_hole_is_wider(joints):
     """Pins in holes of their own size, and a bolt with 0.3 mm of room all round."""
-    found = {frozenset(one.parts): one for one in joints("fastened").contacts}
+    results = {frozenset(contact.parts): contact for contact in joints("fastened").contacts}
     for pin, radius_m in (("pin_1", 0.002), ("plug", 0.004)):
-        fit = found[frozenset((pin, "base"))]
+        fit = results[frozenset((pin, "base"))]
         assert fit.kind == "cylinder"
         assert fit.radius_m == pytest.approx(radius_m, abs=1e-6)
         assert fit.radius_difference_m == pytest.approx(0, abs=1e-6)
-    assert found[frozenset(("bolt", "nut"))].radius_difference_m == pytest.approx(-5e-4, abs=1e-6)
-    assert frozenset(("bolt", "base")) not in found
+    assert results[frozenset(("bolt", "nut"))].radius_difference_m == pytest.approx(-5e-4, abs=1e-6)
+    assert frozenset(("bolt", "base")) not in results
 
 
 @pytest.mark.parametrize("name", thinned(["bracket", "eight", "fastened"], "bracket", "fastened"))
 def test_contacts_have_their_kinds(joints, name):
     """Flat on flat, and a cylinder in a cylinder, which is a thread where a screw is gripped."""
-    kinds = {frozenset(one.parts): one.kind for one in joints(name).contacts}
+    kinds = {frozenset(contact.parts): contact.kind for contact in joints(name).contacts}
     for pair in truth(name)["contacts"]["plane"]:
         assert kinds[frozenset(pair)] == "plane"
     for pair in truth(name)["contacts"]["cylinder"]:
@@ -113,10 +116,10 @@ def test_contacts_have_their_kinds(joints, name):
 
 def test_parts_that_overlap_are_named_with_the_volume(joints):
     """Beyond what chords explain."""
-    (wanted,) = truth("interfering")["interference"]
-    (found,) = [one for one in joints("interfering").contacts if one.interferes]
-    assert set(wanted["parts"]) == set(found.parts)
-    assert found.overlap_m3 * 1e9 == pytest.approx(wanted["overlap_mm3"], rel=0.02)
+    (expected,) = truth("interfering")["interference"]
+    (results,) = [contact for contact in joints("interfering").contacts if contact.interferes]
+    assert set(expected["parts"]) == set(results.parts)
+    assert results.overlap_m3 * 1e9 == pytest.approx(expected["overlap_mm3"], rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -124,40 +127,42 @@ def test_parts_that_overlap_are_named_with_the_volume(joints):
 )
 def test_parts_that_fit_are_not_said_to_overlap(joints, name):
     """Though their tessellated cylinders cut into each other."""
-    assert [one.parts for one in joints(name).contacts if one.interferes] == []
+    assert [contact.parts for contact in joints(name).contacts if contact.interferes] == []
 
 
 def test_what_floats_touches_nothing(joints):
     """The balloon has no contact."""
-    assert {"plate", "block"} == {name for one in joints("floating").contacts for name in one.parts}
+    assert {"plate", "block"} == {
+        name for contact in joints("floating").contacts for name in contact.parts
+    }
 
 
 class TestDirections:
     def test_those_of_the_file_come_first_and_are_all_there_are_in_its_frame(self):
         """Cylinders along z add nothing."""
-        found = joints_of(product("threads"), 1e-4, "cylinders", "unscrew").directions
-        assert len(found) == 6
-        assert found[:2] == ((1, 0, 0), (-1, 0, 0))
+        result = joints_of(product("threads"), 1e-4, "cylinders", "unscrew").directions
+        assert len(result) == 6
+        assert result[:2] == ((1, 0, 0), (-1, 0, 0))
 
     def test_axes_of_cylinders_are_added_with_a_frame_about_them(self):
         """In a turned product; of the file's axes y is square to its cylinders, too."""
         turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
-        found = np.array(
+        array = np.array(
             joints_of(moved(product("threads"), turn), 1e-4, "cylinders", "unscrew").directions
         )
-        assert len(found) == 10
-        assert np.abs(found[6:] @ turn[:, 2]).max() == pytest.approx(1, abs=1e-6)
+        assert len(array) == 10
+        assert np.abs(array[6:] @ turn[:, 2]).max() == pytest.approx(1, abs=1e-6)
 
     def test_flat_contacts_add_their_normals_and_what_slides_on_two_of_them(self):
         """A dovetail slides along y, which is an edge of its contacts; its flanks are oblique."""
-        found = np.array(joints_of(product("dovetail"), 1e-4, "contacts", "unscrew").directions)
-        assert len(found) > 6
-        assert np.linalg.norm(found, axis=1) == pytest.approx(np.ones(len(found)))
+        array = np.array(joints_of(product("dovetail"), 1e-4, "contacts", "unscrew").directions)
+        assert len(array) > 6
+        assert np.linalg.norm(array, axis=1) == pytest.approx(np.ones(len(array)))
 
 
 def test_relations_name_identical_and_mirrored_parts():
     """By the first of them."""
-    parts = {one.name: one for one in relation("mirrored").parts}
+    parts = {part.name: part for part in relation("mirrored").parts}
     assert parts["left_2"].identical_to == "left_1"
     assert parts["left_1"].identical_to is None
     assert parts["right"].mirror_of == "left_1"

@@ -44,9 +44,9 @@ def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
     for part in range(len(precedence.names)):
         minimal = precedence.minimal(part)
         assert minimal
-        for one in minimal:
-            subsets = [o for o in precedence.alternatives[part] if not o.blockers & ~one.blockers]
-            assert [o.blockers for o in subsets] == [one.blockers]
+        for item in minimal:
+            subsets = [o for o in precedence.alternatives[part] if not o.blockers & ~item.blockers]
+            assert [o.blockers for o in subsets] == [item.blockers]
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,9 @@ def test_a_group_that_only_moves_as_one_is_a_subassembly():
     precedence = precedence_of(relation)
     groups = groups_of(relation, precedence, fixed=1)
     assert names_of(groups.core, precedence) == ("box", "a", "b")
-    assert [names_of(one, precedence) for one in groups.subassemblies] == [("a", "b")]
+    assert [names_of(subassembly, precedence) for subassembly in groups.subassemblies] == [
+        ("a", "b")
+    ]
     assert relation.directions[groups.splits[0].direction] == (0.0, 0.0, 1.0)
 
 

@@ -49,7 +49,7 @@ class TestStep:
         shapes = {}
         for part in whole.parts:
             shapes.setdefault(part.shape, []).append(part.name)
-        repeated = sorted(sorted(one) for one in shapes.values() if len(one) > 1)
+        repeated = sorted(sorted(shape) for shape in shapes.values() if len(shape) > 1)
         assert truth(name).get("identical", []) == repeated
 
     def test_names_are_paths_in_the_tree(self):
@@ -79,9 +79,9 @@ class TestStep:
         """The same bracket, saved in inches."""
         inch, metric = product("inch"), product("bracket")
         assert inch.unit == "inch"
-        for one, other in zip(inch.parts, metric.parts, strict=True):
-            assert one.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
-            assert one.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
+        for part, other in zip(inch.parts, metric.parts, strict=True):
+            assert part.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
+            assert part.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
 
     def test_faces_have_their_surfaces(self):
         """A washer is two planes and two cylinders, one of them hollow."""
@@ -166,10 +166,10 @@ class TestFolders:
         peg = trimesh.creation.cylinder(radius=3, height=20, sections=48)
         path = folder(tmp_path, peg=peg, plate=box((30, 30, 5), (0, 0, -20)))
         whole = read_product(path, ReadOptions(unit="mm"))
-        (round_face,) = [one for one in whole.parts[0].faces if one.kind == "cylinder"]
+        (round_face,) = [face for face in whole.parts[0].faces if face.kind == "cylinder"]
         assert round_face.radius_m == pytest.approx(0.003, rel=1e-3)
         assert np.abs(round_face.axis) == pytest.approx([0, 0, 1], abs=1e-6)
-        assert [one.kind for one in whole.parts[1].faces] == ["plane"] * 6
+        assert [item.kind for item in whole.parts[1].faces] == ["plane"] * 6
 
     def test_bodies_of_a_part_are_counted_and_split_when_asked(self, tmp_path):
         """One file with two cubes."""
@@ -237,10 +237,10 @@ class TestMending:
         mesh = box()
         loose = mesh.triangles.reshape(-1, 3)
         triangles = np.arange(len(loose)).reshape(-1, 3)[:, ::-1]
-        found = mended(RawPart("cube", (), loose, triangles))
-        assert found.open_edges == 0
-        assert len(found.part.vertices_m) == 8
-        corners = found.part.vertices_m[found.part.triangles]
+        result = mended(RawPart("cube", (), loose, triangles))
+        assert result.open_edges == 0
+        assert len(result.part.vertices_m) == 8
+        corners = result.part.vertices_m[result.part.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert (np.einsum("ij,ij->i", normals, corners.mean(axis=1)) > 0).all()
 
@@ -249,9 +249,9 @@ class TestMending:
         hollow = box((4, 4, 4))
         hollow.invert()
         both = trimesh.util.concatenate([box(), hollow])
-        found = mended(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
-        assert found.open_edges == 0
-        assert found.bodies.max() == 0
+        result = mended(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
+        assert result.open_edges == 0
+        assert result.bodies.max() == 0
 
 
 def test_shapes_are_found_whatever_their_place_and_tessellation():

@@ -23,9 +23,9 @@ def keyed():
 
 
 def test_a_plan_with_a_path_round_a_corner_stands(keyed):
-    found = replay(*keyed)
-    assert found.agrees
-    assert found.samples > 40
+    plan = replay(*keyed)
+    assert plan.agrees
+    assert plan.samples > 40
 
 
 def test_a_step_in_a_wrong_direction_is_told_with_the_pair_and_the_place(keyed):
@@ -33,9 +33,9 @@ def test_a_step_in_a_wrong_direction_is_told_with_the_pair_and_the_place(keyed):
     number = [step.parts for step in plan.steps].index(("lid",))
     wrong = replace(plan.steps[number], along=(0.0, 0.0, 1.0))
     steps = (*plan.steps[:number], wrong, *plan.steps[number + 1 :])
-    found = replay(product, relation, replace(plan, steps=steps))
-    fault = found.faults[0]
-    assert not found.agrees
+    result = replay(product, relation, replace(plan, steps=steps))
+    fault = result.faults[0]
+    assert not result.agrees
     assert (fault.step, fault.part, fault.by) == (number, "lid", "body")
     assert 0.0 < fault.point_m[2] < 0.0121
 
@@ -43,8 +43,8 @@ def test_a_step_in_a_wrong_direction_is_told_with_the_pair_and_the_place(keyed):
 def test_a_part_that_comes_too_early_is_told(keyed):
     product, relation, plan = keyed
     straight = replace(plan.steps[0], path=())
-    found = replay(product, relation, replace(plan, steps=(straight, *plan.steps[1:])))
-    assert {(fault.part, fault.by) for fault in found.faults} == {("key", "body")}
+    result = replay(product, relation, replace(plan, steps=(straight, *plan.steps[1:])))
+    assert {(fault.part, fault.by) for fault in result.faults} == {("key", "body")}
 
 
 def test_a_lid_before_what_lies_beneath_it_is_a_wrong_order():
@@ -61,5 +61,5 @@ def test_a_lid_before_what_lies_beneath_it_is_a_wrong_order():
     plan = Planner(product, relation).plan("tray")
     assert [step.parts for step in plan.steps] == [("block",), ("lid",)]
     assert replay(product, relation, plan).agrees
-    found = replay(product, relation, replace(plan, steps=plan.steps[::-1]))
-    assert {(fault.step, fault.part, fault.by) for fault in found.faults} == {(1, "block", "lid")}
+    result = replay(product, relation, replace(plan, steps=plan.steps[::-1]))
+    assert {(fault.step, fault.part, fault.by) for fault in result.faults} == {(1, "block", "lid")}

@@ -94,19 +94,21 @@ def test_a_product_on_a_narrow_foot_tips(bridge):
 
 def test_the_cheapest_order_is_stable_connected_and_without_turns(bridge):
     product, relation, _ = bridge
-    found = sequencer(*bridge).sequence(as_set(range(4)), 0, UP)
-    assert found.cheapest
-    assert [product.parts[part].name for part in found.assembly][-1] == "beam"
-    assert found.turns == 0
-    assert all(one.stays and one.connected and not one.tips for one in found.removals)
-    assert {relation.directions[one.direction] for one in found.removals} == {UP}
+    sequence = sequencer(*bridge).sequence(as_set(range(4)), 0, UP)
+    assert sequence.cheapest
+    assert [product.parts[part].name for part in sequence.assembly][-1] == "beam"
+    assert sequence.turns == 0
+    assert all(
+        removal.stays and removal.connected and not removal.tips for removal in sequence.removals
+    )
+    assert {relation.directions[item.direction] for item in sequence.removals} == {UP}
 
 
 def test_tools_are_changed_as_seldom_as_precedence_allows(bridge):
     product, relation, stability = bridge
     tools = {"left": "cup", "right": "gripper", "beam": "cup"}
-    found = sequencer(product, relation, stability, tools).sequence(as_set(range(4)), 0, UP)
-    assert [one.tool for one in found.removals] == ["cup", "cup", "gripper"]
+    sequence = sequencer(product, relation, stability, tools).sequence(as_set(range(4)), 0, UP)
+    assert [removal.tool for removal in sequence.removals] == ["cup", "cup", "gripper"]
 
 
 def test_friction_holds_on_a_gentle_slope_and_not_on_a_steep_one():

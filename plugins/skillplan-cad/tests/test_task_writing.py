@@ -105,7 +105,7 @@ def test_written_meshes_enclose_what_the_parts_do(eight, written, tmp_path):
 def test_pieces_are_few_and_block_what_the_true_meshes_do(written):
     """A plug in a round hole and a slide in a dovetail go in past them."""
     assert written.pieces.differences == ()
-    counts = {name: sum(map(len, made)) for name, made in written.pieces.pieces.items()}
+    counts = {name: sum(map(len, piece)) for name, piece in written.pieces.pieces.items()}
     assert counts["plug"] == 1
     assert max(counts.values()) < 80
     for name, entry in written.document["parts"].items():
@@ -122,7 +122,7 @@ def test_jaws_lift_the_heaviest_part_by_friction(written):
     """The base weighs 12.9 N; at friction 0.6 two jaws need more than 10.7 N each."""
     parts = written.document["parts"]
     gripper = written.document["tools"]["gripper"]
-    weight_n = 9.81 * max(one["mass_kg"] for one in parts.values() if one["tool"] == "gripper")
+    weight_n = 9.81 * max(part["mass_kg"] for part in parts.values() if part["tool"] == "gripper")
     assert 2 * 0.6 * gripper["force_n"] > 3 * weight_n
     assert gripper["force_n"] <= 70
 
@@ -150,12 +150,12 @@ def test_a_knob_is_a_mesh_of_its_own_by_which_the_part_is_held():
 
 def test_a_tray_keeps_parts_apart_and_within_reach():
     items = [Item(f"part_{n}", (0.04, 0.03, 0.02)) for n in range(10)]
-    found = tray((0.12, 0.10, 0.05), items, reach_m=0.855)
-    assert found.without == ()
-    places = list(found.places.values())
+    result = tray((0.12, 0.10, 0.05), items, reach_m=0.855)
+    assert result.without == ()
+    places = list(result.places.values())
     for number, (x, y) in enumerate(places):
         assert 0.25 < math.hypot(x, y) < 0.75
-        assert max(abs(x - found.product_m[0]), abs(y - found.product_m[1])) > 0.15
+        assert max(abs(x - result.product_m[0]), abs(y - result.product_m[1])) > 0.15
         for other in places[:number]:
             assert max(abs(x - other[0]) - 0.04, abs(y - other[1]) - 0.03) > 0.039
 

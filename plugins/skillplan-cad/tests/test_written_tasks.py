@@ -64,10 +64,10 @@ def written(request, tmp_path):
 
 def closure(pairs):
     """Return all pairs that follow from some."""
-    found = set(pairs)
-    while more := {(a, d) for a, b in found for c, d in found if b == c} - found:
-        found |= more
-    return found
+    result = set(pairs)
+    while more := {(a, d) for a, b in result for c, d in result if b == c} - result:
+        result |= more
+    return result
 
 
 def related_pairs(known, task, document):
@@ -86,12 +86,12 @@ def chart_of(file, capsys):
     """Return which parts run into which, and which fingers do first; supports are left aside."""
     set_up = ["--collision", "swept", "--set", "collision.swept.check_support=false"]
     assert run(["chart", str(file), *set_up, "--format", "json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert not found["impossible"]
+    loads = json.loads(capsys.readouterr().out)
+    assert not loads["impossible"]
     pairs = {True: set(), False: set()}
-    for one in found["relations"]:
-        moving = one["evidence"]["moving"]
-        pairs[moving == "a finger"].add((one["before"], one["after"]))
+    for item in loads["relations"]:
+        moving = item["evidence"]["moving"]
+        pairs[moving == "a finger"].add((item["before"], item["after"]))
     return pairs[False], pairs[True]
 
 

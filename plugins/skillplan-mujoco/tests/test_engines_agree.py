@@ -37,7 +37,7 @@ def compared(task: Task) -> EngineAgreement:
 
 def test_contact_pairs_executes_in_mujoco_where_pybullet_is_not_installed(monkeypatch):
     """A detector without an engine beside it takes the one that there is."""
-    left = EntryPoints(one for one in installed.registered("physics") if one.name != "pybullet")
+    left = EntryPoints(item for item in installed.registered("physics") if item.name != "pybullet")
     monkeypatch.setattr(contact_detectors, "registered", lambda kind: left)
     detector = ContactPairsDetector(lid_task())
     assert detector.refuses() is None
@@ -57,10 +57,10 @@ def test_contact_pairs_without_any_engine_says_what_to_install(monkeypatch):
 )
 def test_engines_agree_on_every_question_of_a_small_product():
     """All that is applicable in every state of the lid task."""
-    found = compared(lid_task())
-    assert found.complete
-    assert found.contradictions == ()
-    assert found.agree == found.questions > 40
+    result = compared(lid_task())
+    assert result.complete
+    assert result.contradictions == ()
+    assert result.agree == result.questions > 40
 
 
 @pytest.mark.release(reason="a minute of executions; a smaller product in the whole suite")
@@ -68,9 +68,9 @@ def test_engines_agree_on_every_question_of_a_small_product():
 def test_engines_agree_on_every_question_of_a_product(product):
     """In hundreds of states; and MuJoCo derives the hand-made chart."""
     task = load_problem(BOARD.parent / f"{product}.yaml").task
-    found = compared(task)
-    assert found.contradictions == ()
-    assert found.agree == found.questions > 700
+    result = compared(task)
+    assert result.contradictions == ()
+    assert result.agree == result.questions > 700
     with closing(make_feasibility(task, Setup("mujoco", CONTACTS))) as checks:
         chart = derive_chart(checks)
     assert (chart.missing, chart.extra) == ((), ())

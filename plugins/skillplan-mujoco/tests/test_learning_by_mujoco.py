@@ -42,12 +42,12 @@ def test_runs_in_two_processes_learn_what_they_learn_in_one(tmp_path, monkeypatc
         words += ["--physics", "mujoco", "--collision", "contact-pairs", "--jobs", jobs]
         with pytest.raises(SystemExit) as ended:
             main([*words, "--out", str(out), "--format", "json"])
-        said = capfd.readouterr()
-        assert ended.value.code == 0, said.err
-        assert json.loads(said.out)["completed_runs"] == 6
+        readouterr = capfd.readouterr()
+        assert ended.value.code == 0, readouterr.err
+        assert json.loads(readouterr.out)["completed_runs"] == 6
         folders.append(out)
-    one, other = folders
-    kept = sorted(path.relative_to(one) for path in one.rglob("*.safetensors"))
+    first, other = folders
+    kept = sorted(path.relative_to(first) for path in first.rglob("*.safetensors"))
     assert len(kept) >= 6
     for path in (Path("metrics.jsonl"), *kept):
-        assert (one / path).read_bytes() == (other / path).read_bytes(), path
+        assert (first / path).read_bytes() == (other / path).read_bytes(), path

@@ -36,12 +36,12 @@ def engine(task):
 
 def on_the_optimum(task: Task, actions: Iterable[int] = OPTIMAL) -> list[Query]:
     """Return the skills of the optimum, each where it is executed."""
-    state, found = task.initial, []
+    state, results = task.initial, []
     for action in actions:
         skill = task.skills[action]
-        found.append((skill, state))
+        results.append((skill, state))
         state = skill.prediction_in(state).apply(state)
-    return found
+    return results
 
 
 def contacts(engine: MujocoEngine, query: Query) -> Verdict:
@@ -84,9 +84,9 @@ def test_what_a_part_runs_into_is_named(engine, task):
 def digest(engine: MujocoEngine, query: Query) -> str:
     """Return a digest of all that an execution left behind."""
     record = engine.record(*query)
-    said = json.dumps(engine.check(*query).evidence, sort_keys=True).encode()
+    encoded = json.dumps(engine.check(*query).evidence, sort_keys=True).encode()
     values = [*record.forces_n.values(), *record.pairs_n.values(), *record.moved_m.values()]
-    return hashlib.sha256(said + b"".join(value.tobytes() for value in values)).hexdigest()
+    return hashlib.sha256(encoded + b"".join(value.tobytes() for value in values)).hexdigest()
 
 
 def test_a_check_leaves_nothing_behind(task):
@@ -105,8 +105,8 @@ def test_whatever_was_checked_before_a_fresh_model_records_the_same_to_the_bit(t
     used, queries = MujocoEngine(task), on_the_optimum(task)
     queries.append(imagined(task, "place(transformer)", "pcb", "brace"))
     for number in order:
-        said = digest(used, queries[number])
-    assert said == digest(MujocoEngine(task), queries[order[-1]])
+        message = digest(used, queries[number])
+    assert message == digest(MujocoEngine(task), queries[order[-1]])
 
 
 def elsewhere(number: int, **environment: str) -> list[str]:
@@ -124,8 +124,8 @@ def elsewhere(number: int, **environment: str) -> list[str]:
 
 def test_a_new_process_with_another_blas_records_the_same_to_the_bit(task, engine):
     """A pick; the oldest kernels of OpenBLAS add up in another order than those in use."""
-    said = digest(engine, on_the_optimum(task)[2])
-    assert elsewhere(1, OPENBLAS_CORETYPE="Prescott") == [said]
+    message = digest(engine, on_the_optimum(task)[2])
+    assert elsewhere(1, OPENBLAS_CORETYPE="Prescott") == [message]
 
 
 @pytest.mark.slow(reason="processes; one of them in every run")

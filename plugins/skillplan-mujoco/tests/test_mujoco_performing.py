@@ -21,7 +21,7 @@ def pixels(image):
 def test_the_first_skill_of_a_plan_is_filmed_and_traced(engine):
     """A part is picked up; rows of the trace are 1/60 s apart, pictures 1 s."""
     images, samples = [], []
-    found = engine.perform(
+    perform = engine.perform(
         [engine.task.skills[OPTIMAL[0]]],
         frames_per_s=1.0,
         show=images.append,
@@ -29,10 +29,10 @@ def test_the_first_skill_of_a_plan_is_filmed_and_traced(engine):
         angle=Angle.parse("top"),
         labels=True,
     )
-    assert found.failed is None
+    assert perform.failed is None
     assert {(image.width, image.height) for image in images} == {(WIDTH, HEIGHT)}
-    assert len(images) == pytest.approx(found.simulated_s, abs=1.0)
-    assert len(samples) == pytest.approx(60 * found.simulated_s, abs=2)
+    assert len(images) == pytest.approx(perform.simulated_s, abs=1.0)
+    assert len(samples) == pytest.approx(60 * perform.simulated_s, abs=2)
     assert pixels(images[-1]).std() > 10.0
 
 

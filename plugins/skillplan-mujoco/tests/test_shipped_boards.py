@@ -88,12 +88,12 @@ def assert_executed(product: str, result: Result, executing: str) -> None:
     done = engine.perform(plan_of(task, result))
     assert done.failed is None, f"{done.failed.skill}: {done.failed.verdict.reason}"
     assert len(done.skills) == len(result.steps)
-    assert max(one.offset_m for one in done.arrivals) < 0.0005
-    assert max(one.tilt_rad for one in done.arrivals) < math.radians(1.0)
+    assert max(arrival.offset_m for arrival in done.arrivals) < 0.0005
+    assert max(item.tilt_rad for item in done.arrivals) < math.radians(1.0)
     pressed = [
-        one.verdict.evidence["sensed"]["fastening_force_n"]
-        for one in done.skills
-        if one.skill.startswith("fasten(")
+        skill.verdict.evidence["sensed"]["fastening_force_n"]
+        for skill in done.skills
+        if skill.skill.startswith("fasten(")
     ]
     assert all(force_n >= 3.0 for force_n in pressed)
 
@@ -126,8 +126,8 @@ def test_a_ur5e_builds_the_board_that_init_writes(engine):
     task = load_problem(STARTER, changes={"robot.model": "ur5e"}).task
     result = solve(task, setup=Setup(engine, CONTACTS, screening=True))
     assert result.status == "optimal", result.reason
-    made, *_ = introduce(Setup(engine, CONTACTS).back_ends(task))
-    done = made.perform(plan_of(task, result))
+    created, *_ = introduce(Setup(engine, CONTACTS).back_ends(task))
+    done = created.perform(plan_of(task, result))
     assert done.failed is None, f"{done.failed.skill}: {done.failed.verdict.reason}"
 
 
@@ -174,10 +174,10 @@ def test_both_engines_derive_the_chart_that_was_drawn_by_hand(product):
     """Without being told it: the same relation, which is that of the file."""
     task = task_of(product)
     bare = task.replace(chart=(), collision=())
-    found = []
+    results = []
     for engine in ENGINES:
         with closing(make_feasibility(bare, Setup(engine, CONTACTS))) as checks:
             chart = derive_chart(checks)
         assert (dict(chart.impossible), dict(chart.conditional), chart.undecided) == ({}, {}, ())
-        found.append(closure((one.before, one.after) for one in chart.relations))
-    assert found[0] == found[1] == closure((line.before, line.after) for line in task.chart)
+        results.append(closure((relation.before, relation.after) for relation in chart.relations))
+    assert results[0] == results[1] == closure((line.before, line.after) for line in task.chart)

@@ -48,12 +48,12 @@ def command(*words: str) -> list[str]:
 
 
 def document(*words: str) -> Any:
-    made = subprocess.run(
+    created = subprocess.run(
         command(*words, "--format", "json"), capture_output=True, text=True, check=False
     )
-    assert made.returncode == 0, made.stderr
-    assert made.stderr == ""
-    return json.loads(made.stdout)
+    assert created.returncode == 0, created.stderr
+    assert created.stderr == ""
+    return json.loads(created.stdout)
 
 
 def test_it_finds_what_is_good(tmp_path):
@@ -64,14 +64,14 @@ def test_it_finds_what_is_good(tmp_path):
         trial = trials.ask()
         x, y = float(trial.values["x"] or 0), float(trial.values["y"] or 0)
         trials.tell(trial, (x - 3) ** 2 + (y - 7) ** 2, [])
-    best = min(trials.finished(), key=lambda one: one.value or 0.0)
+    best = min(trials.finished(), key=lambda first: first.value or 0.0)
     assert best.value is not None
     assert best.value < 0.5
 
 
 def test_one_process_repeats_itself(tmp_path):
     """As long as trials end in the order in which they began."""
-    found = []
+    results = []
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         question = Question((Span("x", 0.0, 1.0),), {}, {}, seed=3)
@@ -79,8 +79,8 @@ def test_one_process_repeats_itself(tmp_path):
         for _ in range(6):
             trial = trials.ask()
             trials.tell(trial, float(trial.values["x"] or 0), [])
-        found.append([one.trial.values for one in trials.finished()])
-    assert found[0] == found[1]
+        results.append([item.trial.values for item in trials.finished()])
+    assert results[0] == results[1]
 
 
 def joined(folder: Path) -> SharedTrials:
@@ -95,7 +95,7 @@ def test_a_line_that_was_cut_off_is_dropped(tmp_path):
     with path.open("ab") as file:
         file.write(b'{"op_code": 4, "tri')
     again = joined(tmp_path)
-    assert [one.lines for one in again.finished()] == [("kept",)]
+    assert [item.lines for item in again.finished()] == [("kept",)]
     again.tell(again.ask(), 2.0, [])
     assert joined(tmp_path).done() == 2
 
@@ -124,7 +124,7 @@ def test_processes_share_a_study_and_each_shows_all_of_it(tmp_path):
         process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0
     shown = document("--out", study, "--trials", "12")
-    numbers = [one["trial"] for one in shown["settings"]]
+    numbers = [setting["trial"] for setting in shown["settings"]]
     assert 12 <= len(numbers) <= 13
     assert len(set(numbers)) == len(numbers)
     assert shown == json.loads((tmp_path / "study" / "sweep.json").read_text("utf-8"))
@@ -183,7 +183,7 @@ def test_a_folder_of_something_else_is_left_alone(study, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(OptionError, match=r"is not empty, and holds no trials of optuna"):
         open_trials(str(tmp_path), study[0], make_sampler("optuna", {}), 0)
-    assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
 def test_runs_in_the_journal_that_are_none_are_refused(study, tmp_path):

@@ -79,8 +79,8 @@ def test_it_proves_the_benchmark(name, optimum):
 def test_it_never_says_more_than_exact_search(content, spare):
     """Also where the step limit binds, and an order that is cheapest takes too many skills."""
     task = assembly(content)
-    least = 2 * len(content["parts"]) + len(content["screws"])
-    task = task.replace(step_limit=least + spare)
+    minimum = 2 * len(content["parts"]) + len(content["screws"])
+    task = task.replace(step_limit=minimum + spare)
     result, exact = solve(task, "cp-sat"), solve(task, "exact")
     event(f"{result.status.value} where exact search says {exact.status.value}")
     if result.status is Status.REFUSED:
@@ -131,16 +131,16 @@ def test_the_structure_is_recognised_once(monkeypatch):
     """Asking physics twice would be expensive."""
     from skillplan.model import SequencingProblem
 
-    asked = []
+    queries = []
     recognise = SequencingProblem.from_model.__func__
 
     def counting(cls, model):
-        asked.append(model)
+        queries.append(model)
         return recognise(cls, model)
 
     monkeypatch.setattr(SequencingProblem, "from_model", classmethod(counting))
     assert solve(lid_task(), "cp-sat").status is Status.OPTIMAL
-    assert len(asked) == 1
+    assert len(queries) == 1
 
 
 def test_what_stands_against_every_order_is_named():

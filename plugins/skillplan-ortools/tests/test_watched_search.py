@@ -40,15 +40,15 @@ def test_it_proves_what_enumeration_finds(problem):
     """On random problems of up to six jobs; bounds on the way never exceed the optimum."""
     network = WholeCosts(problem)
     orders = [o for o in itertools.permutations(range(network.n)) if network.allows(o)]
-    least = min(map(problem.cost, orders))
+    minimum = min(map(problem.cost, orders))
     event(f"{network.n} jobs")
     bounds = []
     outcome = searched(network, on_bound=bounds.append)
     assert outcome.complete
-    assert problem.cost(outcome.order) == pytest.approx(least, abs=1e-9)
-    assert network.in_problem_units(outcome.bound) == pytest.approx(least, abs=1e-9)
+    assert problem.cost(outcome.order) == pytest.approx(minimum, abs=1e-9)
+    assert network.in_problem_units(outcome.bound) == pytest.approx(minimum, abs=1e-9)
     assert bounds == sorted(bounds)
-    assert all(network.in_problem_units(bound) <= least + 1e-9 for bound in bounds)
+    assert all(network.in_problem_units(bound) <= minimum + 1e-9 for bound in bounds)
 
 
 @settings(max_examples=examples(30))
@@ -65,8 +65,8 @@ def test_a_limit_on_skills_is_kept(problem, spare):
     outcome = searched(network, most_skills=most)
     if orders:
         assert len(problem.plan(outcome.order)) <= most
-        least = min(map(problem.cost, orders))
-        assert problem.cost(outcome.order) == pytest.approx(least, abs=1e-9)
+        minimum = min(map(problem.cost, orders))
+        assert problem.cost(outcome.order) == pytest.approx(minimum, abs=1e-9)
     else:
         assert outcome.impossible
         assert outcome.order is None

@@ -52,14 +52,14 @@ class Order:
 
     def reachable(self):
         """Return every set of elements that can have been put in place."""
-        found, queue = {NOTHING}, [NOTHING]
+        results, queue = {NOTHING}, [NOTHING]
         for done in queue:
             for element in self.task.operations:
                 after = done | {element}
-                if element not in done and after not in found and self.allows(done, element):
-                    found.add(after)
+                if element not in done and after not in results and self.allows(done, element):
+                    results.add(after)
                     queue.append(after)
-        return found
+        return results
 
     def pairs(self):
         """Return every reachable set with every element that it lacks."""
@@ -137,9 +137,9 @@ def test_it_agrees_with_the_chart_but_for_dead_ends(board, swept):
     parts = {
         (done, element)
         for done, element in pairs
-        if not any("screw" in one for one in (*done, element))
+        if not any("screw" in item for item in (*done, element))
     }
-    assert len({done for done, _ in pairs if not any("screw" in one for one in done)}) == 25
+    assert len({done for done, _ in pairs if not any("screw" in part for part in done)}) == 25
     assert len(parts) == 66
     assert_more_is_allowed_in_dead_ends_only(swept, chart)
     assert NOTHING in swept.leads_on()

@@ -37,11 +37,11 @@ def warnings(folder: Path, grasp: str) -> list[str]:
 
 def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path):
     """Jaws would fit, but the arm would have to come from behind; no solver is needed to say so."""
-    (told,) = warnings(tmp_path, "{approach: [-1, 0, 0]}")
-    assert told.startswith(
+    (message,) = warnings(tmp_path, "{approach: [-1, 0, 0]}")
+    assert message.startswith(
         "10:12: parts.pillar.grasp: by swept pick(pillar) and place(pillar) are never feasible: "
     )
-    assert told.endswith(" Give another grasp (approach, closing_axis, at_m), or move the part.")
+    assert message.endswith(" Give another grasp (approach, closing_axis, at_m), or move the part.")
 
 
 @pytest.mark.parametrize("grasp", ["{closing_axis: y}", "[{approach: [-1, 0, 0]}, {}]", "auto"])
@@ -62,8 +62,8 @@ def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
         height_m = ring.low_m + up * (ring.high_m - ring.low_m) - hand.tip_m
         bearing = 2.4 * turn
         tip = (away_m * math.cos(bearing), away_m * math.sin(bearing), height_m)
-        found = iterate_elbows(arm, tip, bearing + turn * math.pi / turns)
-        assert any(not isinstance(posture, Unreachable) for posture in found), tip
+        result = iterate_elbows(arm, tip, bearing + turn * math.pi / turns)
+        assert any(not isinstance(posture, Unreachable) for posture in result), tip
 
 
 @pytest.mark.parametrize("name", sorted(ARMS))
@@ -87,6 +87,6 @@ def test_so_it_does_on_a_finer_lattice(name):
 def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(path, monkeypatch):
     """Asked of all skills, it warns of the same."""
     problem = load_problem(path)
-    found = preview_problem(problem).warnings
+    result = preview_problem(problem).warnings
     monkeypatch.setattr(obstacles, "surely_reached", lambda *_: False)
-    assert preview_problem(problem).warnings == found
+    assert preview_problem(problem).warnings == result

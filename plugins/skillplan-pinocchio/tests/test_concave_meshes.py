@@ -51,11 +51,11 @@ def test_coacd_takes_a_channel_apart_and_says_how_well():
 
     mesh = channel()
     corners, faces = np.array(mesh.corners), np.array(mesh.faces)
-    one, other = convex_pieces(corners, faces), convex_pieces(corners, faces)
-    assert [piece.tolist() for piece, _ in one] == [piece.tolist() for piece, _ in other]
-    made = decomposition_of(mesh)
-    assert 3 <= len(made.pieces) <= 8
-    assert made.error_m < 5e-4
+    first, other = convex_pieces(corners, faces), convex_pieces(corners, faces)
+    assert [piece.tolist() for piece, _ in first] == [piece.tolist() for piece, _ in other]
+    decomposition = decomposition_of(mesh)
+    assert 3 <= len(decomposition.pieces) <= 8
+    assert decomposition.error_m < 5e-4
 
 
 @pytest.mark.slow(reason="takes a mesh apart in a process; the line by itself in every run")

@@ -60,7 +60,7 @@ def test_dwells_of_single_bodies_and_tools_are_in_every_figure(tmp_path, capsys,
     monkeypatch.setenv("COLUMNS", "200")
     board = starter(tmp_path, capsys)
     own = ("screws.screw.durations_s={fasten: 12}", "tools.gripper.durations_s={offload: 9}")
-    changes = [word for one in own for word in ("--set", one)]
+    changes = [word for record in own for word in ("--set", record)]
     usual, own = solved(capsys, board), solved(capsys, board, *changes)
     assert own["makespan_s"] - usual["makespan_s"] == pytest.approx(4.0 + 4.0, abs=1e-6)
     assert own["dwells_from"][:-1] == [
@@ -70,8 +70,10 @@ def test_dwells_of_single_bodies_and_tools_are_in_every_figure(tmp_path, capsys,
     out = tmp_path / "run"
     code, table, _ = command(capsys, "search-optimal", str(board), *changes, "--out", str(out))
     assert code == 0
-    said = "dwells     of screws.screw, tools.gripper by their own durations_s, others by the task"
-    assert said in table
+    message = (
+        "dwells     of screws.screw, tools.gripper by their own durations_s, others by the task"
+    )
+    assert message in table
     exported = tmp_path / "plan.csv"
     code, _, err = command(capsys, "export", str(out), "--to", "csv", "--out", str(exported))
     assert code == 0, err
@@ -88,7 +90,7 @@ def test_a_planned_motion_lasts_as_long_as_the_plan():
     task = assembly(content)
     result = solve(task, "exact", SWEPT)
     motion = SweptDetector(task).planned_motion([task.skill(s.skill) for s in result.steps], 60)
-    taken_s = [one.end_s - one.begin_s for one in motion.skills]
+    taken_s = [skill.end_s - skill.begin_s for skill in motion.skills]
     assert taken_s == pytest.approx([step.duration_s for step in result.steps], abs=1e-6)
 
 

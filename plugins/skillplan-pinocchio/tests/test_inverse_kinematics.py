@@ -26,9 +26,9 @@ ANGLES = st.floats(-math.pi, math.pi)
 def test_what_is_found_is_accurate_and_within_limits(away_m, bearing_rad, z_m, yaw_rad):
     """To a micrometre and a microradian, for every elbow; and the first one always leads there."""
     position = (away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad), z_m)
-    found = list(iterate_elbows(ARM, position, yaw_rad))
-    assert not isinstance(found[0], Unreachable)
-    for joints in found:
+    items = list(iterate_elbows(ARM, position, yaw_rad))
+    assert not isinstance(items[0], Unreachable)
+    for joints in items:
         if isinstance(joints, Unreachable):
             continue
         assert (joints >= ARM.low_rad).all()
@@ -42,13 +42,13 @@ def test_what_is_found_is_accurate_and_within_limits(away_m, bearing_rad, z_m, y
 
 def test_the_elbow_swings_while_the_hand_stays():
     """One pose, several postures."""
-    found = [
+    results = [
         joints
         for joints in iterate_elbows(ARM, (0.5, 0.0, 0.1), 0.0)
         if not isinstance(joints, Unreachable)
     ]
-    heights_m = {round(float(ARM.frames([joints])[1][0, 3, 1]), 2) for joints in found}
-    assert len(found) > 4
+    heights_m = {round(float(ARM.frames([joints])[1][0, 3, 1]), 2) for joints in results}
+    assert len(results) > 4
     assert max(heights_m) - min(heights_m) > 0.1
 
 
@@ -56,28 +56,28 @@ def test_the_same_question_has_the_same_answer_bit_for_bit():
     """Whatever was asked between."""
     first = list(iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3))
     list(iterate_elbows(ARM, (0.3, -0.3, 0.2), -1.0))
-    for one, other in zip(first, iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3), strict=True):
-        assert np.array_equal(one, other)
+    for left, other in zip(first, iterate_elbows(ARM, (0.5, 0.1, 0.05), 0.3), strict=True):
+        assert np.array_equal(left, other)
 
 
 def test_what_is_too_far_is_said_with_its_distance():
     """And how far off the nearest posture is."""
-    found = next(iter(iterate_elbows(ARM, (0.95, 0.0, 0.0), 0.0)))
-    assert isinstance(found, Unreachable)
-    assert found.reason == (
+    result = next(iter(iterate_elbows(ARM, (0.95, 0.0, 0.0), 0.0)))
+    assert isinstance(result, Unreachable)
+    assert result.reason == (
         "the hand cannot point straight down at (0.950, 0.000, 0.000): it is 1.007 m from the "
         "shoulder, beyond what the arm spans"
     )
-    assert 0.1 < found.distance_m < 0.25
+    assert 0.1 < result.distance_m < 0.25
 
 
 def test_what_is_too_near_is_said_with_the_joints_that_stop_it():
     """They cannot bend any further."""
-    found = next(iter(iterate_elbows(ARM, (0.2, 0.0, 0.15), 0.0)))
-    assert isinstance(found, Unreachable)
-    assert "joint" in found.why
-    assert "4" in found.why
-    assert found.why.endswith("limits") or found.why.endswith("limit")
+    result = next(iter(iterate_elbows(ARM, (0.2, 0.0, 0.15), 0.0)))
+    assert isinstance(result, Unreachable)
+    assert "joint" in result.why
+    assert "4" in result.why
+    assert result.why.endswith("limits") or result.why.endswith("limit")
 
 
 def test_a_start_beyond_the_limits_is_moved_into_them():

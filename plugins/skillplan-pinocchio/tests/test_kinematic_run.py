@@ -30,11 +30,11 @@ def motion(detector, skills):
 @pytest.fixture(scope="module")
 def states(board, skills):
     """Return the state in which each skill begins, by name."""
-    found, state = {}, board.initial
+    results, state = {}, board.initial
     for skill in skills:
-        found[skill.name] = state
+        results[skill.name] = state
         state = skill.prediction_in(state).apply(state)
-    return found
+    return results
 
 
 def off_line(point, ends):
@@ -48,8 +48,8 @@ def test_there_is_a_sample_for_every_frame_and_the_arm_goes_on_from_where_it_is(
     times_s = [sample.time_s for sample in motion.samples]
     assert np.allclose(np.arange(1, len(times_s) + 1) / FRAMES_PER_S, times_s)
     assert 1 / FRAMES_PER_S >= times_s[-1] - motion.skills[-1].end_s >= 0
-    begins = [one.begin_s for one in motion.skills]
-    assert [0.0, *(one.end_s for one in motion.skills[:-1])] == begins
+    begins = [skill.begin_s for skill in motion.skills]
+    assert [0.0, *(item.end_s for item in motion.skills[:-1])] == begins
 
 
 def test_down_and_up_the_tip_is_within_a_tenth_of_a_millimetre_of_its_line(
@@ -58,8 +58,8 @@ def test_down_and_up_the_tip_is_within_a_tenth_of_a_millimetre_of_its_line(
     checked = 0
     for skill in skills:
         lines = {
-            one.visit.subject: one.approach[-2:]
-            for one in linear_motions(board, skill, states[skill.name], 0.001)
+            linear_motion.visit.subject: linear_motion.approach[-2:]
+            for linear_motion in linear_motions(board, skill, states[skill.name], 0.001)
         }
         for sample in motion.samples:
             words, _, subject = sample.phase.rpartition(" ")
@@ -94,10 +94,10 @@ def test_a_part_is_let_go_straight_above_its_goal_and_comes_to_rest_on_it(
 
 def test_nothing_jumps(motion):
     """Not even where the hand takes a part, or lets it go: 1.5 m/s are 25 mm a frame."""
-    for one, other in zip(motion.samples, motion.samples[1:], strict=False):
-        assert np.linalg.norm(np.subtract(one.tip, other.tip)) < 0.025
-        for name in one.bodies.keys() & other.bodies.keys():
-            gone = np.subtract(one.bodies[name].position, other.bodies[name].position)
+    for sample, other in zip(motion.samples, motion.samples[1:], strict=False):
+        assert np.linalg.norm(np.subtract(sample.tip, other.tip)) < 0.025
+        for name in sample.bodies.keys() & other.bodies.keys():
+            gone = np.subtract(sample.bodies[name].position, other.bodies[name].position)
             assert np.linalg.norm(gone) < 0.025, (name, other.skill, other.phase)
 
 
@@ -108,10 +108,10 @@ def test_joints_keep_their_limits_and_skills_take_the_times_of_cost_by_time(
     speeds = np.abs(np.diff(joints, axis=0)) * FRAMES_PER_S
     limits = np.array(board.scene.robots[0].model.speed_rad_per_s)
     assert np.all(speeds <= limits * detector.options.speed_fraction * 1.001)
-    for one in motion.skills:
+    for skill in motion.skills:
         # No travel of this plan leads round anything.
-        told_s = detector.duration_s(board.skill(one.skill), states[one.skill])
-        assert told_s == pytest.approx(one.end_s - one.begin_s, abs=1e-6), one.skill
+        told_s = detector.duration_s(board.skill(skill.skill), states[skill.skill])
+        assert told_s == pytest.approx(skill.end_s - skill.begin_s, abs=1e-6), skill.skill
 
 
 def test_nothing_touches_in_it(motion):

@@ -93,12 +93,12 @@ def test_times_and_bounds_are_the_same_in_any_order(board):
     """To the bit, whatever was asked before."""
     chosen = random.Random(3).sample(list(pairs(board)), 12)
     detectors, every = [SweptDetector(board), SweptDetector(board)], board.facts.all_bits
-    found = [{}, {}]
-    for detector, answers, order in zip(detectors, found, (chosen, chosen[::-1]), strict=True):
+    results = [{}, {}]
+    for detector, answers, order in zip(detectors, results, (chosen, chosen[::-1]), strict=True):
         for skill, state in order:
             least_s = detector.least_duration_s(skill, state.bits, every & ~state.bits)
             answers[skill.name, state.bits] = (detector.duration_s(skill, state), least_s)
-    assert found[0] == found[1]
+    assert results[0] == results[1]
 
 
 def test_a_bound_computes_no_trajectory(board, monkeypatch):

@@ -49,10 +49,10 @@ def panda_mesh(panda_files):
 
 def ur5e_mesh(name):
     """Return a link's collision mesh in the frame of its joint: corners [m], and faces."""
-    found = importlib.util.find_spec("robosuite")
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec("robosuite")
+    if spec is None or spec.origin is None:
         pytest.skip(OF_THE_UR5E)
-    folder = Path(found.origin).parent / "models" / "assets" / "robots" / "ur5e" / "meshes"
+    folder = Path(spec.origin).parent / "models" / "assets" / "robots" / "ur5e" / "meshes"
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     corners = np.fromfile(folder / f"{name}.stl", kind, offset=84)["corners"].reshape(-1, 3)
     along_m, turned = UR5E_FRAMES[name]
@@ -79,8 +79,8 @@ def farthest_m(points, shapes):
     """Return how far the farthest point is from the nearest of some shapes of coal [m]."""
     point, still, request = coal.Sphere(1e-9), coal.Transform3s(), coal.DistanceRequest()
     worst = 0.0
-    for one in points:
-        placed = coal.Transform3s(np.eye(3), one)
+    for item in points:
+        placed = coal.Transform3s(np.eye(3), item)
         gaps = (
             coal.distance(point, placed, shape, still, request, coal.DistanceResult())
             for shape in shapes

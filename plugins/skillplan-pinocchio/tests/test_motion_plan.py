@@ -90,10 +90,10 @@ def test_touches_come_in_the_order_of_the_motion():
     """The higher obstacle first on the way down."""
     low = box("low", (0.3, 0.3, 0.02), (0.5, 0.0, 0.14), "placed(low)")
     high = box("high", (0.3, 0.3, 0.02), (0.5, 0.0, 0.23), "placed(high)")
-    (one, other) = planner(low, high).met(first_path(), frozenset())
-    assert (one[0].body, other[0].body) == ("high", "low")
-    assert one[1].touch.fraction < other[1].touch.fraction
-    assert one[1].touch.penetration_m > 0
+    (first, other) = planner(low, high).met(first_path(), frozenset())
+    assert (first[0].body, other[0].body) == ("high", "low")
+    assert first[1].touch.fraction < other[1].touch.fraction
+    assert first[1].touch.penetration_m > 0
     assert planner(low, high).met(first_path(), frozenset({"low", "high"})) == ()
 
 

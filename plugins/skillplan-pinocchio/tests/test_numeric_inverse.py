@@ -72,9 +72,9 @@ def test_poses_at_limits_and_where_directions_are_lost_are_solved(name, joint, a
     for angles in np.random.default_rng(1).uniform(arm.low_rad, arm.high_rad, (20, arm.model.nq)):
         angles[joint] = angle_rad
         target = arm.tip(angles)
-        found = SOLVERS[name].solve(target)
-        assert not isinstance(found, Unreached)
-        assert_solves(arm, found, target)
+        solution = SOLVERS[name].solve(target)
+        assert not isinstance(solution, Unreached)
+        assert_solves(arm, solution, target)
 
 
 @pytest.mark.release(reason="a time; the benchmark shows it, too")
@@ -97,9 +97,9 @@ def test_any_chain_of_six_or_seven_joints_is_solved(seed, joints):
     solver = NumericInverse(arm)
     solved = 0
     for target in reachable(arm, 10, seed):
-        found = solver.solve(target)
-        if not isinstance(found, Unreached):
-            assert_solves(arm, found, target)
+        solution = solver.solve(target)
+        if not isinstance(solution, Unreached):
+            assert_solves(arm, solution, target)
             solved += 1
     assert solved >= 9
 
@@ -110,8 +110,8 @@ def test_the_same_question_has_the_same_answer_whatever_was_asked_before():
     targets = reachable(arm, 10)
     first = [SOLVERS["panda"].solve(target) for target in targets]
     again = [NumericInverse(SerialArm(PANDA)).solve(target) for target in reversed(targets)]
-    for one, other in zip(first, reversed(again), strict=True):
-        assert np.array_equal(one, other)
+    for left, other in zip(first, reversed(again), strict=True):
+        assert np.array_equal(left, other)
 
 
 def test_another_process_gives_the_same_answer():
@@ -142,9 +142,9 @@ def test_from_near_a_posture_the_joints_move_little():
     """Where the tip moves by a centimetre, they move by a tenth of a radian at most."""
     arm = ARMS["panda"]
     moved = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.01])) * arm.tip(arm.home_rad)
-    found = SOLVERS["panda"].solve(moved, arm.home_rad)
-    assert_solves(arm, found, moved)
-    assert np.abs(found - arm.home_rad).max() < 0.1
+    solution = SOLVERS["panda"].solve(moved, arm.home_rad)
+    assert_solves(arm, solution, moved)
+    assert np.abs(solution - arm.home_rad).max() < 0.1
 
 
 def test_a_start_beyond_the_limits_is_moved_into_them():
@@ -157,10 +157,10 @@ def test_a_start_beyond_the_limits_is_moved_into_them():
 def test_what_is_out_of_reach_is_said_with_how_far_the_nearest_posture_is():
     """In words, and no exception."""
     target = pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.5]))
-    found = SOLVERS["ur5e"].solve(target)
-    assert isinstance(found, Unreached)
-    assert 0.9 < found.distance_m < 1.3
-    assert found.reason.startswith("no posture within the joints' limits was found; the nearest")
+    solution = SOLVERS["ur5e"].solve(target)
+    assert isinstance(solution, Unreached)
+    assert 0.9 < solution.distance_m < 1.3
+    assert solution.reason.startswith("no posture within the joints' limits was found; the nearest")
 
 
 def test_a_pose_that_is_no_pose_is_refused():

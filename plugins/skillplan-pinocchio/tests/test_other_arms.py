@@ -51,11 +51,11 @@ def robot(model: str, mount: Pose) -> Robot:
 @pytest.mark.slow(reason="plans and times the board twice; a URDF's arm in every run")
 def test_swept_proves_the_inverter_board_by_a_ur5e():
     """The parts' geometry decides, so that order and cost are those of the Panda."""
-    found = [
+    results = [
         solve(load_problem(CONFIGS / f"{name}.yaml").task, "exact", SWEPT)
         for name in ("inverter_board", "inverter_ur5e")
     ]
-    panda, ur5e = found
+    panda, ur5e = results
     assert (panda.status, ur5e.status) == ("optimal", "optimal")
     assert ur5e.cost == pytest.approx(1.86709, abs=5e-6)
     assert [step.skill for step in ur5e.steps] == [step.skill for step in panda.steps]
@@ -96,12 +96,12 @@ step_limit: 2
 )
 def test_swept_plans_for_an_arm_from_a_urdf(tmp_path, collisions, links):
     """One part from here to there, the arm turned; links without shapes are not checked."""
-    found = solve(load_problem(box_task(tmp_path, collisions)).task, "exact", SWEPT)
-    assert found.status == "optimal"
-    assert [step.skill for step in found.steps] == ["pick(box)", "place(box)"]
+    solution = solve(load_problem(box_task(tmp_path, collisions)).task, "exact", SWEPT)
+    assert solution.status == "optimal"
+    assert [step.skill for step in solution.steps] == ["pick(box)", "place(box)"]
     assert any(
         sentence.startswith(f"contacts of {links} of six: its description has no collision shape")
-        for sentence in found.not_checked
+        for sentence in solution.not_checked
     )
 
 
@@ -118,9 +118,9 @@ def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model, mount):
     target = pin.SE3(
         rotation @ pin.rpy.rpyToMatrix(0.3, -0.2, 0.1), at + np.array((0.02, 0.03, -0.04))
     )
-    found = list(iterate_postures(arm, target))
-    assert len(found) > 4
-    for joints in found:
+    items = list(iterate_postures(arm, target))
+    assert len(items) > 4
+    for joints in items:
         assert not isinstance(joints, Unreachable)
         assert (joints >= arm.low_rad).all()
         assert (joints <= arm.high_rad).all()
@@ -128,10 +128,10 @@ def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model, mount):
         assert here == pytest.approx(target.translation, abs=1e-7)
         assert turned[:, 2] == pytest.approx(target.rotation[:, 2], abs=1e-7)
         assert abs(turned[:, 1] @ target.rotation[:, 1]) == pytest.approx(1.0, abs=1e-7)
-    away = [round(float(np.abs(joints - arm.home_rad).max()), 6) for joints in found]
+    away = [round(float(np.abs(joints - arm.home_rad).max()), 6) for joints in items]
     assert away == sorted(away)
     again = list(iterate_postures(ArmModel.of(robot(model, mount)), target))
-    assert all(np.array_equal(one, other) for one, other in zip(found, again, strict=True))
+    assert all(np.array_equal(first, other) for first, other in zip(items, again, strict=True))
 
 
 def test_of_a_full_turn_the_angle_nearest_to_home_is_taken():
@@ -156,9 +156,9 @@ def test_a_mount_that_is_turned_about_the_vertical_turns_the_postures_along(yaw_
 def test_what_a_ur_cannot_reach_is_said_with_its_distance():
     """And why."""
     arm = ArmModel(description=UR5E, hand=STANDARD_HAND)
-    (found,) = iterate_postures(arm, make_hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
-    assert isinstance(found, Unreachable)
-    assert found.distance_m > 0.3
+    (result,) = iterate_postures(arm, make_hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
+    assert isinstance(result, Unreachable)
+    assert result.distance_m > 0.3
     (down,) = iterate_elbows(arm, (0.0, 0.0, 2.0), 0.0)
     assert isinstance(down, Unreachable)
     assert down.reason.startswith("the hand cannot point straight down at (0.000, 0.000, 2.000): ")

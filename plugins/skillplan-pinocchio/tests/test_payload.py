@@ -130,8 +130,8 @@ def test_torques_equal_those_of_recursive_newton_euler(name, seed, mass_kg, wher
     inertia = pin.Inertia(mass_kg, np.array(where), np.zeros((3, 3)))
     loaded.appendBodyToJoint(loaded.njoints - 1, inertia, tip)
     expected = pin.computeGeneralizedGravity(loaded, loaded.createData(), posture)
-    (found,) = gravity.torques_nm([posture], [(mass_kg, np.array(where))])
-    assert found == pytest.approx(expected, abs=1e-9)
+    (result,) = gravity.torques_nm([posture], [(mass_kg, np.array(where))])
+    assert result == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", sorted(ARMS))

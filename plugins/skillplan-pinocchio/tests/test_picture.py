@@ -43,7 +43,7 @@ def test_what_is_run_into_is_marked_where_it_is_touched(shown):
     """The point lies in the box about the body."""
     scene = shown("place(transformer)", "held(transformer)", "placed(pcb)", "placed(brace)")
     assert {"brace"} == named(scene, HullRole.MET)
-    corners = np.array([one for h in scene.hulls if h.name == "brace" for one in h.vertices])
+    corners = np.array([vertex for h in scene.hulls if h.name == "brace" for vertex in h.vertices])
     (touch,) = scene.touches
     assert (corners.min(axis=0) - 1e-6 <= touch).all()
     assert (touch <= corners.max(axis=0) + 1e-6).all()

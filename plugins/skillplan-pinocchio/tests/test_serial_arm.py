@@ -26,33 +26,33 @@ def postures(arm, count, seed=1):
 
 def frame(transform):
     """Return a transform as matrix, by pinocchio's own roll, pitch and yaw."""
-    made = np.eye(4)
-    made[:3, :3] = pin.rpy.rpyToMatrix(*transform.rpy_rad)
-    made[:3, 3] = transform.xyz_m
-    return made
+    matrix = np.eye(4)
+    matrix[:3, :3] = pin.rpy.rpyToMatrix(*transform.rpy_rad)
+    matrix[:3, 3] = transform.xyz_m
+    return matrix
 
 
 def link_frames(arm, angles, base=Transform()):
     """Return the frames of the joints, by products of matrices."""
-    here, found = frame(base), []
+    here, results = frame(base), []
     for joint, angle in zip(arm.joints, angles, strict=True):
         turn = np.eye(4)
         turn[:3, :3] = pin.exp3(angle * np.array(joint.axis))
         here = here @ frame(joint.placement) @ turn
-        found.append(here)
-    return found
+        results.append(here)
+    return results
 
 
 def masses(arm, angles):
     """Return mass, centre of mass, rotation and inertia of every link, in the world."""
-    found = []
+    results = []
     for joint, here in zip(arm.joints, link_frames(arm, angles), strict=True):
         there = here @ frame(joint.link.frame)
         xx, yy, zz, xy, xz, yz = joint.link.tensor_kg_m2
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         centre = (there @ np.array([*joint.link.centre_m, 1.0]))[:3]
-        found.append((joint.link.mass_kg, centre, there[:3, :3], tensor))
-    return found
+        results.append((joint.link.mass_kg, centre, there[:3, :3], tensor))
+    return results
 
 
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
@@ -82,8 +82,8 @@ def test_the_jacobian_is_the_derivative_of_the_tip(arm):
 def test_the_error_is_the_motion_that_leads_to_the_pose(arm):
     """Also after other questions."""
     mounted = SerialArm(arm, BASE, TOOL)
-    one, other = postures(arm, 2)
-    target = mounted.tip(one)
+    first, other = postures(arm, 2)
+    target = mounted.tip(first)
     twist, _ = mounted.error(other, target)
     reached = mounted.tip(other) * pin.exp6(twist)
     assert np.abs(reached.homogeneous - target.homogeneous).max() < 1e-12
@@ -140,9 +140,9 @@ def test_the_limits_are_those_of_the_description(arm):
 def test_the_panda_with_its_hand_is_the_arm_of_the_detector():
     """To the bit."""
     base = (0.4, -0.2, 0.1)
-    one, other = ArmModel(base), SerialArm(PANDA, Transform(base), TIP_ON_FLANGE)
+    first, other = ArmModel(base), SerialArm(PANDA, Transform(base), TIP_ON_FLANGE)
     for angles in postures(PANDA, 20):
-        position, rotation = one.tip(angles)
+        position, rotation = first.tip(angles)
         assert np.array_equal(position, other.tip(angles).translation)
         assert np.array_equal(rotation, other.tip(angles).rotation)
 
@@ -163,9 +163,9 @@ def test_the_ur5e_is_where_the_other_published_form_of_its_kinematics_puts_it():
     joints = tuple(
         replace(joint, placement=place) for joint, place in zip(UR5E.joints, UR5E_ROS, strict=True)
     )
-    one, other = SerialArm(UR5E), SerialArm(replace(UR5E, joints=joints, tip=Transform()))
+    first, other = SerialArm(UR5E), SerialArm(replace(UR5E, joints=joints, tip=Transform()))
     for angles in postures(UR5E, 1000):
-        away = one.tip(angles).homogeneous - other.tip(angles).homogeneous
+        away = first.tip(angles).homogeneous - other.tip(angles).homogeneous
         assert np.abs(away).max() < 1e-9
 
 

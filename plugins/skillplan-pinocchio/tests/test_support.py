@@ -31,38 +31,38 @@ def block(size, x=0.0, y=0.0, z=0.0, yaw_rad=0.0):
 
 def ground(pieces, *under, tolerance_m=2e-4):
     """Return what could bear a body: blocks below it, in order."""
-    obstacles = [Obstacle(f"block {n}", f"placed({n})", one) for n, one in enumerate(under)]
+    obstacles = [Obstacle(f"block {n}", f"placed({n})", item) for n, item in enumerate(under)]
     return find_supports("it", pieces, obstacles, tolerance_m)
 
 
 @pytest.mark.parametrize(("overhang_m", "stays"), [(0.0, True), (0.049, True), (0.051, False)])
 def test_a_block_stays_while_its_centre_is_above_what_bears_it(overhang_m, stays):
     """The one below ends 50 mm from its centre."""
-    found = ground(block((0.04, 0.04, 0.02), overhang_m, z=0.02), block((0.1, 0.1, 0.02)))
-    assert found.hold([True]) is stays
-    assert found.hold([False]) is False
+    result = ground(block((0.04, 0.04, 0.02), overhang_m, z=0.02), block((0.1, 0.1, 0.02)))
+    assert result.hold([True]) is stays
+    assert result.hold([False]) is False
 
 
 def test_two_supports_bear_what_lies_between_them():
     """Neither alone does."""
     sides = [block((0.02, 0.02, 0.02), x) for x in (-0.05, 0.05)]
-    found = ground(block((0.12, 0.04, 0.02), z=0.02), *sides)
-    assert found.hold([True, True])
-    assert not found.hold([True, False])
-    assert not found.hold([False, True])
+    result = ground(block((0.12, 0.04, 0.02), z=0.02), *sides)
+    assert result.hold([True, True])
+    assert not result.hold([True, False])
+    assert not result.hold([False, True])
 
 
 @pytest.mark.parametrize("gap_m", [-0.0003, 0.0003])
 def test_what_is_higher_or_lower_than_the_body_bears_nothing(gap_m):
     """Beyond the tolerance."""
-    found = ground(block((0.04, 0.04, 0.02), z=0.02 + gap_m), block((0.1, 0.1, 0.02)))
-    assert found.contacts == ()
+    result = ground(block((0.04, 0.04, 0.02), z=0.02 + gap_m), block((0.1, 0.1, 0.02)))
+    assert result.contacts == ()
 
 
 def test_blocks_side_by_side_do_not_bear_each_other():
     """They touch in a line, which has no area."""
-    found = ground(block((0.04, 0.04, 0.02), z=0.02), block((0.04, 0.04, 0.02), 0.04))
-    assert found.contacts == ()
+    result = ground(block((0.04, 0.04, 0.02), z=0.02), block((0.04, 0.04, 0.02), 0.04))
+    assert result.contacts == ()
 
 
 def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
@@ -73,8 +73,8 @@ def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
         (Body("it", shapes[:1], (), 1.0), True),
         (Body("it", shapes, (), 1.0), False),
     ):
-        found = find_supports("it", make_pieces(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
-        assert found.hold([True]) is stays
+        supports = find_supports("it", make_pieces(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
+        assert supports.hold([True]) is stays
 
 
 def test_a_turned_block_bears_where_it_is():
@@ -133,6 +133,6 @@ def test_what_a_polygon_has_in_common_with_a_square_is_within_both(points):
     assert bool(common) == bool(again)
     if common:
         for axis in (0, 1):
-            spans = [[corner[axis] for corner in one] for one in (common, again)]
+            spans = [[corner[axis] for corner in item] for item in (common, again)]
             assert min(spans[0]) == pytest.approx(min(spans[1]), abs=1e-6)
             assert max(spans[0]) == pytest.approx(max(spans[1]), abs=1e-6)

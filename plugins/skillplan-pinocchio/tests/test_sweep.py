@@ -138,6 +138,9 @@ def test_obstacles_are_the_table_and_what_can_be_touched_in_the_world():
         ),
         1.0,
     )
-    found = collect_obstacles(Scene((body,), ()))
-    assert [(one.body, one.fact) for one in found] == [(TABLE, None), ("part", "placed(part)")]
-    assert found[1].top_m == pytest.approx(0.1)
+    obstacles = collect_obstacles(Scene((body,), ()))
+    assert [(obstacle.body, obstacle.fact) for obstacle in obstacles] == [
+        (TABLE, None),
+        ("part", "placed(part)"),
+    ]
+    assert obstacles[1].top_m == pytest.approx(0.1)

@@ -395,7 +395,7 @@ def situations_of(draw, task, skill, like=None):
     groups = [list(group) for group in task.facts.exclusive]
     chosen = set()
     for group in groups:
-        wanted = [fact for fact in group if like is not None and fact in like.present]
+        values = [fact for fact in group if like is not None and fact in like.present]
         required = [fact for fact in group if fact in skill.precondition.requires]
         free = [
             fact
@@ -403,7 +403,7 @@ def situations_of(draw, task, skill, like=None):
             if fact not in skill.precondition.forbids
             and not (like is not None and fact in like.absent)
         ]
-        chosen.add(draw(st.sampled_from(wanted or required or free)))
+        chosen.add(draw(st.sampled_from(values or required or free)))
     grouped = {fact for group in groups for fact in group}
     for fact in names:
         if fact in grouped or fact in skill.precondition.forbids:
@@ -420,7 +420,7 @@ class TestTimes:
         """In any two reachable states that agree on place and tool."""
         detector = SweptDetector(board)
         model = SkillModel(make_feasibility(board))
-        found = {}
+        results = {}
         for state in reachable_states(model, 300):
             for skill in model.applicable(state):
                 place, _ = board.scene.robots[0].place(state)
@@ -429,12 +429,12 @@ class TestTimes:
                 taken_s = detector.duration_s(skill, state)
                 assert taken_s is not None
                 assert 0.5 < taken_s < 20
-                assert found.setdefault(key, taken_s) == taken_s
+                assert results.setdefault(key, taken_s) == taken_s
         fresh = SweptDetector(board)
         state = board.initial
         assert (
             fresh.duration_s(board.skill("pick(brace)"), state)
-            == found[("pick(brace)", "at(home)", "gripper")]
+            == results[("pick(brace)", "at(home)", "gripper")]
         )
 
     def test_a_longer_way_takes_longer(self):

@@ -118,10 +118,12 @@ def test_the_tip_follows_the_stretches_of_the_motion():
     arm = ArmModel((0.0, 0.0, 0.0))
     state = task.facts.of(*PLACED)
     (motion,) = linear_motions(task, task.skill("place(drawer)"), state, 0.001)
-    found = next(one for one in iterate_strokes(arm, motion) if isinstance(one, Strokes))
-    assert [len(found.down), len(found.up)] == [2, 2]
+    iterate_stroke = next(
+        item for item in iterate_strokes(arm, motion) if isinstance(item, Strokes)
+    )
+    assert [len(iterate_stroke.down), len(iterate_stroke.up)] == [2, 2]
     for path, (begin, end) in zip(
-        (*found.down, *found.up),
+        (*iterate_stroke.down, *iterate_stroke.up),
         [motion.approach[:2], motion.approach[1:], motion.retreat[:2], motion.retreat[1:]],
         strict=True,
     ):
@@ -139,11 +141,11 @@ def unit_of(begin: Any, end: Any) -> Any:
 
 
 def test_a_hand_that_cannot_point_there_is_said_with_its_direction():
-    found = next(
+    result = next(
         iterate_postures(ArmModel(), make_hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
     )
-    assert isinstance(found, Unreachable)
-    assert "cannot point along (0.00, 0.00, 1.00) at (1.500, 0.000, 0.200)" in found.reason
+    assert isinstance(result, Unreachable)
+    assert "cannot point along (0.00, 0.00, 1.00) at (1.500, 0.000, 0.200)" in result.reason
 
 
 directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(

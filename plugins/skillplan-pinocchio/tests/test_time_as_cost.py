@@ -82,8 +82,8 @@ def test_other_solvers_prove_the_same_time(timed_board, fastest, solver):
 def test_commands_know_of_time_as_the_cost(tmp_path, capsys):
     """A result is verified, replayed and explained; a file with the key is as `--set`."""
     out = tmp_path / "run"
-    code, found = output(capsys, "search-optimal", BOARD, *REST, "--out", str(out))
-    assert (code, found["cost_unit"], found["timed_by"]) == (0, "s", "swept")
+    code, result = output(capsys, "search-optimal", BOARD, *REST, "--out", str(out))
+    assert (code, result["cost_unit"], result["timed_by"]) == (0, "s", "swept")
     code, verified = output(capsys, "verify", str(out))
     assert (code, verified["valid"]) == (0, True)
     assert {claim["outcome"] for claim in verified["claims"]} <= {"holds", "not checked"}
@@ -94,7 +94,7 @@ def test_commands_know_of_time_as_the_cost(tmp_path, capsys):
     code, explained = output(capsys, "explain", BOARD, "pick(brace)", *REST, "--after", "0,1")
     assert (code, explained["status"]) == (0, "feasible")
     _, of_file = output(capsys, "search-optimal", "configs/inverter_time.yaml")
-    assert of_file["cost"] == found["cost"]
+    assert of_file["cost"] == result["cost"]
     stored = json.loads((out / "result.json").read_text("utf-8"))
     stored["cost"] = stored["lower_bound"] = stored["cost"] - 0.01
     (out / "result.json").write_text(json.dumps(stored), "utf-8")

@@ -114,12 +114,12 @@ def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
     if whole_s > 0:
         times_s = np.linspace(0, whole_s, 400)
         rows = [trajectory.at(float(time_s)) for time_s in times_s]
-        for (one, other), (t0, t1) in zip(
+        for (first, other), (t0, t1) in zip(
             itertools.pairwise(rows), itertools.pairwise(times_s), strict=True
         ):
-            gain = np.abs([one[2], other[2]]).max() + 1.0
-            change = (other[0] - one[0]) / (t1 - t0)
-            assert change == pytest.approx((one[1] + other[1]) / 2, abs=float(gain) * (t1 - t0))
+            gain = np.abs([first[2], other[2]]).max() + 1.0
+            change = (other[0] - first[0]) / (t1 - t0)
+            assert change == pytest.approx((first[1] + other[1]) / 2, abs=float(gain) * (t1 - t0))
 
 
 @given(NODES, st.floats(1e-6, 1.0))

@@ -43,9 +43,9 @@ def travels():
 @pytest.fixture(scope="module")
 def blocked(travels):
     """Return those that need a planned way."""
-    found = [one for one in travels if not getattr(one.answer(), "is_straight", False)]
-    assert len(found) >= 2
-    return found
+    results = [travel for travel in travels if not getattr(travel.answer(), "is_straight", False)]
+    assert len(results) >= 2
+    return results
 
 
 def wall(name, size_m, centre_m, fact=None):
@@ -67,19 +67,19 @@ class TestTravels:
     @pytest.mark.slow(reason="plans; a way round in every run")
     def test_what_is_free_straight_in_joint_space_is_taken(self, travels):
         """All joints go straight, from end to end."""
-        travel = next(one for one in travels if getattr(one.answer(), "is_straight", False))
+        travel = next(item for item in travels if getattr(item.answer(), "is_straight", False))
         path = travel.answer().path
         assert path.nodes.tolist() == [travel.start_rad.tolist(), travel.goal_rad.tolist()]
 
     def test_else_a_way_round_is_planned_that_touches_nothing(self, blocked):
         """By a check that shares no code with the planner, from the same start to the same end."""
         for travel in blocked[:1]:
-            found = travel.answer()
-            assert isinstance(found, Travel)
-            assert found.around
-            assert found.path.nodes[0].tolist() == travel.start_rad.tolist()
-            assert found.path.nodes[-1].tolist() == travel.goal_rad.tolist()
-            assert deepest_m(travel, found.path, COARSE_M) > 0
+            answer = travel.answer()
+            assert isinstance(answer, Travel)
+            assert answer.around
+            assert answer.path.nodes[0].tolist() == travel.start_rad.tolist()
+            assert answer.path.nodes[-1].tolist() == travel.goal_rad.tolist()
+            assert deepest_m(travel, answer.path, COARSE_M) > 0
             assert deepest_m(travel, JointPath([travel.start_rad, travel.goal_rad]), COARSE_M) < 0
 
     def test_inner_nodes_are_what_the_evidence_prints(self, blocked):
@@ -92,11 +92,11 @@ class TestTravels:
         travel = blocked[0]
         planner = travel.planner
         poor = TravelPlanner(planner.arm, planner.sweeps, planner.obstacles, most_checks=5)
-        found = travel.answer(poor)
-        assert isinstance(found, Unfound)
-        assert not found.is_proof
-        assert found.checks >= 5
-        assert "no way round was found" in found.reason
+        answer = travel.answer(poor)
+        assert isinstance(answer, Unfound)
+        assert not answer.is_proof
+        assert answer.checks >= 5
+        assert "no way round was found" in answer.reason
 
     def test_what_runs_into_something_at_an_end_is_a_proof(self, travels):
         """However the arm gets there: hand and load are where they are."""
@@ -106,19 +106,21 @@ class TestTravels:
         post = wall("post", (0.02, 0.02, 0.02), tuple(tip.tolist()), "post stands")
         walled = TravelPlanner(planner.arm, planner.sweeps, [*planner.obstacles, post])
         there = replace(travel, there=travel.there | {"post stands"})
-        found = there.answer(walled)
-        assert isinstance(found, Unfound)
-        assert found.is_proof
-        assert found.reason.endswith("runs into post where the travel ends")
+        answer = there.answer(walled)
+        assert isinstance(answer, Unfound)
+        assert answer.is_proof
+        assert answer.reason.endswith("runs into post where the travel ends")
         assert isinstance(travel.answer(walled), Travel)
 
     @pytest.mark.release(reason="500 travels, each at thousands of places; two in every run")
     def test_five_hundred_travels_penetrate_nothing(self):
         """Anything is within half a millimetre of a place looked at; most of them are found."""
-        found = [(one, one.answer()) for one in cramped_travels(500)]
-        paths = [(one, answer.path) for one, answer in found if isinstance(answer, Travel)]
+        results = [
+            (cramped_travel, cramped_travel.answer()) for cramped_travel in cramped_travels(500)
+        ]
+        paths = [(result, answer.path) for result, answer in results if isinstance(answer, Travel)]
         assert len(paths) >= 480
-        assert min(deepest_m(one, path) for one, path in paths) > 0
+        assert min(deepest_m(item, path) for item, path in paths) > 0
 
 
 class TestFacts:
@@ -127,29 +129,31 @@ class TestFacts:
     def test_a_travel_is_the_same_wherever_the_facts_asked_for_are(self, data, travels):
         """In any state that agrees about them, by a planner that was asked nothing before."""
         travel = data.draw(st.sampled_from(travels))
-        asked = {}
+        queries = {}
 
         def holds(fact):
-            asked[fact] = fact in travel.there
-            return asked[fact]
+            queries[fact] = fact in travel.there
+            return queries[fact]
 
         first = travel.planner.travel(travel.start_rad, travel.goal_rad, travel.motion, holds)
-        facts = sorted({one.fact for one in travel.planner.obstacles if one.fact is not None})
+        facts = sorted(
+            {obstacle.fact for obstacle in travel.planner.obstacles if obstacle.fact is not None}
+        )
         others = data.draw(st.sets(st.sampled_from(facts)))
-        there = {fact for fact in others if asked.get(fact, True)}
-        there |= {fact for fact, held in asked.items() if held}
+        there = {fact for fact in others if queries.get(fact, True)}
+        there |= {fact for fact, held in queries.items() if held}
         again = replace(travel, there=frozenset(there)).answer(travel.fresh_planner())
         assert words_of(again) == words_of(first)
 
     def test_bodies_that_no_way_meets_are_not_asked_for(self, travels):
         """So that a verdict serves many states."""
-        travel = next(one for one in travels if getattr(one.answer(), "is_straight", False))
-        asked = []
+        travel = next(item for item in travels if getattr(item.answer(), "is_straight", False))
+        queries = []
         travel.planner.travel(
-            travel.start_rad, travel.goal_rad, travel.motion, lambda fact: asked.append(fact)
+            travel.start_rad, travel.goal_rad, travel.motion, lambda fact: queries.append(fact)
         )
-        facts = {one.fact for one in travel.planner.obstacles}
-        assert len(set(asked)) < len(facts) / 2
+        facts = {obstacle.fact for obstacle in travel.planner.obstacles}
+        assert len(set(queries)) < len(facts) / 2
 
 
 def words_of(answer):
@@ -163,8 +167,8 @@ class TestDeterminism:
     @pytest.mark.slow(reason="plans twice; one order in every run")
     def test_the_order_of_questions_changes_nothing(self, blocked):
         """To the bit, for a planner each."""
-        first = [words_of(one.answer(one.fresh_planner())) for one in blocked]
-        other = [words_of(one.answer(one.fresh_planner())) for one in reversed(blocked)]
+        first = [words_of(item.answer(item.fresh_planner())) for item in blocked]
+        other = [words_of(entry.answer(entry.fresh_planner())) for entry in reversed(blocked)]
         assert other[::-1] == first
 
     @pytest.mark.slow(reason="plans three times; planners that were asked nothing in every run")
@@ -172,8 +176,8 @@ class TestDeterminism:
         """To the bit, whatever it was asked in between; and again when it is asked again."""
         travel = blocked[0]
         other = replace(travel, start_rad=travel.start_rad + 0.01)
-        one, two = travel.fresh_planner(), travel.fresh_planner()
-        first, between, again = (words_of(each.answer(one)) for each in (travel, other, travel))
+        item, two = travel.fresh_planner(), travel.fresh_planner()
+        first, between, again = (words_of(each.answer(item)) for each in (travel, other, travel))
         before, last = (words_of(each.answer(two)) for each in (other, travel))
         assert first == again == last
         assert before == between
@@ -198,7 +202,7 @@ class TestDeterminism:
             text=True,
             check=True,
         )
-        assert done.stdout.strip() == str([words_of(one.answer()) for one in travels])
+        assert done.stdout.strip() == str([words_of(travel.answer()) for travel in travels])
         assert done.stderr == ""
 
 

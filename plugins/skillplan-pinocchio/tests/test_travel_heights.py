@@ -24,9 +24,9 @@ def test_nothing_is_ever_lower(arm, seed):
     while len(ends) < 2:
         away_m, bearing = rng.uniform(0.3, 0.6), rng.uniform(-1.5, 1.5)
         place = (float(away_m * np.cos(bearing)), float(away_m * np.sin(bearing)), SAFE_M)
-        found = next(iter(iterate_elbows(arm, place, float(rng.uniform(-3, 3)))))
-        if not isinstance(found, Unreachable):
-            ends.append(found)
+        result = next(iter(iterate_elbows(arm, place, float(rng.uniform(-3, 3)))))
+        if not isinstance(result, Unreachable):
+            ends.append(result)
     width_m = 0.1
     lowest_m = TravelHeights(arm, width_m).lowest_m(*ends, SAFE_M)
     joints, centres, halves = arm.boxes

@@ -31,9 +31,9 @@ def wrapped(angles):
     return math.pi - np.remainder(math.pi - angles, TURN)
 
 
-def assert_all_solve(arm, found, target):
+def assert_all_solve(arm, expected, target):
     """Each is at the pose, to a nanometre and a nanoradian, and within the limits."""
-    for joints in found:
+    for joints in expected:
         assert (joints >= arm.low_rad).all()
         assert (joints <= arm.high_rad).all()
         assert np.abs(arm.tip(joints).homogeneous - target.homogeneous).max() < ACCURACY
@@ -46,25 +46,25 @@ def test_every_pose_has_the_posture_that_it_was_made_of(count):
     sizes = set()
     for angles in rng.uniform(ARM.low_rad, ARM.high_rad, (count, 6)):
         target = ARM.tip(angles)
-        found = INVERSE.solve(target)
-        assert_all_solve(ARM, found, target)
-        assert min(np.abs(wrapped(joints - angles)).max() for joints in found) < 1e-6
-        sizes.add(len(found))
+        solution = INVERSE.solve(target)
+        assert_all_solve(ARM, solution, target)
+        assert min(np.abs(wrapped(joints - angles)).max() for joints in solution) < 1e-6
+        sizes.add(len(solution))
     assert max(sizes) == 8
 
 
 def test_the_postures_of_a_pose_differ():
     """No two of them within a hundredth of a radian, where none is near a special case."""
-    found = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.2])))
-    assert len(found) == 8
-    for one, other in itertools.combinations(found, 2):
-        assert np.abs(wrapped(one - other)).max() > 0.01
+    solution = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.2])))
+    assert len(solution) == 8
+    for first, other in itertools.combinations(solution, 2):
+        assert np.abs(wrapped(first - other)).max() > 0.01
 
 
 def test_the_order_is_shoulder_then_wrist_then_elbow():
     """The elbow's side changes first, the shoulder's last."""
-    found = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.2])))
-    shoulders, elbows, wrists = (np.array([joints[n] for joints in found]) for n in (0, 2, 4))
+    solution = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.2])))
+    shoulders, elbows, wrists = (np.array([joints[n] for joints in solution]) for n in (0, 2, 4))
     assert np.ptp(shoulders[:4]) < 1e-9
     assert np.ptp(shoulders[4:]) < 1e-9
     assert np.sign(wrists).tolist() == [1, 1, -1, -1] * 2
@@ -78,15 +78,15 @@ def test_special_postures_lose_no_accuracy(angles):
     angles = np.array(angles)
     angles[2] = wrapped(angles[2])
     target = ARM.tip(angles)
-    found = INVERSE.solve(target)
-    assert 1 <= len(found) <= 8
-    assert_all_solve(ARM, found, target)
+    solution = INVERSE.solve(target)
+    assert 1 <= len(solution) <= 8
+    assert_all_solve(ARM, solution, target)
 
 
 def test_where_two_axes_are_one_the_last_joint_stays_at_zero():
     """Every other angle of it would do as well."""
-    found = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, 0.0, 0.7])))
-    assert 0.0 in {float(joints[5]) for joints in found}
+    solution = INVERSE.solve(ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, 0.0, 0.7])))
+    assert 0.0 in {float(joints[5]) for joints in solution}
 
 
 @pytest.mark.parametrize("wrist_2_rad", [0.0, math.pi])
@@ -94,25 +94,27 @@ def test_where_two_axes_are_one_and_the_arm_is_stretched_its_posture_is_found(wr
     """The last joint is not at zero there."""
     arm = SerialArm(UR5E)
     target = arm.tip(np.array([0.3, -1.2, 0.0, -math.pi / 2, wrist_2_rad, 0.7]))
-    found = UrInverse(arm).solve(target)
-    assert_all_solve(arm, found, target)
-    assert min(abs(joints[2]) for joints in found) < 1e-7
+    solution = UrInverse(arm).solve(target)
+    assert_all_solve(arm, solution, target)
+    assert min(abs(joints[2]) for joints in solution) < 1e-7
 
 
 def test_nearly_parallel_axes_have_postures_on_both_sides_of_the_wrist():
     """A millionth of a degree is enough to tell them apart."""
     target = ARM.tip(np.array([0.3, -1.2, 1.4, -1.7, 2e-8, 0.7]))
-    found = INVERSE.solve(target)
-    assert_all_solve(ARM, found, target)
-    assert {-1.0, 1.0} <= {float(np.sign(joints[4])) for joints in found if abs(joints[4]) < 1e-7}
+    solution = INVERSE.solve(target)
+    assert_all_solve(ARM, solution, target)
+    assert {-1.0, 1.0} <= {
+        float(np.sign(joints[4])) for joints in solution if abs(joints[4]) < 1e-7
+    }
 
 
 def test_the_same_question_has_the_same_answer_bit_for_bit():
     """Whatever was asked between."""
-    one, other = (ARM.tip(np.full(6, angle)) for angle in (0.4, 1.3))
-    first = INVERSE.solve(one)
+    left, other = (ARM.tip(np.full(6, angle)) for angle in (0.4, 1.3))
+    first = INVERSE.solve(left)
     INVERSE.solve(other)
-    assert np.array_equal(first, INVERSE.solve(one))
+    assert np.array_equal(first, INVERSE.solve(left))
 
 
 def test_a_posture_beyond_the_limits_is_left_out():
@@ -123,7 +125,7 @@ def test_a_posture_beyond_the_limits_is_left_out():
     arm = replace(UR5E, joints=tuple(joints))
     few = UrInverse(SerialArm(arm, BASE, TOOL)).solve(target)
     assert len(few) == 4
-    assert np.array_equal(few, [found for found in INVERSE.solve(target) if found[2] >= 0])
+    assert np.array_equal(few, [result for result in INVERSE.solve(target) if result[2] >= 0])
 
 
 @pytest.mark.parametrize(("low_rad", "high_rad"), [(3.5, 9.0), (-9.0, -3.5), (12.0, 19.0)])
@@ -134,9 +136,9 @@ def test_angles_are_turned_into_the_range_of_the_limits(low_rad, high_rad):
     middle = (low_rad + high_rad) / 2
     arm = SerialArm(replace(UR5E, joints=tuple(joints), home_rad=(*UR5E.home_rad[:5], middle)))
     angles = np.array([0.3, -1.2, 1.4, -1.7, -1.5, middle])
-    found = UrInverse(arm).solve(arm.tip(angles))
-    assert_all_solve(arm, found, arm.tip(angles))
-    assert min(np.abs(wrapped(joints - angles)).max() for joints in found) < 1e-9
+    solution = UrInverse(arm).solve(arm.tip(angles))
+    assert_all_solve(arm, solution, arm.tip(angles))
+    assert min(np.abs(wrapped(joints - angles)).max() for joints in solution) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -151,9 +153,9 @@ def test_other_members_of_the_family_are_solved_alike():
     """By their lengths alone."""
     arm = SerialArm(ur_arm("UR10", (0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922)))
     angles = np.array([1.0, -0.7, -1.4, 0.3, 1.1, -2.0])
-    found = UrInverse(arm).solve(arm.tip(angles))
-    assert_all_solve(arm, found, arm.tip(angles))
-    assert min(np.abs(wrapped(joints - angles)).max() for joints in found) < 1e-9
+    solution = UrInverse(arm).solve(arm.tip(angles))
+    assert_all_solve(arm, solution, arm.tip(angles))
+    assert min(np.abs(wrapped(joints - angles)).max() for joints in solution) < 1e-9
 
 
 def test_the_ur5e_is_of_the_family_by_its_lengths():

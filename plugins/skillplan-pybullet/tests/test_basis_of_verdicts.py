@@ -132,12 +132,12 @@ def test_states_that_agree_on_what_fell_have_the_same_thing_fall(product, data):
         return trials.fallen(cell.around(situations.skill, state), state)
 
     state = situations.first()
-    found = fallen(state)
-    if found is None:
+    result = fallen(state)
+    if result is None:
         return
-    assert agree(found.present, found.absent, state)
+    assert agree(result.present, result.absent, state)
     # Besides, it rests on where the way leads, as the execution that would follow does.
     course = cell.around(situations.skill, state).present & cell.task.facts.of(*situations.at)
-    other = situations.other(found.present | course, found.absent)
-    assert agree(found.present, found.absent, other)
-    assert fallen(other) == found
+    other = situations.other(result.present | course, result.absent)
+    assert agree(result.present, result.absent, other)
+    assert fallen(other) == result

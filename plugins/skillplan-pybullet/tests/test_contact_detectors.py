@@ -92,8 +92,8 @@ class TestBoth:
 
     def test_a_collision_is_named_before_the_disorder_it_causes(self):
         """Detectors are asked before the engine."""
-        assert all(one.expected_s < PybulletEngine.expected_s for one in DETECTORS)
-        assert all(one.expensive for one in DETECTORS)
+        assert all(item.expected_s < PybulletEngine.expected_s for item in DETECTORS)
+        assert all(entry.expensive for entry in DETECTORS)
 
 
 class TestFrameMeans:

@@ -25,9 +25,9 @@ def task():
 @pytest.fixture(scope="module")
 def detectors(task):
     """Both detectors and the engine whose simulation they read."""
-    made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
-    introduce(made)
-    return made
+    created = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
+    introduce(created)
+    return created
 
 
 def after(task, *actions):
@@ -121,10 +121,10 @@ def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors):
 )
 def test_one_question_is_simulated_once(task, monkeypatch):
     """Engine and detectors share the execution."""
-    made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
-    introduce(made)
+    created = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
+    introduce(created)
     executed = []
-    workcell = made[0].workcell
+    workcell = created[0].workcell
     execute = type(workcell).execute
 
     def counted(self, skill, state, watch=None):
@@ -132,7 +132,7 @@ def test_one_question_is_simulated_once(task, monkeypatch):
         return execute(self, skill, state, watch)
 
     monkeypatch.setattr(type(workcell), "execute", counted)
-    for back_end in made:
+    for back_end in created:
         check(back_end, task.skill("pick(clock)"), task.initial)
     assert executed == ["pick(clock)"]
 
@@ -164,7 +164,7 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors):
 def test_a_hand_that_hits_something_is_caught(task, kind):
     """A finger, the palm, a light block, the table."""
     trials = inject_collisions(task, task.skill("pick(switch_1)"), task.initial)
-    trial = next(one for one in trials if one.kind == kind)
+    trial = next(item for item in trials if item.kind == kind)
     pairs = ContactPairsDetector(trial.task)
     introduce([pairs])
     verdict = pairs.check(trial.skill, trial.state)

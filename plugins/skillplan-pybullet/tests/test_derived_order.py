@@ -53,12 +53,12 @@ class Answer:
 
     def reason(self, before: str, after: str) -> str:
         """Return why one element has to come before another."""
-        (found,) = [
+        (results,) = [
             relation.reason
             for relation in self.chart.relations
             if (relation.before, relation.after) == (before, after)
         ]
-        return found
+        return results
 
 
 def answer(task: Task, back_end: str) -> Answer:
@@ -72,29 +72,31 @@ def answer(task: Task, back_end: str) -> Answer:
     return Answer(bare, optimum, derive_chart(make_feasibility(bare, setup, cache)))
 
 
-def least_cost_under(found: Answer) -> float | None:
+def least_cost_under(expected: Answer) -> float | None:
     """Return what the best plan costs by brute force, where only the derived relation counts."""
-    lines = tuple(Precedence(one.before, one.after) for one in found.chart.relations)
-    charted = found.task.replace(chart=lines)
+    lines = tuple(
+        Precedence(relation.before, relation.after) for relation in expected.chart.relations
+    )
+    charted = expected.task.replace(chart=lines)
     return solve(charted, "exhaustive", Setup(collision=("precedence",))).cost
 
 
-def assert_settled(found: Answer) -> None:
+def assert_settled(expected: Answer) -> None:
     """Assert that the relation says all there is to say, and that the search agrees with it."""
-    assert found.chart.impossible == {}
-    assert found.chart.cycle == ()
-    assert found.chart.conditional == {}
-    assert found.chart.undecided == ()
-    assert found.optimum.status is Status.OPTIMAL
-    assert found.optimum.cost == pytest.approx(least_cost_under(found), abs=1e-9)
+    assert expected.chart.impossible == {}
+    assert expected.chart.cycle == ()
+    assert expected.chart.conditional == {}
+    assert expected.chart.undecided == ()
+    assert expected.optimum.status is Status.OPTIMAL
+    assert expected.optimum.cost == pytest.approx(least_cost_under(expected), abs=1e-9)
 
 
-def assert_equals_the_chart_of(task: Task, found: Answer) -> None:
+def assert_equals_the_chart_of(task: Task, expected: Answer) -> None:
     """Assert that nothing of the hand-made chart is missing, and that there is nothing extra."""
     by_hand = closure((line.before, line.after) for line in task.chart)
     assert by_hand
-    assert by_hand - found.pairs == set()
-    assert found.pairs - by_hand == set()
+    assert by_hand - expected.pairs == set()
+    assert expected.pairs - by_hand == set()
 
 
 @functools.cache
@@ -107,9 +109,9 @@ class TestThePapersBoard:
     @pytest.mark.slow(reason="derives the whole relation; CI does so by a command")
     @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_the_derived_relation_is_the_hand_made_chart(self, back_end):
-        found = board(back_end)
-        assert_settled(found)
-        assert_equals_the_chart_of(load_problem(BOARD).task, found)
+        result = board(back_end)
+        assert_settled(result)
+        assert_equals_the_chart_of(load_problem(BOARD).task, result)
 
     @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_the_optimum_needs_no_chart(self, back_end):
@@ -124,10 +126,10 @@ class TestTheSensorStack:
     @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_a_product_of_another_order_has_another_relation(self, back_end):
         task = load_problem(BOARD.parent / "sensor_stack.yaml").task
-        found = answer(task, back_end)
-        assert_settled(found)
-        assert_equals_the_chart_of(task, found)
-        assert found.optimum.cost == pytest.approx(2.82515, abs=5e-6)
+        result = answer(task, back_end)
+        assert_settled(result)
+        assert_equals_the_chart_of(task, result)
+        assert result.optimum.cost == pytest.approx(2.82515, abs=5e-6)
 
 
 @pytest.mark.slow(reason="derives an order without a part; that of the board in every run")
@@ -136,9 +138,9 @@ class TestAPartTakenAway:
     def test_its_relations_go_with_it_and_the_rest_stays(self, tmp_path, back_end):
         content = config_content("inverter_board")
         del content["parts"]["transformer"]
-        found = answer(changed_product(tmp_path, content), back_end)
-        assert_settled(found)
-        assert reduction(found.pairs) == {
+        result = answer(changed_product(tmp_path, content), back_end)
+        assert_settled(result)
+        assert reduction(result.pairs) == {
             ("pcb", "switch_1"),
             ("pcb", "switch_2"),
             ("pcb", "clock"),
@@ -147,10 +149,10 @@ class TestAPartTakenAway:
             ("brace", "screw_2"),
         }
         # Now that nothing has to go under the brace, the clock is better put before it.
-        assert found.order == [
+        assert result.order == [
             *("pcb", "switch_1", "switch_2", "clock", "brace", "screw_1", "screw_2")
         ]
-        assert found.optimum.cost == pytest.approx(1.494696, abs=1e-6)
+        assert result.optimum.cost == pytest.approx(1.494696, abs=1e-6)
 
 
 @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
@@ -161,11 +163,11 @@ class TestAStackSwapped:
         content = config_content("sensor_stack")
         content["parts"][below]["goal_on"] = "base"
         content["parts"][above]["goal_on"] = below
-        found = answer(
+        result = answer(
             changed_product(folder, content, "base", "spacer", "sensor", "cover"), back_end
         )
-        assert_settled(found)
-        return found
+        assert_settled(result)
+        return result
 
     @pytest.mark.parametrize(
         ("below", "above", "cost"),
@@ -176,10 +178,10 @@ class TestAStackSwapped:
         ),
     )
     def test_what_lies_below_comes_first(self, tmp_path, back_end, below, above, cost):
-        found = self.column(tmp_path, back_end, below, above)
-        assert reduction(found.pairs) == {("base", below), (below, above), (above, "cover")}
-        assert found.order == ["base", below, above, "cover"]
-        assert found.optimum.cost == pytest.approx(cost, abs=1e-6)
+        result = self.column(tmp_path, back_end, below, above)
+        assert reduction(result.pairs) == {("base", below), (below, above), (above, "cover")}
+        assert result.order == ["base", below, above, "cover"]
+        assert result.optimum.cost == pytest.approx(cost, abs=1e-6)
 
 
 class TestAPartNextToAFinger:
@@ -188,26 +190,26 @@ class TestAPartNextToAFinger:
         content = config_content("inverter_board")
         content["parts"]["clock"] |= {"goal_m": [0.476, 0.040], "size_m": [0.02, 0.02, height_m]}
         content["parts"]["switch_2"]["start_m"] = [0.504, 0.134]
-        found = answer(changed_product(folder, content, "pcb", "switch_2", "clock"), back_end)
-        assert_settled(found)
-        return found
+        result = answer(changed_product(folder, content, "pcb", "switch_2", "clock"), back_end)
+        assert_settled(result)
+        return result
 
     @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_a_low_one_may_come_before_or_after(self, tmp_path, back_end):
-        found = self.beside_a_switch(tmp_path, back_end, 0.015)
-        assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock")}
-        assert found.order == ["pcb", "clock", "switch_2"]
-        assert found.optimum.cost == pytest.approx(0.755367, abs=1e-6)
+        result = self.beside_a_switch(tmp_path, back_end, 0.015)
+        assert result.pairs == {("pcb", "switch_2"), ("pcb", "clock")}
+        assert result.order == ["pcb", "clock", "switch_2"]
+        assert result.optimum.cost == pytest.approx(0.755367, abs=1e-6)
 
     @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_a_tall_one_has_to_come_after_at_a_cost(self, tmp_path, back_end):
-        found = self.beside_a_switch(tmp_path, back_end, 0.060)
-        assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}
-        reason = found.reason("switch_2", "clock")
+        result = self.beside_a_switch(tmp_path, back_end, 0.060)
+        assert result.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}
+        reason = result.reason("switch_2", "clock")
         assert "finger" in reason
         assert "clock" in reason
-        assert found.order == ["pcb", "switch_2", "clock"]
-        assert found.optimum.cost == pytest.approx(0.800953, abs=1e-6)
+        assert result.order == ["pcb", "switch_2", "clock"]
+        assert result.optimum.cost == pytest.approx(0.800953, abs=1e-6)
 
 
 @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
@@ -215,21 +217,23 @@ class TestFingersOnOtherSides:
     def gripped(self, folder, back_end, closing_axis):
         content = config_content("inverter_board")
         content["parts"]["transformer"]["grasp"] = {"closing_axis": closing_axis}
-        found = answer(changed_product(folder, content, "pcb", "switch_2", "transformer"), back_end)
-        assert_settled(found)
-        return found
+        result = answer(
+            changed_product(folder, content, "pcb", "switch_2", "transformer"), back_end
+        )
+        assert_settled(result)
+        return result
 
     def test_where_they_meet_nothing_the_way_decides(self, tmp_path, back_end):
-        found = self.gripped(tmp_path, back_end, "y")
-        assert found.pairs == {("pcb", "switch_2"), ("pcb", "transformer")}
-        assert found.order == ["pcb", "switch_2", "transformer"]
+        result = self.gripped(tmp_path, back_end, "y")
+        assert result.pairs == {("pcb", "switch_2"), ("pcb", "transformer")}
+        assert result.order == ["pcb", "switch_2", "transformer"]
 
     def test_where_they_meet_a_switch_it_has_to_come_after(self, tmp_path, back_end):
-        found = self.gripped(tmp_path, back_end, "x")
-        assert found.pairs == {
+        result = self.gripped(tmp_path, back_end, "x")
+        assert result.pairs == {
             *(("pcb", "switch_2"), ("pcb", "transformer"), ("transformer", "switch_2"))
         }
-        reason = found.reason("transformer", "switch_2")
+        reason = result.reason("transformer", "switch_2")
         assert "finger" in reason
         assert "switch_2" in reason
-        assert found.order == ["pcb", "transformer", "switch_2"]
+        assert result.order == ["pcb", "transformer", "switch_2"]

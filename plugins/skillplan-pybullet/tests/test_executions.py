@@ -22,10 +22,10 @@ SCREW_M, BIT_M = 0.002, 0.040
 
 def content(name, **changes):
     """Return what a file says, without a chart, to be ruled on by physics alone."""
-    found = copy.deepcopy(config_content(name))
+    deepcopy = copy.deepcopy(config_content(name))
     for key in ("chart", "collision", "expect"):
-        found.pop(key, None)
-    return found | changes
+        deepcopy.pop(key, None)
+    return deepcopy | changes
 
 
 def after(task, *skills):
@@ -54,16 +54,16 @@ class TestWhatAVerdictRestsOn:
         ],
     )
     def test_a_way_that_depends_on_the_tool_rests_on_the_tool(self, holder_m):
-        found = content("motor_drive", tool_change={"style": "swap"})
-        found["tools"]["suction_cup"]["holder_m"] = holder_m
-        task = assembly(found)
+        result = content("motor_drive", tool_change={"style": "swap"})
+        result["tools"]["suction_cup"]["holder_m"] = holder_m
+        task = assembly(result)
         skill, engine = task.skill("load(screwdriver)"), PybulletEngine(task)
         from_gripper, from_cup = task.initial, after(task, "load(suction_cup)")
-        one, other = (engine.check(skill, state) for state in (from_gripper, from_cup))
-        assert one.is_feasible
+        first, other = (engine.check(skill, state) for state in (from_gripper, from_cup))
+        assert first.is_feasible
         assert other.is_feasible == (holder_m[1] < 1.0)
-        assert one.applies_in(from_gripper)
-        assert not one.applies_in(from_cup)
+        assert first.applies_in(from_gripper)
+        assert not first.applies_in(from_cup)
         assert other.applies_in(from_cup)
         assert not other.applies_in(from_gripper)
 
@@ -71,15 +71,15 @@ class TestWhatAVerdictRestsOn:
         reason="several executions; every run finds other collisions on the way of a hand"
     )
     def test_what_stands_above_the_safe_height_is_gone_round_on_the_travel(self):
-        found = content("inverter_board")
-        found["parts"]["switch_1"]["start_m"] = [0.30, -0.40]
-        found["parts"]["mast"] = {
+        results = content("inverter_board")
+        results["parts"]["switch_1"]["start_m"] = [0.30, -0.40]
+        results["parts"]["mast"] = {
             "tool": "gripper",
             "size_m": [0.03, 0.03, 0.20],
             "start_m": [0.39, -0.23],
             "goal_m": [0.62, 0.16],
         }
-        task = assembly(found)
+        task = assembly(results)
         engine, detector = PybulletEngine(task), ContactPairsDetector(task)
         detector.beside([engine])
         state = after(task, "pick(pcb)", "place(pcb)", "pick(switch_1)")
@@ -97,9 +97,9 @@ class TestScrews:
         """Return a maker of boards with a post beside a screw, this far below the shank at last."""
 
         def make(below_m):
-            found = content("inverter_board")
+            results = content("inverter_board")
             height_m = 0.046 + SCREW_M + BIT_M - below_m
-            found["parts"]["post"] = {
+            results["parts"]["post"] = {
                 "tool": "gripper",
                 "mass_kg": 0.1,
                 "size_m": [0.02, 0.006, height_m],
@@ -107,7 +107,7 @@ class TestScrews:
                 "goal_m": [0.520, -0.056],
                 "goal_on": "pcb",
             }
-            task = assembly(found)
+            task = assembly(results)
             engine, detector = PybulletEngine(task), ContactPairsDetector(task)
             detector.beside([engine])
             question = imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace", "post")
@@ -224,13 +224,13 @@ class TestMassProperties:
     def test_a_wedge_is_heavy_where_it_is_thick(self):
         corners = ((0, 0, 0), (6, 0, 0), (0, 2, 0), (6, 2, 0), (0, 0, 3), (0, 2, 3))
         faces = ((0, 2, 1), (1, 2, 3), (0, 1, 4), (2, 5, 3), (0, 4, 2), (2, 4, 5), (1, 3, 4))
-        found = compute_mass_properties(
+        mass_properties = compute_mass_properties(
             Body("wedge", (Mesh(corners, (*faces, (3, 5, 4))),), (), 1.0)
         )
-        assert found.centre == pytest.approx([2.0, 1.0, 1.0])
+        assert mass_properties.centre == pytest.approx([2.0, 1.0, 1.0])
         # Of a triangle, by its side: a^2 / 18 along each; of the width, w^2 / 12.
         spread = np.array([36 / 18, 4 / 12, 9 / 18])
-        assert found.inertia_kg_m2 == pytest.approx(spread.sum() - spread)
+        assert mass_properties.inertia_kg_m2 == pytest.approx(spread.sum() - spread)
 
     def test_a_box_weighs_the_same_as_a_mesh(self):
         box = Box((0.02, 0.03, 0.05), (0.01, 0.0, 0.025))
@@ -242,16 +242,16 @@ class TestMassProperties:
         )
         sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         faces = tuple(face for a, b, c, d in sides for face in ((a, b, c), (a, c, d)))
-        one, other = (
+        first, other = (
             compute_mass_properties(Body("box", shapes, (), 0.2))
             for shapes in ((box,), (Mesh(corners, faces),))
         )
-        assert one.centre == pytest.approx(other.centre)
-        assert one.inertia_kg_m2 == pytest.approx(other.inertia_kg_m2)
+        assert first.centre == pytest.approx(other.centre)
+        assert first.inertia_kg_m2 == pytest.approx(other.inertia_kg_m2)
 
     def test_a_cylinder_turns_as_the_textbook_says(self):
-        found = compute_mass_properties(
+        mass_properties = compute_mass_properties(
             Body("pin", (Cylinder(0.04, 0.1, (0.0, 0.0, 0.05)),), (), 2.0)
         )
         across = 2.0 * (3 * 0.02**2 + 0.1**2) / 12
-        assert found.inertia_kg_m2 == pytest.approx([across, across, 2.0 * 0.02**2 / 2])
+        assert mass_properties.inertia_kg_m2 == pytest.approx([across, across, 2.0 * 0.02**2 / 2])

@@ -22,9 +22,9 @@ def arm():
     settings = SimulationSettings()
     with World(settings.friction) as world:
         robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
-        made = SimulatedArm(world, robot, settings)
-        made.stand(next(iterate_elbows(ArmModel(), TIP, 0.0)), 0.04)
-        yield made
+        simulated_arm = SimulatedArm(world, robot, settings)
+        simulated_arm.stand(next(iterate_elbows(ArmModel(), TIP, 0.0)), 0.04)
+        yield simulated_arm
 
 
 def put_block(world: World) -> None:
@@ -39,11 +39,11 @@ def pass_and_touch_again(world: World) -> None:
     world.join("block", [ROBOT])
 
 
-def touching(world: World, one: str, other: str) -> set[int]:
+def touching(world: World, first: str, other: str) -> set[int]:
     """Return the links of one body that touch another after a step."""
     world.step()
     points = pybullet.getContactPoints(
-        world.numbers[one], world.numbers[other], physicsClientId=world.client
+        world.numbers[first], world.numbers[other], physicsClientId=world.client
     )
     return {point[3] for point in points}
 

@@ -128,17 +128,18 @@ def boxed_task() -> Task:
     case, chip = task.scene.bodies
     goal = Pose((0.45, 0.2, FLOOR_M))
     placements = tuple(
-        replace(one, pose=goal) if one.fact == "placed(chip)" else one for one in chip.placements
+        replace(placement, pose=goal) if placement.fact == "placed(chip)" else placement
+        for placement in chip.placements
     )
     bodies = (
         replace(case, shapes=pieces(), surfaces=(case_mesh(),)),
         replace(chip, placements=placements),
     )
     skills = tuple(
-        replace(one, motion=Motion("robot", (Route(task.facts.none, (visit,)),), "chip"))
-        if one.name == "place(chip)"
-        else one
-        for one in task.skills
+        replace(skill, motion=Motion("robot", (Route(task.facts.none, (visit,)),), "chip"))
+        if skill.name == "place(chip)"
+        else skill
+        for skill in task.skills
         for visit in [Visit(goal, Event.RELEASE, "chip")]
     )
     return replace(task, scene=replace(task.scene, bodies=bodies), skills=skills)
@@ -214,8 +215,8 @@ def test_a_ur5e_carries_a_hollow_mesh_and_fills_it(tmp_path, capfd, monkeypatch)
         printed, error = capfd.readouterr()
         assert ended.value.code == 0, error or printed[-2000:]
         documents.append(json.loads(printed))
-    found, done = documents
-    assert found["status"] == "optimal"
+    result, done = documents
+    assert result["status"] == "optimal"
     assert done["complete"]
     assert done["largest_offset_mm"] < 0.5
     assert done["largest_tilt_deg"] < 1.0

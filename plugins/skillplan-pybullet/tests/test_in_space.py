@@ -34,7 +34,7 @@ STANDING = Pose((0.5, 0.15, 0.0))
 
 def content(parts, screws=None):
     """Return a file's content with a gripper and a screwdriver."""
-    found = {
+    results = {
         "kind": "assembly",
         "name": "in_space",
         "robot": {"home_m": [0.4, 0.0], "safe_height_m": 0.25},
@@ -45,7 +45,7 @@ def content(parts, screws=None):
         "initial_tool": "gripper",
         "parts": parts,
     }
-    return found | ({"screws": screws} if screws else {})
+    return results | ({"screws": screws} if screws else {})
 
 
 def block(size_m, start_m, goal_m, mass_kg=0.1, **more):
@@ -61,9 +61,12 @@ def in_space(
     """Return a task in which a part is picked and placed in other poses, and held otherwise."""
     places = {f"at_start({name})": start, f"placed({name})": goal}
     body = task.scene.body(name)
-    placements = tuple(replace(one, pose=places.get(one.fact, one.pose)) for one in body.placements)
+    placements = tuple(
+        replace(placement, pose=places.get(placement.fact, placement.pose))
+        for placement in body.placements
+    )
     turned = replace(body, placements=placements, **changes)
-    bodies = tuple(turned if one.name == name else one for one in task.scene.bodies)
+    bodies = tuple(turned if item.name == name else item for item in task.scene.bodies)
     visits = {
         f"pick({name})": Visit(start, Event.GRASP, name),
         f"place({name})": Visit(goal, Event.RELEASE, name, along=along, insert_m=insert_m),
@@ -147,11 +150,11 @@ class TestSuctionFromTheSide:
     @pytest.mark.parametrize("control", ["osc", "position"])
     def test_a_plate_is_stood_up_by_a_cup(self, control):
         parts = {"plate": block((0.03, 0.05, 0.09), (0.5, -0.2), (0.5, 0.15), tool="cup")}
-        found = content(parts)
-        found["tools"] = {"cup": {"holder_m": [0.6, 0.4], "type": "suction"}}
-        found["initial_tool"] = "cup"
+        results = content(parts)
+        results["tools"] = {"cup": {"holder_m": [0.6, 0.4], "type": "suction"}}
+        results["initial_tool"] = "cup"
         start = Pose.turned((0.45, -0.2, 0.015), (0.0, math.pi / 2, 0.0))
-        task = in_space(assembly(found), "plate", start, STANDING, grasps=(BY_A_CUP,))
+        task = in_space(assembly(results), "plate", start, STANDING, grasps=(BY_A_CUP,))
         engine = PybulletEngine(task, PybulletEngine.Options(control=control))
         introduce([engine, ContactPairsDetector(task)])
         performance = engine.perform([task.skill(name) for name in ("pick(plate)", "place(plate)")])
@@ -195,7 +198,8 @@ def drawer(slack_m: float = 0.001, goal: Pose = PUSHED_IN) -> Task:
     task = assembly(content(parts))
     shapes = housing_of(slack_m)
     bodies = tuple(
-        replace(one, shapes=shapes) if one.name == "housing" else one for one in task.scene.bodies
+        replace(body, shapes=shapes) if body.name == "housing" else body
+        for body in task.scene.bodies
     )
     task = replace(task, scene=replace(task.scene, bodies=bodies))
     return in_space(task, "drawer", UPENDED, goal, ALONG_X, 0.09, grasps=(BY_ITS_END,))
@@ -241,12 +245,12 @@ def bracket(mass_kg: float = 3.0) -> Task:
     task = assembly(content(parts, screws))
     body = task.scene.body("screw")
     placements = tuple(
-        replace(one, pose=INTO_THE_SIDE) if one.fact == "fastened(screw)" else one
-        for one in body.placements
+        replace(placement, pose=INTO_THE_SIDE) if placement.fact == "fastened(screw)" else placement
+        for placement in body.placements
     )
     bodies = tuple(
-        replace(body, placements=placements) if one.name == "screw" else one
-        for one in task.scene.bodies
+        replace(body, placements=placements) if item.name == "screw" else item
+        for item in task.scene.bodies
     )
     task = replace(task, scene=replace(task.scene, bodies=bodies))
     visit = Visit(INTO_THE_SIDE, Event.DRIVE, "screw", along=ALONG_X)
@@ -269,7 +273,7 @@ class TestHorizontalScrews:
         task = replace(task, initial=after(task, "pick(block)", "place(block)"))
         performance = plan(task, "load(driver)", "fasten(screw)")
         assert performance.failed is None, performance.failed.verdict.reason
-        arrivals = {one.body: one for one in performance.arrivals}
+        arrivals = {arrival.body: arrival for arrival in performance.arrivals}
         assert arrivals["screw"].offset_m < 0.0005
         assert arrivals["screw"].tilt_rad < math.radians(1)
 

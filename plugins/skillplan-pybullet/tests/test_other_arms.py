@@ -43,12 +43,12 @@ def lid() -> Task:
 def performed(task: Task, plan, **options):
     engine = PybulletEngine(task, PybulletEngine.Options(**options))
     introduce([engine, ContactPairsDetector(task)])
-    found = engine.perform([task.skill(name) for name in plan])
-    assert found.failed is None, found.failed.verdict.reason
-    for arrival in found.arrivals:
+    perform = engine.perform([task.skill(name) for name in plan])
+    assert perform.failed is None, perform.failed.verdict.reason
+    for arrival in perform.arrivals:
         assert arrival.offset_m < 0.0005, arrival
         assert arrival.tilt_rad < math.radians(1), arrival
-    return found
+    return perform
 
 
 @pytest.mark.parametrize(

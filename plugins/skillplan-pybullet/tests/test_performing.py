@@ -41,45 +41,45 @@ def board():
 @pytest.fixture(
     scope="module",
     params=[plate, slow_case(board, reason="15 skills; a plan of four in every run")],
-    ids=lambda made: made.__name__,
+    ids=lambda document: document.__name__,
 )
 def performance(request):
     """A plan that was executed, its bodies, what was found, and the trace."""
     task, plan, bodies = request.param()
     samples = []
-    found = PybulletEngine(task).perform(plan, note=samples.append)
-    return [skill.name for skill in plan], bodies, found, samples
+    perform = PybulletEngine(task).perform(plan, note=samples.append)
+    return [skill.name for skill in plan], bodies, perform, samples
 
 
 @pytest.mark.slow(reason="executes a whole plan; single skills are executed in every run")
 def test_the_optimum_is_executed_without_a_break(performance):
-    plan, _, found, _ = performance
-    assert found.failed is None
-    assert [one.skill for one in found.skills] == plan
+    plan, _, result, _ = performance
+    assert result.failed is None
+    assert [skill.skill for skill in result.skills] == plan
 
 
 def test_every_part_arrives_within_half_a_millimetre_and_one_and_a_half_degrees(performance):
-    _, bodies, found, _ = performance
-    assert {one.body for one in found.arrivals} == bodies
-    for arrival in found.arrivals:
+    _, bodies, result, _ = performance
+    assert {item.body for item in result.arrivals} == bodies
+    for arrival in result.arrivals:
         assert arrival.offset_m < 0.0005, arrival
         assert arrival.tilt_rad < math.radians(1.5), arrival
 
 
 def test_every_screw_is_pressed_with_three_newtons_at_least(performance):
-    _, bodies, found, _ = performance
+    _, bodies, result, _ = performance
     forces = [
-        one.verdict.evidence["sensed"]["fastening_force_n"]
-        for one in found.skills
-        if one.skill.startswith("fasten")
+        skill.verdict.evidence["sensed"]["fastening_force_n"]
+        for skill in result.skills
+        if skill.skill.startswith("fasten")
     ]
     assert len(forces) == sum(body.startswith("screw") for body in bodies)
     assert min(forces) >= 3.0
 
 
 def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(performance):
-    *_, found, samples = performance
-    assert len(samples) == pytest.approx(60 * found.simulated_s, abs=2)
+    *_, result, samples = performance
+    assert len(samples) == pytest.approx(60 * result.simulated_s, abs=2)
     assert max(sample.contact_n for sample in samples) < 0.05
     times = [sample.time_s for sample in samples]
     assert times == sorted(times)
@@ -87,42 +87,42 @@ def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(perfor
 
 def test_the_hand_acts_for_the_dwells_of_the_task(performance):
     """Dwells are counted to a frame; at rest nothing is simulated, and nothing moves."""
-    plan, _, found, samples = performance
+    plan, _, result, samples = performance
     tip = {round(60 * sample.time_s): sample.tip for sample in samples}
     kinds = {"pick": 3.0, "place": 3.0, "load": 5.0, "fasten": 8.0}
     if "place(pcb)" in plan:
         kinds["load"] = 10.0
-    for one in found.skills:
-        kind = one.skill.partition("(")[0]
+    for skill in result.skills:
+        kind = skill.skill.partition("(")[0]
         dwells_s = kinds[kind] + (5.0 if kind == "load" else 0.0)
-        assert one.acting_s == pytest.approx(dwells_s, abs=2 / 60), one.skill
-        frames = range(round(60 * one.begin_s) + 1, round(60 * one.end_s) - 1)
+        assert skill.acting_s == pytest.approx(dwells_s, abs=2 / 60), skill.skill
+        frames = range(round(60 * skill.begin_s) + 1, round(60 * skill.end_s) - 1)
         still = sum(tip[frame] == tip[frame + 1] for frame in frames)
         assert 60 * (dwells_s - 2.5) < still < 60 * dwells_s
-    assert found.simulated_s - found.held_s == pytest.approx(found.steps / 240)
+    assert result.simulated_s - result.held_s == pytest.approx(result.steps / 240)
 
 
 @pytest.mark.slow(reason="executes a wrong plan; a part that ends below its goal in every run")
 def test_a_plan_ends_at_the_first_skill_that_fails(task):
     wrong = [task.skills[action] for action in (2, 3, 4)]
-    found = PybulletEngine(task).perform(wrong)
-    assert [one.skill for one in found.skills] == ["pick(switch_1)", "place(switch_1)"]
-    assert found.failed is not None
-    assert "6.0 mm below its goal" in found.failed.verdict.reason
+    perform = PybulletEngine(task).perform(wrong)
+    assert [skill.skill for skill in perform.skills] == ["pick(switch_1)", "place(switch_1)"]
+    assert perform.failed is not None
+    assert "6.0 mm below its goal" in perform.failed.verdict.reason
 
 
 @pytest.mark.slow(reason="five skills executed before; the first skill that fails in every run")
 def test_a_plan_that_collides_ends_there(task):
     wrong = [task.skills[action] for action in (0, 1, 10, 11, 8, 9)]
-    found = PybulletEngine(task).perform(wrong)
-    assert found.failed is not None
-    assert found.failed.skill == "place(transformer)"
+    perform = PybulletEngine(task).perform(wrong)
+    assert perform.failed is not None
+    assert perform.failed.skill == "place(transformer)"
 
 
 @pytest.mark.slow(reason="an execution; the plan that ends at the first failure in every run")
 def test_it_stops_after_the_skill_under_way(task):
-    found = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], stopped=lambda: True)
-    assert [one.skill for one in found.skills] == ["pick(pcb)"]
+    perform = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], stopped=lambda: True)
+    assert [skill.skill for skill in perform.skills] == ["pick(pcb)"]
 
 
 @pytest.mark.slow(
@@ -156,8 +156,8 @@ def red_pixels(image) -> int:
 
 def test_the_trace_shows_what_presses_on_what_and_where(performance):
     """A screw that is driven bears on what it is driven into, from above."""
-    _, _, found, samples = performance
-    driven = next(one for one in found.skills if one.skill.startswith("fasten"))
+    _, _, result, samples = performance
+    driven = next(skill for skill in result.skills if skill.skill.startswith("fasten"))
     touching = [
         contact
         for sample in samples
@@ -168,5 +168,5 @@ def test_the_trace_shows_what_presses_on_what_and_where(performance):
     strongest = max(touching, key=lambda contact: abs(contact.force_n[2]))
     assert abs(strongest.force_n[2]) >= 3.0
     screw = next(body for body in strongest.bodies if body.startswith("screw"))
-    at = next(arrival.goal.position for arrival in found.arrivals if arrival.body == screw)
+    at = next(arrival.goal.position for arrival in result.arrivals if arrival.body == screw)
     assert math.dist(strongest.position[:2], at[:2]) < 0.02

@@ -68,9 +68,9 @@ def small_board(seed):
 def generated(seed):
     """Return the content that `skillplan generate assembly` writes for four parts."""
     text = BoardGenerator(parts=4, density=0.5, tools=1 + seed % 2, seed=seed).text()
-    made = yaml.safe_load(text)
-    del made["reward"]
-    return made
+    safe_load = yaml.safe_load(text)
+    del safe_load["reward"]
+    return safe_load
 
 
 def planned(task, result):
@@ -86,17 +86,17 @@ def named(task, names):
 
 def performed(task, skills, pairs=None, engine=None):
     """Execute a plan in one world, under the limits of a detector beside the engine."""
-    made = PybulletEngine(task, engine)
-    introduce([made, ContactPairsDetector(task, pairs)])
-    return made.perform(skills)
+    pybullet_engine = PybulletEngine(task, engine)
+    introduce([pybullet_engine, ContactPairsDetector(task, pairs)])
+    return pybullet_engine.perform(skills)
 
 
 def first_fault(task, skills, pairs=None, engine=None):
     """Return the first skill of a plan that is infeasible by itself, and why; or None."""
-    made = introduce([ContactPairsDetector(task, pairs), PybulletEngine(task, engine)])
+    created = introduce([ContactPairsDetector(task, pairs), PybulletEngine(task, engine)])
     state = task.initial
     for skill in skills:
-        for back_end in made:
+        for back_end in created:
             verdict = back_end.check(skill, state)
             if not verdict.is_feasible:
                 return skill.name, verdict.reason
@@ -108,8 +108,8 @@ def assert_proved_is_performed(task, setup=PHYSICS):
     """Whatever plan a search by physics proves ends at the goal in one continuous world."""
     result = solve(task, setup=setup)
     assert result.status == "optimal"
-    made = introduce(setup.back_ends(task))
-    failed = made[0].perform(planned(task, result)).failed
+    created = introduce(setup.back_ends(task))
+    failed = created[0].perform(planned(task, result)).failed
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
 
 
@@ -141,25 +141,25 @@ def test_both_have_the_limits_of_the_detector(call, tmp_path):
     """Those of the file, and -O before them: a module is set down on what may not move at all."""
     limits = {"displacement_m": 1e-10}
     base = {"tool": "gripper", "mass_kg": 0.1, "size_m": [0.05, 0.08, 0.01]}
-    made = memory(collision={"contact-pairs": limits}, physics={"pybullet": {}})
-    made["parts"] = {
+    count = memory(collision={"contact-pairs": limits}, physics={"pybullet": {}})
+    count["parts"] = {
         "base": {**base, "start_m": [0.4, 0.1], "goal_m": [0.5, 0.0]},
-        "ram": {**made["parts"]["ram_1"], "goal_on": "base"},
+        "ram": {**count["parts"]["ram_1"], "goal_on": "base"},
     }
-    made["step_limit"] = 6
+    count["step_limit"] = 6
     file = tmp_path / "memory.yaml"
-    file.write_text(yaml.safe_dump(made), "utf-8")
+    file.write_text(yaml.safe_dump(count), "utf-8")
     plan = ["pick(base)", "place(base)", "pick(ram)", "place(ram)"]
-    task = assembly(made)
-    found = first_fault(task, named(task, plan), ContactPairsDetector.Options(**limits))
-    assert found is not None
-    said = r"base was pushed 0.0 mm aside on the .* at \d+\.\d\d s; the limit is 1e-07 mm"
-    assert re.fullmatch(said, found[1])
+    task = assembly(count)
+    result = first_fault(task, named(task, plan), ContactPairsDetector.Options(**limits))
+    assert result is not None
+    message = r"base was pushed 0.0 mm aside on the .* at \d+\.\d\d s; the limit is 1e-07 mm"
+    assert re.fullmatch(message, result[1])
     words = ("simulate", str(file), "--sequence", ",".join(plan), "--format", "json")
     code, document = call(*words)
     last = document["skills"][-1]
     assert (code, last["status"]) == (1, "infeasible")
-    assert re.fullmatch(said, last["reason"])
+    assert re.fullmatch(message, last["reason"])
     assert last["begin_s"] < last["evidence"]["at_s"] < last["end_s"]
     code, document = call(*words, "-O", "contact-pairs.displacement_m=0.001")
     assert (code, document["complete"]) == (0, True)
@@ -168,10 +168,13 @@ def test_both_have_the_limits_of_the_detector(call, tmp_path):
 @pytest.mark.slow(reason="a search by physics and two plans; limits of a file in every run")
 def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path):
     """A limit below what resting bodies tremble by: no skill by itself has one in its world."""
-    made = memory()
-    made["parts"]["ram_1"]["goal_m"], made["parts"]["ram_2"]["goal_m"] = [0.3, 0.3], [0.6, 0.1]
+    created = memory()
+    created["parts"]["ram_1"]["goal_m"], created["parts"]["ram_2"]["goal_m"] = (
+        [0.3, 0.3],
+        [0.6, 0.1],
+    )
     file, out = tmp_path / "memory.yaml", tmp_path / "out"
-    file.write_text(yaml.safe_dump(made), "utf-8")
+    file.write_text(yaml.safe_dump(created), "utf-8")
     chosen = ("--physics", "pybullet", "--collision", "contact-pairs", "--no-cache")
     limit = "contact-pairs.displacement_m"
     words = ("search-optimal", str(file), *chosen, "-O", f"{limit}=1e-10", "--out", str(out))
@@ -188,18 +191,18 @@ def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path)
 def test_a_collision_names_force_instant_and_limit(call, tmp_path):
     """In simulate and in explain: a finger comes down on the part beside."""
     file = tmp_path / "memory.yaml"
-    made = memory()
+    created = memory()
     for name, goal_m in (("ram_1", [0.5, 0.0]), ("ram_2", [0.516, 0.0])):
-        made["parts"][name] |= {"size_m": [0.012, 0.03, 0.02], "goal_m": goal_m}
-    file.write_text(yaml.safe_dump(made), "utf-8")
+        created["parts"][name] |= {"size_m": [0.012, 0.03, 0.02], "goal_m": goal_m}
+    file.write_text(yaml.safe_dump(created), "utf-8")
     done = "pick(ram_1),place(ram_1),pick(ram_2)"
     physics = ("--physics", "pybullet", "--format", "json")
     code, document = call("simulate", str(file), "--sequence", f"{done},place(ram_2)", *physics)
     last = document["skills"][-1]
     assert (code, last["skill"]) == (1, "place(ram_2)")
     force_n, at_s = last["evidence"]["force_n"], last["evidence"]["at_s"]
-    said = f" with {force_n:.3g} N on the approach to ram_2 at {at_s:.2f} s; the limit is 0.05 N"
-    assert last["reason"].endswith(said)
+    message = f" with {force_n:.3g} N on the approach to ram_2 at {at_s:.2f} s; the limit is 0.05 N"
+    assert last["reason"].endswith(message)
     words = ("explain", str(file), "place(ram_2)", "--after", done, "--no-cache")
     code, document = call(*words, "--collision", "contact-pairs", *physics)
     assert code == 1

@@ -57,9 +57,9 @@ def test_an_execution_and_swept_have_the_same_nodes(task, past_the_tower):
     checked = detector.paths.paths(*past_the_tower)
     assert len(planned.motions) == len(checked.motions) == 1
     assert np.array_equal(planned.begin_rad, checked.begin_rad)
-    for tracked, one in zip(planned.motions, checked.motions, strict=True):
-        assert np.array_equal(tracked.travel.nodes_rad, one.travel.path.nodes)
-        assert len(one.travel.path.nodes) > 2
+    for tracked, motion in zip(planned.motions, checked.motions, strict=True):
+        assert np.array_equal(tracked.travel.nodes_rad, motion.travel.path.nodes)
+        assert len(motion.travel.path.nodes) > 2
     verdict = detector.check(*past_the_tower)
     assert verdict.is_feasible
     assert list(planned.travels) == verdict.evidence["travels"]
@@ -86,11 +86,11 @@ def test_a_way_that_is_not_found_within_the_budget_leaves_the_engine_without_a_v
     """Unknown for the reason that swept names; never infeasible."""
     engine = PybulletEngine(task, PybulletEngine.Options(travel_checks=1))
     detector = SweptDetector(task, SweptDetector.Options(travel_checks=1))
-    wanted = detector.check(*past_the_tower)
-    assert wanted.status is VerdictStatus.UNKNOWN
+    expected = detector.check(*past_the_tower)
+    assert expected.status is VerdictStatus.UNKNOWN
     verdict = engine.check(*past_the_tower)
     assert verdict.status is VerdictStatus.UNKNOWN
-    assert verdict.reason == wanted.reason
+    assert verdict.reason == expected.reason
 
 
 @pytest.mark.slow(reason="executes a plan of four skills; the nodes of its travels in every run")
@@ -102,17 +102,17 @@ def test_a_plan_past_a_tower_runs_through_by_the_way_that_was_checked(task, past
     assert checked.is_feasible, checked.reason
     assert pairs.check(*past_the_tower).is_feasible
     samples = []
-    made = engine.perform([task.skill(name) for name in PLAN], note=samples.append)
-    assert made.failed is None, made.failed
-    assert all(one.offset_m < 5e-4 for one in made.arrivals)
-    wanted = swept.check(*past_the_tower).evidence["travels"]
-    assert checked.evidence["travels"] == wanted
-    assert made.skills[1].verdict.evidence["travels"] == wanted
-    phases = [one.phase for one in samples if one.skill == "place(base)"]
+    perform = engine.perform([task.skill(name) for name in PLAN], note=samples.append)
+    assert perform.failed is None, perform.failed
+    assert all(arrival.offset_m < 5e-4 for arrival in perform.arrivals)
+    expected = swept.check(*past_the_tower).evidence["travels"]
+    assert checked.evidence["travels"] == expected
+    assert perform.skills[1].verdict.evidence["travels"] == expected
+    phases = [sample.phase for sample in samples if sample.skill == "place(base)"]
     assert "the travel to base round tower" in phases
-    nodes = np.array(wanted[0]["nodes_rad"])
+    nodes = np.array(expected[0]["nodes_rad"])
     near = [
-        min(float(np.abs(np.array(one.joints_rad) - node).max()) for one in samples)
+        min(float(np.abs(np.array(item.joints_rad) - node).max()) for item in samples)
         for node in nodes
     ]
     # Between two rows of the trace a joint goes by a few hundredths.

@@ -66,7 +66,9 @@ def board():
 class TestWhoIsAsked:
     def test_hulls_come_before_an_engine_that_executes(self, board):
         assert names(PHYSICS, board) == ["swept", "contact-pairs"]
-        assert [one.name for one in PHYSICS.back_ends(board) if one.screens] == ["swept"]
+        assert [back_end.name for back_end in PHYSICS.back_ends(board) if back_end.screens] == [
+            "swept"
+        ]
 
     @pytest.mark.parametrize(
         "setup",
@@ -79,7 +81,7 @@ class TestWhoIsAsked:
     )
     def test_otherwise_only_what_was_named_is_asked(self, board, setup):
         assert names(setup, board) == list(setup.collision)
-        assert not any(one.screens for one in setup.back_ends(board))
+        assert not any(back_end.screens for back_end in setup.back_ends(board))
 
 
 def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(tight):
@@ -115,7 +117,7 @@ def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(tmp_path, ca
         main(["chart", str(tmp_path / "tight.yaml"), *ASKED, "--format", "json"])
     chart = json.loads(capsys.readouterr().out)
     assert chart["back_ends"] == ["swept", "contact-pairs", "pybullet"]
-    stages = {one["evidence"]["stage"] for one in chart["relations"]}
+    stages = {relation["evidence"]["stage"] for relation in chart["relations"]}
     assert stages == {"swept"}
 
 

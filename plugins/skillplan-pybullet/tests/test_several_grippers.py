@@ -102,9 +102,9 @@ def test_each_part_is_handled_by_the_jaws_of_its_own_gripper():
     task = board()
     engine = PybulletEngine(task)
     introduce([engine, ContactPairsDetector(task)])
-    found = engine.perform([task.skill(name) for name in PLAN])
-    assert found.failed is None, found.failed.verdict.reason
-    for arrival in found.arrivals:
+    perform = engine.perform([task.skill(name) for name in PLAN])
+    assert perform.failed is None, perform.failed.verdict.reason
+    for arrival in perform.arrivals:
         assert arrival.offset_m < 0.0005, arrival
         assert arrival.tilt_rad < math.radians(1), arrival
 
@@ -119,5 +119,5 @@ def test_jaws_fit_between_walls_or_meet_them(tool):
     state = task.facts.of(
         "placed(tray)", "held(pin)", f"tool({tool})", "at(pin.start)", "at_start(block)"
     )
-    granted = [one.check(skill, state).is_feasible for one in (engine, detector)]
+    granted = [item.check(skill, state).is_feasible for item in (engine, detector)]
     assert all(granted) == (tool == "tweezers")

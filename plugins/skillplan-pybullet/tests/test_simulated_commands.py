@@ -42,9 +42,9 @@ def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path):
     assert document["largest_offset_mm"] < 0.5
     assert document["largest_tilt_deg"] < 1.5
     pressed = [
-        one["evidence"]["sensed"]["fastening_force_n"]
-        for one in document["skills"]
-        if one["skill"].startswith("fasten")
+        skill["evidence"]["sensed"]["fastening_force_n"]
+        for skill in document["skills"]
+        if skill["skill"].startswith("fasten")
     ]
     assert len(pressed) == 2
     assert min(pressed) >= 3.0
@@ -55,7 +55,7 @@ def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path):
     assert times == sorted(times)
     assert abs(float(rows[-1]["brace_x_m"]) - 0.520) < 0.0005
     # While the world settles no skill is under way.
-    skills = {one["skill"] for one in document["skills"]}
+    skills = {item["skill"] for item in document["skills"]}
     assert {row["skill"] for row in rows} - {""} == skills
 
 
@@ -66,7 +66,7 @@ def test_a_wrong_plan_ends_where_it_fails(call):
     code, out = call(*words)
     document = json.loads(out)
     assert code == 1
-    assert [one["status"] for one in document["skills"]] == ["feasible", "infeasible"]
+    assert [skill["status"] for skill in document["skills"]] == ["feasible", "infeasible"]
     assert "6.0 mm below its goal" in document["skills"][-1]["reason"]
 
 

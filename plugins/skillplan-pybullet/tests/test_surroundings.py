@@ -34,7 +34,7 @@ def everything(
         for placement in body.placements
         if placement.solid and placement.frame == WORLD and placement.fact in state
     )
-    present = self.task.facts.of(*(one.placement.fact for one in there))
+    present = self.task.facts.of(*(item.placement.fact for item in there))
     return Neighbourhood(there, present, self.task.facts.none, there)
 
 
@@ -49,25 +49,25 @@ def questions(task: Task, seed: int, sample: int) -> list[tuple[Skill, State]]:
     while min(map(len, drawn.values())) < sample:
         state = model.initial
         while not model.is_goal(state):
-            asked = model.applicable(state)
-            feasible = [skill for skill in asked if model.verdict(state, skill).is_feasible]
-            for skill in rng.sample(asked, min(3, len(asked))):
+            applicable = model.applicable(state)
+            feasible = [skill for skill in applicable if model.verdict(state, skill).is_feasible]
+            for skill in rng.sample(applicable, min(3, len(applicable))):
                 drawn[skill in feasible].setdefault((skill.name, state.bits), (skill, state))
             if not feasible:
                 break
             state = rng.choice(feasible).prediction.apply(state)
     return [
         question
-        for found in drawn.values()
-        for question in rng.sample(list(found.values()), sample)
+        for result in drawn.values()
+        for question in rng.sample(list(result.values()), sample)
     ]
 
 
-def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Verdict, Verdict]]:
+def verdicts(task: Task, queries: Sequence[tuple[Skill, State]]) -> list[tuple[Verdict, Verdict]]:
     """Return what engine and detector say, each question of a fresh simulation."""
     engine, pairs = PybulletEngine(task), ContactPairsDetector(task)
     introduce([engine, pairs])
-    return [(engine.check(*one), pairs.check(*one)) for one in asked]
+    return [(engine.check(*query), pairs.check(*query)) for query in queries]
 
 
 @pytest.mark.parametrize(
@@ -90,14 +90,14 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
 def test_a_world_with_everything_gives_the_same_answer(product, sample, monkeypatch):
     pytest.importorskip("pinocchio", reason="the sample is drawn by swept hulls")
     task = load_problem(BOARD.parent / f"{product}.yaml").task
-    asked = questions(task, 4, sample)
-    reduced = verdicts(task, asked)
+    queries = questions(task, 4, sample)
+    reduced = verdicts(task, queries)
     monkeypatch.setattr(Surroundings, "around", everything)
-    whole = verdicts(task, asked)
-    assert sum(all(one.is_feasible for one in found) for found in reduced) == sample
+    whole = verdicts(task, queries)
+    assert sum(all(value.is_feasible for value in result) for result in reduced) == sample
     differing = [
-        (skill.name, list(state), [one.reason for one in (*here, *there)])
-        for (skill, state), here, there in zip(asked, reduced, whole, strict=True)
-        if [one.status for one in here] != [one.status for one in there]
+        (skill.name, list(state), [item.reason for item in (*here, *there)])
+        for (skill, state), here, there in zip(queries, reduced, whole, strict=True)
+        if [entry.status for entry in here] != [element.status for element in there]
     ]
     assert differing == []

@@ -33,7 +33,7 @@ def test_the_grasp_that_is_free_at_the_goal_is_performed():
     plan = ["pick(wall)", "place(wall)", "pick(pin)", "place(pin)"]
     named = [None, None, GRANTED, GRANTED]
     skills = choose_variants(task, [task.skill(name) for name in plan], [engine], named)
-    made = engine.perform(skills)
-    assert made.failed is None
-    assert made.skills[-1].skill == f"place(pin) {GRANTED}"
-    assert all(arrival.offset_m < 5e-4 for arrival in made.arrivals)
+    perform = engine.perform(skills)
+    assert perform.failed is None
+    assert perform.skills[-1].skill == f"place(pin) {GRANTED}"
+    assert all(arrival.offset_m < 5e-4 for arrival in perform.arrivals)

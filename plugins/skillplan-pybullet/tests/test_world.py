@@ -100,21 +100,21 @@ def test_a_body_that_nothing_bears_falls_as_physics_has_it():
 
 
 def test_mass_is_where_the_shapes_are():
-    found = compute_mass_properties(
+    mass_properties = compute_mass_properties(
         Body(
             "l", (Box((0.1, 0.1, 0.1), (0, 0, 0.05)), Box((0.1, 0.1, 0.1), (0.1, 0, 0.05))), (), 2.0
         )
     )
-    assert np.allclose(found.centre, (0.05, 0.0, 0.05))
+    assert np.allclose(mass_properties.centre, (0.05, 0.0, 0.05))
     # Two cubes side by side are one box.
-    assert np.allclose(found.inertia_kg_m2, np.array([0.02, 0.05, 0.05]) * 2 / 12)
+    assert np.allclose(mass_properties.inertia_kg_m2, np.array([0.02, 0.05, 0.05]) * 2 / 12)
 
 
 def test_a_cylinder_has_the_inertia_of_a_cylinder():
-    found = compute_mass_properties(BODIES["cylinder"])
+    mass_properties = compute_mass_properties(BODIES["cylinder"])
     along = 0.05 * 0.015**2 / 2
     across = 0.05 * (3 * 0.015**2 + 0.05**2) / 12
-    assert np.allclose(found.inertia_kg_m2, (across, across, along))
+    assert np.allclose(mass_properties.inertia_kg_m2, (across, across, along))
 
 
 def test_a_world_that_blows_up_is_noticed():

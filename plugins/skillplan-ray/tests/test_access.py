@@ -147,13 +147,13 @@ def listening(process: int) -> set[str]:
                 inodes.add(os.readlink(path))
             except OSError:
                 continue
-    found = set()
+    result = set()
     for name in ("tcp", "tcp6"):
         for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]:
             fields = line.split()
             if fields[3] == "0A" and f"socket:[{fields[9]}]" in inodes:
-                found.add(fields[1].partition(":")[0])
-    return found
+                result.add(fields[1].partition(":")[0])
+    return result
 
 
 def ask_as(user: int, address: str, token: Path, guess: str, home: Path) -> list[Any]:
@@ -188,16 +188,16 @@ def test_a_cluster_of_this_machine_serves_no_other_user(home, tmp_path):
             pytest.skip("only root can become another user")
         assert ask_as(0, address, token, "", home) == [0, True, 1, ""]
         for guess in ("", "a" * 64):
-            user, can_read, nodes, said = ask_as(NOBODY, address, token, guess, tmp_path)
+            user, can_read, nodes, message = ask_as(NOBODY, address, token, guess, tmp_path)
             assert (user, can_read, nodes) == (NOBODY, False, 0)
-            assert "oken" in said or "nauthenticated" in said
+            assert "oken" in message or "nauthenticated" in message
     finally:
         # Its input ends, and so does it.
         cluster.communicate(timeout=60)
 
 
 @pytest.mark.slow(reason="starts Ray; modes of the token and of folders in every run")
-def test_a_cluster_starts_though_ray_was_imported_without_a_token(home: Path) -> None:
+def test_a_cluster_starts_though_ray_was_imported_without_a_token(home):
     """Ray reads the mode when it is imported, perhaps for a cluster elsewhere."""
     done = subprocess.run(
         [sys.executable, "-c", f"import ray{START}"],

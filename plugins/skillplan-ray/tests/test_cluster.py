@@ -53,9 +53,9 @@ def heard(executor: Executor, worker: Worker) -> Any:
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         for ready in executor.first_ready([worker], 1.0):
-            said = ready.answer()
-            if said is not None:
-                return said
+            answer = ready.answer()
+            if answer is not None:
+                return answer
     raise AssertionError("nothing was heard")
 
 
@@ -71,8 +71,8 @@ def workers_of(executor: Executor) -> dict[str, Worker]:
     """Return a worker on each node, which evaluates what it is given."""
     from functools import partial
 
-    made = [executor.start(partial, pack_content(eval, "tests"), "tests") for _ in range(2)]
-    return {node_of(executor, one): one for one in made}
+    created = [executor.start(partial, pack_content(eval, "tests"), "tests") for _ in range(2)]
+    return {node_of(executor, item): item for item in created}
 
 
 @slow
@@ -82,13 +82,13 @@ def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster):
     nodes = {cluster.head_node.node_id, cluster.second.node_id}
     assert nodes == set(workers_of(executor))
     executor.close()
-    task, asked = queries()
+    task, request = queries()
 
     def outcome(setup: Setup) -> tuple[list[Verdict], int, int, int]:
         checks = Feasibility(
             task, [ExpensiveBoxes(task)], jobs=2, make_executor=setup.make_executor
         )
-        verdicts = checks.verdicts(asked)
+        verdicts = checks.verdicts(request)
         checks.close()
         return verdicts, checks.checks, checks.hits, checks.executions
 
@@ -102,7 +102,7 @@ def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster):
     workers = workers_of(executor)
     lost = workers[cluster.second.node_id]
     lost.take("__import__('time').sleep(600)")
-    task, asked = queries()
+    task, request = queries()
     options = ExpensiveBoxes.Options(check_s=0.2)
     checks = Feasibility(
         task, [ExpensiveBoxes(task, options)], jobs=2, make_executor=at(cluster).make_executor
@@ -113,13 +113,13 @@ def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster):
             cluster.remove_node(cluster.second, allow_graceful=False)
             cluster.second = None
 
-    verdicts = checks.verdicts(asked, poll)
+    verdicts = checks.verdicts(request, poll)
     assert cluster.second is None
     ended = heard(executor, lost)
     assert isinstance(ended, Ended)
     assert (ended.started, ended.killed) == (True, True)
     assert ended.how.startswith("the loss of its ")
-    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(asked)
+    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(request)
     checks.close()
     executor.close()
 
@@ -131,7 +131,7 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
     Nor does it matter that the node comes back later.
     """
     cluster = impatient_cluster
-    task, asked = queries()
+    task, request = queries()
     options = ExpensiveBoxes.Options(check_s=0.2)
     checks = Feasibility(
         task, [ExpensiveBoxes(task, options)], jobs=2, make_executor=at(cluster).make_executor
@@ -148,7 +148,7 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
                 os.kill(process, signal.SIGSTOP)
 
     try:
-        verdicts = checks.verdicts(asked, poll)
+        verdicts = checks.verdicts(request, poll)
         ended = heard(executor, workers[cluster.second.node_id])
     finally:
         for process in silenced:
@@ -156,7 +156,7 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
     assert len(silenced) >= 3
     assert isinstance(ended, Ended)
     assert ended.how.startswith("the loss of its machine")
-    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(asked)
+    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(request)
     checks.close()
     executor.close()
 
@@ -224,8 +224,8 @@ def test_ctrl_c_ends_all_actors_at_once(words, plugin, wait_s, schema, cluster, 
     while actors(cluster) and time.monotonic() < begun_s + PATIENCE_S:
         time.sleep(0.05)
     took_s = time.monotonic() - begun_s
-    said, err = process.communicate(timeout=60)
+    errors, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert json.loads(said)["schema"] == schema
+    assert json.loads(errors)["schema"] == schema
     assert took_s <= ENDED_S
     assert set() == actors(cluster)

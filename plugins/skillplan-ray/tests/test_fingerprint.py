@@ -27,9 +27,9 @@ HARMLESS = {
 
 def test_the_same_machine_does_not_differ():
     """What is compared is the same every time."""
-    found = fingerprint()
-    assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(found)
-    assert differences(found, fingerprint()) == []
+    result = fingerprint()
+    assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(result)
+    assert differences(result, fingerprint()) == []
 
 
 def test_what_differs_is_named():
@@ -45,10 +45,10 @@ def test_what_differs_is_named():
 
 def test_every_library_that_a_distribution_needs_is_compared_or_known_to_be_harmless():
     """A new engine is not forgotten."""
-    found = set()
+    result = set()
     for path in (ROOT / "pyproject.toml", *ROOT.glob("plugins/*/pyproject.toml")):
         for needed in tomllib.loads(path.read_text())["project"]["dependencies"]:
-            found |= set(re.findall(r"^[\w.-]+", needed.lower()))
-    ours = {name for name in found if name.startswith("skillplan")}
-    assert found - ours - HARMLESS <= LIBRARIES
-    assert found >= LIBRARIES | HARMLESS
+            result |= set(re.findall(r"^[\w.-]+", needed.lower()))
+    ours = {name for name in result if name.startswith("skillplan")}
+    assert result - ours - HARMLESS <= LIBRARIES
+    assert result >= LIBRARIES | HARMLESS

@@ -62,8 +62,8 @@ class Scripted:
     def actor(self, prepare: Any, content: Any, cpus: float) -> tuple[Any, float]:
         ready, of_job = self.to_come.pop(0)
         self.cpus += cpus
-        made = SimpleNamespace(make_ready=Method([ready], []), do=Method([of_job], self.jobs))
-        return made, cpus
+        created = SimpleNamespace(make_ready=Method([ready], []), do=Method([of_job], self.jobs))
+        return created, cpus
 
     def give_back(self, cpus: float) -> None:
         self.cpus -= cpus
@@ -76,10 +76,10 @@ def said(cluster: Any, *, patience_s: float = 60.0) -> Any:
     """Return what becomes of a job."""
     worker = RayWorker(cluster, int, None, "tests", cpus=1.0, patience_s=patience_s)
     worker.take("job")
-    found = None
-    while found is None:
-        found = worker.answer()
-    return found
+    answer = None
+    while answer is None:
+        answer = worker.answer()
+    return answer
 
 
 def test_an_actor_that_is_placed_on_a_machine_being_lost_is_placed_again():

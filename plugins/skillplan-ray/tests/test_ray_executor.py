@@ -59,12 +59,12 @@ def checked(setup: Setup, options: dict[str, Any]) -> dict[str, Verdict]:
     """Return what an engine says of the first question on each skill."""
     task = lid_task()
     states = reachable_states(SkillModel(Feasibility(task)), 60)
-    asked = list({k.name: (k, s) for s in states for k in task.skills if k.applicable(s)}.values())
+    items = list({k.name: (k, s) for s in states for k in task.skills if k.applicable(s)}.values())
     engine = ExpensiveEngine(task, ExpensiveEngine.Options(**options))
     checks = Feasibility(task, [engine], jobs=2, make_executor=setup.make_executor)
-    verdicts = checks.verdicts(asked)
+    verdicts = checks.verdicts(items)
     checks.close()
-    return {skill.name: verdict for (skill, _), verdict in zip(asked, verdicts, strict=True)}
+    return {skill.name: verdict for (skill, _), verdict in zip(items, verdicts, strict=True)}
 
 
 @pytest.mark.slow(reason="a Ray cluster, two actors lost; a local process killed in every run")
@@ -72,17 +72,17 @@ def checked(setup: Setup, options: dict[str, Any]) -> dict[str, Verdict]:
 def test_a_check_whose_actor_is_killed_is_made_once_more_and_then_unknown(once, ray, tmp_path):
     """SIGKILL in the middle of it: once costs one more execution, and no other check anything."""
     log = {"log": str(tmp_path)}
-    found = checked(ray, {**log, "fail_on": FATAL, "how": "kill", "once": once})
-    made = [one for one in checks_in(tmp_path) if one[1] == FATAL]
-    assert len(made) == 2
+    result = checked(ray, {**log, "fail_on": FATAL, "how": "kill", "once": once})
+    created = [check for check in checks_in(tmp_path) if check[1] == FATAL]
+    assert len(created) == 2
     # In different actors.
-    assert len({process for *_, process in made}) == 2
-    assert len(checks_in(tmp_path)) == len(found) + 1
+    assert len({process for *_, process in created}) == 2
+    assert len(checks_in(tmp_path)) == len(result) + 1
     expected = checked(Setup(), {})
     if not once:
-        lost = found.pop(FATAL)
+        lost = result.pop(FATAL)
         assert lost.status == "unknown"
         assert lost.reason.startswith("the process that checked it was ended by the loss of its ")
         assert lost.reason.endswith(", twice")
         del expected[FATAL]
-    assert found == expected
+    assert result == expected

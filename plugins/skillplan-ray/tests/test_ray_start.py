@@ -23,7 +23,7 @@ GONE_S = 2.0
 def test_a_signal_amid_the_start_is_heard_once_that_is_over(number):
     """By whoever hears it, as often as it came."""
     heard: list[int] = []
-    before = signal.signal(number, lambda one, _: heard.append(one))
+    before = signal.signal(number, lambda first, _: heard.append(first))
     try:
         with signals_held():
             signal.raise_signal(number)
@@ -39,15 +39,15 @@ def test_a_signal_amid_the_start_is_heard_once_that_is_over(number):
 
 def of_session(leader: int) -> list[int]:
     """Return the processes of a session."""
-    found = []
+    results = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rpartition(")")[2].split()
         except OSError:
             continue
         if int(fields[3]) == leader and fields[0] != "Z":
-            found.append(int(path.parent.name))
-    return found
+            results.append(int(path.parent.name))
+    return results
 
 
 def words_of(process: int) -> bytes:

@@ -33,8 +33,8 @@ def training(folder: Path, *more: str) -> subprocess.Popen[str]:
 def steps_kept(folder: Path) -> list[int]:
     """Return the steps of the checkpoints that have come, each of them whole."""
     paths = sorted(folder.glob(f"groups/*/{CHECKPOINT}"))
-    found = [read_checkpoint(path, within=folder) for path in paths]
-    return [one.steps for one in found if one is not None]
+    results = [read_checkpoint(path, within=folder) for path in paths]
+    return [result.steps for result in results if result is not None]
 
 
 def learned(folder: Path) -> dict[str, bytes]:
@@ -62,9 +62,9 @@ def test_a_training_goes_on_from_its_checkpoint_when_its_node_is_killed(cluster,
     cluster.remove_node(cluster.second, allow_graceful=False)
     out, err = process.communicate(timeout=300)
     assert process.returncode in (0, 1), err
-    assert [one["steps"] for one in json.loads(out)["runs"]] == [2000, 2000]
+    assert [run["steps"] for run in json.loads(out)["runs"]] == [2000, 2000]
     # They came while it was learning, not at its end.
-    assert len({tuple(one) for one in seen}) >= 3
+    assert len({tuple(item) for item in seen}) >= 3
     assert max(seen[-1]) < 2000
     alone = training(here)
     alone.communicate(timeout=300)

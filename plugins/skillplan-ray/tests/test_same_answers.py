@@ -58,7 +58,7 @@ def called(words: list[str], folder: Path) -> str:
 def timeless(content: Any) -> Any:
     """Return a document without times and places, which its keys announce."""
     if isinstance(content, list):
-        return [timeless(one) for one in content]
+        return [timeless(item) for item in content]
     if not isinstance(content, dict):
         return content
     return {
@@ -75,25 +75,25 @@ def answers(words: list[str], folder: Path) -> Any:
 
 def verdicts(folder: Path) -> dict[str, Any]:
     """Return the verdicts kept on disk by the hashes in their paths, but for their times."""
-    found = {}
+    results = {}
     for path in sorted((folder / "cache").rglob("*.json")):
         content = json.loads(path.read_text())
         name = path.relative_to(folder).as_posix()
-        found[name] = (content["key"], content["skill"], content["state"], content["verdict"])
-    return found
+        results[name] = (content["key"], content["skill"], content["state"], content["verdict"])
+    return results
 
 
 def same_everywhere(words: list[str], cluster: Any, tmp_path: Path) -> dict[str, Path]:
     """Call a command at every place and compare what it prints; return the folders by place."""
-    folders, found = {}, {}
+    folders, results = {}, {}
     for name, place in places(cluster).items():
         folders[name] = tmp_path / name
         folders[name].mkdir()
         out = [word.replace("OUT", str(folders[name])) for word in words]
-        found[name] = answers([*out, *place], folders[name])
-    assert len(found) == 4
-    for name, one in found.items():
-        assert found["local 1"] == one, name
+        results[name] = answers([*out, *place], folders[name])
+    assert len(results) == 4
+    for name, result in results.items():
+        assert results["local 1"] == result, name
     return folders
 
 
@@ -174,12 +174,12 @@ def test_nodes_need_no_files_of_the_head(config, cluster, tmp_path):
     task = problem.tasks[-1]
     shutil.rmtree(there)
     states = reachable_states(SkillModel(Feasibility(task)), 4)
-    asked = [(k, s) for s in states for k in task.skills if k.applicable(s)][:6]
-    found = []
+    queries = [(k, s) for s in states for k in task.skills if k.applicable(s)][:6]
+    results = []
     for executor in (ExecutorChoice(), ExecutorChoice("ray", cluster.address)):
         setup = Setup("mujoco", ("contact-pairs",), executor=executor)
         checks = make_feasibility(task, setup, jobs=2)
-        found.append((checks.verdicts(asked), checks.executions))
+        results.append((checks.verdicts(queries), checks.executions))
         checks.close()
-    assert found[0] == found[1]
-    assert found[0][1] > 0
+    assert results[0] == results[1]
+    assert results[0][1] > 0

@@ -40,18 +40,18 @@ class Started:
 @pytest.fixture
 def store(monkeypatch):
     """A cluster that keeps what is put into it."""
-    made = Store()
-    monkeypatch.setattr(executors, "connected", lambda address, mib: made)
+    created = Store()
+    monkeypatch.setattr(executors, "connected", lambda address, mib: created)
     monkeypatch.setattr(executors, "RayWorker", Started)
-    return made
+    return created
 
 
 def test_equal_content_is_sent_once_however_many_workers_start_from_it(store):
     """By its hash, not by which object it is."""
     executor = RayExecutor(3)
     content = pack_content({"task": "lid"}, "tests")
-    for one in (content, pack_content({"task": "box"}, "tests"), bytes(bytearray(content))):
-        executor.start(int, one, "tests")
+    for item in (content, pack_content({"task": "box"}, "tests"), bytes(bytearray(content))):
+        executor.start(int, item, "tests")
     assert store.started == [0, 1, 0]
     assert len(store.objects) == 2
 

@@ -69,7 +69,7 @@ class Message:
 def read(folder: Path, topic: str = TOPIC) -> list[tuple[int, Any]]:
     """Return time and message of all of a topic."""
     with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        connections = [one for one in reader.connections if one.topic == topic]
+        connections = [item for item in reader.connections if item.topic == topic]
         return [
             (time_ns, reader.deserialize(content, connection.msgtype))
             for connection, time_ns, content in reader.messages(connections)
@@ -81,14 +81,14 @@ def trajectories(folder: Path, topic: str = TOPIC) -> list[Message]:
     return [
         Message(
             time_ns,
-            one.joint_names,
+            item.joint_names,
             np.array(
-                [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in one.points]
+                [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in item.points]
             ),
-            np.array([point.positions for point in one.points]),
-            np.array([point.velocities for point in one.points]),
+            np.array([point.positions for point in item.points]),
+            np.array([point.velocities for point in item.points]),
         )
-        for time_ns, one in read(folder, topic)
+        for time_ns, item in read(folder, topic)
     ]
 
 
@@ -132,19 +132,19 @@ def test_the_cubics_through_the_points_keep_half_the_limits(config, tmp_path):
     """
     handover = by_swept(0.5, config) if config == "drawer_module" else best(config)
     model = handover.task.scene.robots[0].model
-    found = trajectories(written(tmp_path, handover))
-    assert len(handover.skills) == len(found)
-    for one in found:
-        assert [joint.name for joint in model.joints] == one.joints
-        assert one.times_ns[0] == 0
-        steps_s = np.diff(one.times_ns)[:, np.newaxis] / 1e9
+    messages = trajectories(written(tmp_path, handover))
+    assert len(handover.skills) == len(messages)
+    for message in messages:
+        assert [joint.name for joint in model.joints] == message.joints
+        assert message.times_ns[0] == 0
+        steps_s = np.diff(message.times_ns)[:, np.newaxis] / 1e9
         assert (steps_s > 0).all()
-        for speed in (one.speeds[0], one.speeds[-1]):
+        for speed in (message.speeds[0], message.speeds[-1]):
             assert not speed.any()
-        mean = np.diff(one.positions, axis=0) / steps_s
-        before, after = one.speeds[:-1], one.speeds[1:]
+        mean = np.diff(message.positions, axis=0) / steps_s
+        before, after = message.speeds[:-1], message.speeds[1:]
         middle = 1.5 * mean - (before + after) / 4
-        for speed in (one.speeds, middle):
+        for speed in (message.speeds, middle):
             assert (np.abs(speed) <= 0.5 * np.array(model.speed_rad_per_s) * 1.0001).all()
         gains = (6 * mean - 4 * before - 2 * after) / steps_s
         losses = (2 * before + 4 * after - 6 * mean) / steps_s
@@ -155,51 +155,53 @@ def test_the_cubics_through_the_points_keep_half_the_limits(config, tmp_path):
 @pytest.mark.slow(reason="a bag more; limits and times in every run")
 def test_each_skill_begins_where_and_when_the_one_before_ends(bag):
     """To the bit, and to the nanosecond; the whole takes as long as `swept` says."""
-    found = trajectories(bag)
-    for before, after in pairwise(found):
+    messages = trajectories(bag)
+    for before, after in pairwise(messages):
         assert np.array_equal(before.positions[-1], after.positions[0])
         assert before.time_ns + before.times_ns[-1] == after.time_ns
     handover = best("inverter_board")
     detector = SweptDetector(handover.task)
-    expected_s = [detector.duration_s(one.skill, one.before) for one in handover.skills]
-    assert expected_s == pytest.approx([one.times_ns[-1] / 1e9 for one in found], abs=1e-6)
+    expected_s = [detector.duration_s(skill.skill, skill.before) for skill in handover.skills]
+    assert expected_s == pytest.approx(
+        [message.times_ns[-1] / 1e9 for message in messages], abs=1e-6
+    )
 
 
 def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag):
     """A name at the time of each trajectory; the hand acts while the arm stands still."""
-    found = trajectories(bag)
+    messages = trajectories(bag)
     handover = best("inverter_board")
     names = [(time_ns, message.data) for time_ns, message in read(bag, "/skillplan/skill")]
-    expected = [one.skill.name for one in handover.skills]
-    assert list(zip([one.time_ns for one in found], expected, strict=True)) == names
+    expected = [skill.skill.name for skill in handover.skills]
+    assert list(zip([entry.time_ns for entry in messages], expected, strict=True)) == names
     acts = [(time_ns, message.data) for time_ns, message in read(bag, "/skillplan/hand")]
     assert [text for _, text in acts[:2]] == ["grasp pcb", "release pcb"]
     for time_ns, text in acts:
-        (one,) = (m for m in found if 0 <= time_ns - m.time_ns < m.times_ns[-1])
-        (begin,) = np.flatnonzero(one.times_ns == time_ns - one.time_ns)
-        assert np.array_equal(one.positions[begin], one.positions[begin + 1]), text
-        assert not one.speeds[begin : begin + 2].any(), text
+        (item,) = (m for m in messages if 0 <= time_ns - m.time_ns < m.times_ns[-1])
+        (begin,) = np.flatnonzero(item.times_ns == time_ns - item.time_ns)
+        assert np.array_equal(item.positions[begin], item.positions[begin + 1]), text
+        assert not item.speeds[begin : begin + 2].any(), text
 
 
 def test_as_text_it_says_the_same_in_nine_digits(tmp_path):
     """A document a message, with the fields of ROS 2 in their order; both may be asked for."""
     folder = written(tmp_path, solved_lid(lid_task()), format="both", topic="/arm/go")
     assert {"metadata.yaml", "trajectories.mcap", "trajectories.yaml"} == {
-        one.name for one in folder.iterdir()
+        path.name for path in folder.iterdir()
     }
     documents = list(
         yaml.load_all((folder / "trajectories.yaml").read_text("utf-8"), yaml.CSafeLoader)
     )
-    found = trajectories(folder, "/arm/go")
-    assert len(documents) == len(found)
-    for document, one in zip(documents, found, strict=True):
+    messages = trajectories(folder, "/arm/go")
+    assert len(documents) == len(messages)
+    for document, item in zip(documents, messages, strict=True):
         assert list(document) == ["header", "joint_names", "points"]
-        assert one.joints == document["joint_names"]
+        assert item.joints == document["joint_names"]
         points = document["points"]
-        assert one.times_ns.tolist() == [
+        assert item.times_ns.tolist() == [
             p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in points
         ]
-        for key, values in (("positions", one.positions), ("velocities", one.speeds)):
+        for key, values in (("positions", item.positions), ("velocities", item.speeds)):
             assert np.allclose([p[key] for p in points], values, rtol=0, atol=6e-10)
 
 
@@ -210,7 +212,7 @@ def test_speed_is_that_of_swept_unless_it_is_set(tmp_path):
     (fast := tmp_path / "fast").mkdir()
 
     def fastest(folder: Path) -> float:
-        return max(float(np.abs(one.speeds).max()) for one in trajectories(folder))
+        return max(float(np.abs(trajectory.speeds).max()) for trajectory in trajectories(folder))
 
     top = 2.61  # of the three joints at the hand
     assert fastest(written(slow, by_swept(0.2))) == pytest.approx(0.2 * top, rel=0.01)
@@ -232,8 +234,8 @@ def test_a_task_without_an_arm_is_refused_in_words(config, part, plan):
     task = load_problem(CONFIGS / config).part(part)
     model = make_model(task, Setup())
     skills = any_order(model) if plan is None else [task.skill(name) for name in plan]
-    said = refusal(make_handover(model, Setup(), replay(model, skills)))
-    assert "a joint trajectory is of one arm, and the task has none: export to csv" in said
+    message = refusal(make_handover(model, Setup(), replay(model, skills)))
+    assert "a joint trajectory is of one arm, and the task has none: export to csv" in message
 
 
 def any_order(model: SkillModel) -> list[Skill]:
@@ -248,9 +250,9 @@ def any_order(model: SkillModel) -> list[Skill]:
 
 def test_a_skill_that_swept_does_not_grant_is_refused_with_its_reason():
     """The chart of this task has the fuse put into a box that is shut."""
-    said = refusal(solved(shut_box_task()))
-    assert "swept does not grant place(fuse): " in said
-    assert "runs into lid" in said
+    message = refusal(solved(shut_box_task()))
+    assert "swept does not grant place(fuse): " in message
+    assert "runs into lid" in message
 
 
 def test_the_topic_is_one_of_ros():

@@ -53,10 +53,10 @@ def test_a_part_is_where_the_view_has_it_in_its_own_colour(scene):
     assert (image.width, image.height) == (WIDTH, HEIGHT)
     seen = pixels(image)
     rows, columns = np.nonzero(seen[:, :, 1] - seen[:, :, 0] > 50)
-    found = Projection(view, WIDTH, HEIGHT).pixel(world.pose("pcb").position)
-    assert found is not None
-    assert columns.min() < found[0] < columns.max()
-    assert rows.min() < found[1] < rows.max()
+    pixel = Projection(view, WIDTH, HEIGHT).pixel(world.pose("pcb").position)
+    assert pixel is not None
+    assert columns.min() < pixel[0] < columns.max()
+    assert rows.min() < pixel[1] < rows.max()
 
 
 def test_two_that_touch_are_red_and_orange_and_all_else_is_pale(scene):
@@ -77,9 +77,9 @@ def test_captions_and_name_tags_are_written(scene):
     """A caption is a dark strip in the lower left corner; tags are white, and hide no other."""
     world, arm = cell(scene)
     plain = pixels(camera(scene).shot(world, arm)())
-    told = pixels(camera(scene).shot(world, arm, "1. pick(pcb)   0.50 s")())
+    message = pixels(camera(scene).shot(world, arm, "1. pick(pcb)   0.50 s")())
     named = pixels(camera(scene, labels=True).shot(world, arm)())
-    rows, columns = np.nonzero((told != plain).any(axis=2))
+    rows, columns = np.nonzero((message != plain).any(axis=2))
     assert rows.min() > 0.9 * HEIGHT
     assert columns.max() < WIDTH / 2
     assert ((named.min(axis=2) > 235) & (plain.min(axis=2) < 235)).sum() > 2000

@@ -48,10 +48,10 @@ def distance_m(position, point):
 
 def test_the_polygonal_trajectory_has_the_candidates_of_the_data():
     sets = goal_sets(BENCH, SUPPORTS, PAPER, True)
-    assert [numbers(one.positions) for one in sets] == DATA["candidates"]
-    assert {one.how for one in sets} == {How.EQ34}
-    assert [one.index for one in sets] == list(range(16))
-    assert not any(one.note for one in sets)
+    assert [numbers(item.positions) for item in sets] == DATA["candidates"]
+    assert {entry.how for entry in sets} == {How.EQ34}
+    assert [element.index for element in sets] == list(range(16))
+    assert not any(value.note for value in sets)
 
 
 def test_the_last_support_is_paired_with_the_first_of_a_closed_trajectory_only():
@@ -80,7 +80,7 @@ def test_candidates_are_the_centroids_inside_the_rectangle_and_not_too_near(e1, 
     assume(length_m > 0.02)
     rules = ReachRules(0.472, 0.286, (0.333, 0.451), side)
     ux, uy = (e2[0] - e1[0]) / length_m, (e2[1] - e1[1]) / length_m
-    found, unclear = [], set()
+    results, unclear = [], set()
     for position, (x_m, y_m) in enumerate(BENCH.centroids_m):
         along = (x_m - e1[0]) * ux + (y_m - e1[1]) * uy
         across = side * ((y_m - e1[1]) * ux - (x_m - e1[0]) * uy)
@@ -93,10 +93,10 @@ def test_candidates_are_the_centroids_inside_the_rectangle_and_not_too_near(e1, 
             distance_m(position, e2) - 0.286,
         )
         if min(margins) >= 0:
-            found.append(position)
+            results.append(position)
         if abs(min(margins)) < 1e-7:
             unclear.add(position)
-    assert set(candidates(BENCH, e1, e2, rules)) ^ set(found) <= unclear
+    assert set(candidates(BENCH, e1, e2, rules)) ^ set(results) <= unclear
 
 
 def test_a_centroid_on_the_border_counts_as_inside():
@@ -118,7 +118,7 @@ def test_the_inside_of_a_clockwise_trajectory_is_to_the_right():
 @given(points, points, sides)
 def test_relaxed_positions_are_within_the_true_reach_of_both_supports(e1, e2, side):
     rules = ReachRules(0.451, 0.333, (0.333, 0.451), side)
-    found = within_reach(BENCH, e1, e2, rules)
+    positions = within_reach(BENCH, e1, e2, rules)
     everywhere = [
         position
         for position in range(BENCH.n_positions)
@@ -133,24 +133,24 @@ def test_relaxed_positions_are_within_the_true_reach_of_both_supports(e1, e2, si
         for p in everywhere
     ]
     preferred = [p for p, height in zip(everywhere, across, strict=True) if height >= 0]
-    assert list(found) == (preferred or everywhere)
+    assert list(positions) == (preferred or everywhere)
 
 
 def test_where_the_equations_leave_nothing_the_arms_reach_decides_and_says_so():
     e1, e2 = (1.0, 0.9), (1.1, 0.9)
     assert candidates(BENCH, e1, e2, NARROW) == ()
-    (one,) = goal_sets(BENCH, [e1, e2], NARROW, False)
-    assert one.how is How.RELAXED
-    assert "Eqs 3 and 4 leave no position" in one.note
-    assert one.positions == within_reach(BENCH, e1, e2, NARROW)
+    (goal_set,) = goal_sets(BENCH, [e1, e2], NARROW, False)
+    assert goal_set.how is How.RELAXED
+    assert "Eqs 3 and 4 leave no position" in goal_set.note
+    assert goal_set.positions == within_reach(BENCH, e1, e2, NARROW)
 
 
 def test_a_way_too_long_for_the_arm_is_split_and_says_so():
     sets = goal_sets(BENCH, [(0.4, 0.9), (2.0, 0.9)], NARROW, False)
     assert len(sets) > 1
-    assert {one.how for one in sets} == {How.SPLIT}
-    assert {one.index for one in sets} == {0}
-    assert all("of the way between supports 1 and 2" in one.note for one in sets)
+    assert {item.how for item in sets} == {How.SPLIT}
+    assert {entry.index for entry in sets} == {0}
+    assert all("of the way between supports 1 and 2" in element.note for element in sets)
     assert sets[0].e1 == (0.4, 0.9)
     assert sets[-1].e2 == (2.0, 0.9)
     assert all(a.e2 == b.e1 for a, b in itertools.pairwise(sets))
@@ -161,14 +161,14 @@ def test_a_split_follows_the_trajectory():
         return (0.4 + 1.6 * share, 0.9 + 0.3 * math.sin(math.pi * share))
 
     sets = goal_sets(BENCH, [(0.4, 0.9), (2.0, 0.9)], NARROW, False, detour)
-    assert any(one.e2 == pytest.approx((1.2, 1.2)) for one in sets)
+    assert any(item.e2 == pytest.approx((1.2, 1.2)) for item in sets)
 
 
 def test_a_trajectory_of_one_support_is_served_from_around_it():
-    (one,) = goal_sets(BENCH, [(1.2, 0.9)], ARM, True)
-    assert one.how is How.RELAXED
-    assert one.centre == (1.2, 0.9)
-    assert all(0.333 <= distance_m(p, (1.2, 0.9)) <= 0.451 for p in one.positions)
+    (goal_set,) = goal_sets(BENCH, [(1.2, 0.9)], ARM, True)
+    assert goal_set.how is How.RELAXED
+    assert goal_set.centre == (1.2, 0.9)
+    assert all(0.333 <= distance_m(p, (1.2, 0.9)) <= 0.451 for p in goal_set.positions)
 
 
 @given(st.lists(points, min_size=3, max_size=8, unique=True), st.booleans())
@@ -181,9 +181,9 @@ def test_every_pair_is_served_or_named(supports, closed):
         assert (caught.value.index, str(caught.value)) == (faults[0].index, str(faults[0]))
         return
     sets = goal_sets(BENCH, supports, ARM, closed)
-    assert sorted({one.index for one in sets}) == list(range(pairs))
-    assert all(one.positions and bool(one.note) == (one.how is not How.EQ34) for one in sets)
-    assert max(sum(one.index == i for one in sets) for i in range(pairs)) <= 2**MOST_SPLITS
+    assert sorted({entry.index for entry in sets}) == list(range(pairs))
+    assert all(item.positions and bool(item.note) == (item.how is not How.EQ34) for item in sets)
+    assert max(sum(element.index == i for element in sets) for i in range(pairs)) <= 2**MOST_SPLITS
 
 
 def test_a_support_off_the_bench_is_named_with_the_nearest_position():

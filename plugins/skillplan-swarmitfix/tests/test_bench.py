@@ -55,8 +55,8 @@ def position_on(bench: Bench, pins: list[int]) -> int | None:
     standing_on = np.sort(bench.legs, axis=1)
     if len(pins) < 3:
         return None
-    (found,) = np.flatnonzero((standing_on == sorted(pins)).all(axis=1)).tolist()
-    return int(found)
+    (result,) = np.flatnonzero((standing_on == sorted(pins)).all(axis=1)).tolist()
+    return int(result)
 
 
 def turn_of(bench: Bench, position: int, action: int) -> Turn:
@@ -162,9 +162,9 @@ class TestSwingsBetween:
             pins = rotated_pins(bench, start, swing.turn, swing.angle_deg // 60)
             assert position_on(bench, pins) == end == swing.end
         for pin in shared:
-            one, other = (swing for swing in swings if swing.pivot == pin)
-            assert one.direction != other.direction
-            assert one.angle_deg + other.angle_deg == 360
+            first, other = (swing for swing in swings if swing.pivot == pin)
+            assert first.direction != other.direction
+            assert first.angle_deg + other.angle_deg == 360
         angles = [swing.angle_deg for swing in swings]
         assert angles == sorted(angles)
 

@@ -41,10 +41,10 @@ class TestFiveSteps:
     def test_a_way_is_retract_park_swings_approach_support(self, goals_job):
         """Where the base stays there is nothing to park for."""
         timeline = account(goals_job).document["timeline"]
-        found: dict[int, list[str]] = {}
+        results: dict[int, list[str]] = {}
         for phase in timeline:
-            found.setdefault(phase["sequence"], []).append(phase["step"])
-        assert list(found.values()) == [
+            results.setdefault(phase["sequence"], []).append(phase["step"])
+        assert list(results.values()) == [
             ["retract", "park", "swing", "swing", "approach", "support"],
             ["retract", "approach", "support"],
             ["retract", "park", "swing", "approach", "support"],
@@ -52,11 +52,11 @@ class TestFiveSteps:
 
     def test_the_makespan_is_the_end_of_the_last_step(self, goals_job):
         """Swings of 120, 120 and 60 degrees, and the machine's steps in between."""
-        made = account(goals_job)
+        summary = account(goals_job)
         swings_s = 2 * 11.63 + 7.47
-        assert swings_s == pytest.approx(made.document["makespan_swings_s"])
-        assert made.makespan_s == made.document["timeline"][-1]["end_s"]
-        assert swings_s + 3 * (0.3 + 0.45 + 0.3) + 2 * 0.45 == pytest.approx(made.makespan_s)
+        assert swings_s == pytest.approx(summary.document["makespan_swings_s"])
+        assert summary.makespan_s == summary.document["timeline"][-1]["end_s"]
+        assert swings_s + 3 * (0.3 + 0.45 + 0.3) + 2 * 0.45 == pytest.approx(summary.makespan_s)
 
     def test_staying_actions_take_no_swing(self):
         """B0 is an action, but the base does not move."""
@@ -67,15 +67,15 @@ class TestFiveSteps:
     def test_without_the_ways_there_is_no_timeline(self):
         """Nor one of a plan that ends elsewhere, which the referee has refuted."""
         for plans in ({}, {"base-1": ("B1",)}):
-            made = account(job_of(plans, base={"home": "C66", "goals": ["C42"]}))
-            assert made.makespan_s is None
-            assert "timeline" not in made.document
-            assert made.appendix == {}
+            summary = account(job_of(plans, base={"home": "C66", "goals": ["C42"]}))
+            assert summary.makespan_s is None
+            assert "timeline" not in summary.document
+            assert summary.appendix == {}
 
     def test_the_appendix_has_a_row_for_every_step(self, goals_job):
-        made = account(goals_job)
-        listing = made.appendix["timeline.csv"]
-        timeline = made.document["timeline"]
+        summary = account(goals_job)
+        listing = summary.appendix["timeline.csv"]
+        timeline = summary.document["timeline"]
         assert len(timeline) == len(listing.rows)
         assert {row[1] for row in listing.rows} == set(STEPS)
         swing = next(row for row in listing.rows if row[1] == "swing")
@@ -109,8 +109,10 @@ class TestSupports:
         """Each by its number, and how many there are."""
         (listing,) = pentagon.listings
         split = [goal for goal in pentagon.document["goals"] if goal["how"] == "split"]
-        said = "\n".join(listing.notes)
-        assert f"{len(split)} of {len(listing.rows)} supports have no position by Eqs 1-4" in said
+        message = "\n".join(listing.notes)
+        assert (
+            f"{len(split)} of {len(listing.rows)} supports have no position by Eqs 1-4" in message
+        )
         for goal in split:
             assert f"support {goal['sequence']}: {goal['note']}" in listing.notes
 
@@ -135,17 +137,17 @@ class TestSampling:
         """A half circle of 0.3 m radius to 1 mm: a chord of angle w is off by 0.3 (1 - cos w/2)."""
         path = [{"arc_to_m": [1.5, 0.8], "through_m": [1.2, 1.1]}]
         trajectory = {"start_m": [0.9, 0.8], "path": path}
-        made = account(job_of(trajectory=trajectory))
-        chords = made.document["sampling"]["chords"]
+        summary = account(job_of(trajectory=trajectory))
+        chords = summary.document["sampling"]["chords"]
         off_m = 0.3 * (1 - math.cos(math.pi / chords / 2))
-        assert off_m == pytest.approx(made.document["sampling"]["deviation_m"])
-        said = f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off"
-        assert said in "\n".join(made.listings[0].notes)
+        assert off_m == pytest.approx(summary.document["sampling"]["deviation_m"])
+        message = f"curves sampled to {chords} chords, at most {off_m * 1e3:.2g} mm off"
+        assert message in "\n".join(summary.listings[0].notes)
 
     def test_of_straight_lines_nothing_is_said(self):
-        made = account(job_of(trajectory={"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}))
-        assert made.document["sampling"] == {"chords": 0, "deviation_m": 0.0}
-        assert "sampled" not in "\n".join(made.listings[0].notes)
+        summary = account(job_of(trajectory={"vertices_m": [[0.7, 0.5], [1.4, 0.9]]}))
+        assert summary.document["sampling"] == {"chords": 0, "deviation_m": 0.0}
+        assert "sampled" not in "\n".join(summary.listings[0].notes)
 
 
 class TestMachine:
@@ -156,12 +158,12 @@ class TestMachine:
             "base": {"side": "left", "reachable": "ignored"},
             "pkm": {"leg_limits_m": {"A": [0.300, 0.301]}},
         }
-        made = account(job_of(**content))
-        rulings = [goal["pkm"] for goal in made.document["goals"]]
+        summary = account(job_of(**content))
+        rulings = [goal["pkm"] for goal in summary.document["goals"]]
         assert {"infeasible"} == {ruling["status"] for ruling in rulings}
         assert all("leg A" in ruling["reason"] for ruling in rulings)
-        said = "\n".join(made.listings[0].notes)
-        assert f"{len(rulings)} of {len(rulings)} supports are beyond its legs' limits" in said
+        message = "\n".join(summary.listings[0].notes)
+        assert f"{len(rulings)} of {len(rulings)} supports are beyond its legs' limits" in message
 
     def test_the_bound_is_that_of_the_best_rule(self):
         """Whatever rule the file asks for."""
@@ -175,13 +177,16 @@ class TestMachine:
 
 class TestFleet:
     def test_before_it_is_solved_only_bounds_are_known(self):
-        made = account(job_of(robots=FLEET))
-        assert (made.document["independent_bound_sum"], made.document["independent_bound_max"]) == (
+        summary = account(job_of(robots=FLEET))
+        assert (
+            summary.document["independent_bound_sum"],
+            summary.document["independent_bound_max"],
+        ) == (
             4,
             2,
         )
-        assert made.listings == ()
-        assert made.makespan_s is None
+        assert summary.listings == ()
+        assert summary.makespan_s is None
 
     def test_swings_run_side_by_side_where_no_pin_is_shared(self):
         """Both bases go two rows down, each on its own side of the bench."""
@@ -198,10 +203,10 @@ class TestFleet:
     def test_a_plan_that_collides_is_found_out_by_the_simulator(self):
         """One base swings through the pins on which the other stands."""
         robots = {"one": {"home": "C1", "goal": "C5"}, "two": {"home": "C3", "goal": "C3"}}
-        made = account(job_of({"job": ("one.B10", "one.B10")}, robots=robots))
-        assert made.document["simulated"] != "valid"
-        assert "two" in made.document["simulated"]
-        assert made.listings[0].notes[-1].endswith(made.document["simulated"])
+        summary = account(job_of({"job": ("one.B10", "one.B10")}, robots=robots))
+        assert summary.document["simulated"] != "valid"
+        assert "two" in summary.document["simulated"]
+        assert summary.listings[0].notes[-1].endswith(summary.document["simulated"])
 
 
 def _split_pairs(goals: list[dict[str, Any]]) -> int:

@@ -69,13 +69,13 @@ def swings_to(bench: Bench, goal: int) -> dict[int, int]:
         for end in ends:
             if end >= 0:
                 before[end].add(position)
-    found, queue = {goal: 0}, deque([goal])
+    results, queue = {goal: 0}, deque([goal])
     while queue:
         here = queue.popleft()
-        for position in before[here] - found.keys():
-            found[position] = found[here] + 1
+        for position in before[here] - results.keys():
+            results[position] = results[here] + 1
             queue.append(position)
-    return found
+    return results
 
 
 class TestGoals:
@@ -109,14 +109,14 @@ class TestGoals:
             sets = [(goal,) for goal in job.goals]
         else:
             sets = [goal_set.positions for goal_set in job.goal_sets]
-        least = {job.home: 0}
+        entries = {job.home: 0}
         for positions in sets:
-            least = {
-                goal: min(n + swings_to(job.bench, goal)[here] for here, n in least.items())
+            entries = {
+                goal: min(n + swings_to(job.bench, goal)[here] for here, n in entries.items())
                 for goal in positions
             }
         chain = solved(path)
-        assert expect_of(path)["steps"] == min(least.values()) == chain.cost == chain.makespan
+        assert expect_of(path)["steps"] == min(entries.values()) == chain.cost == chain.makespan
         assert chain.bound_given == chain.cost
         assert chain.proved_by_level
         planned = any(part.task.stage == "heads" for part in chain.parts)
@@ -199,8 +199,8 @@ class TestCsp:
     @benches_expecting("csp")
     def test_the_paper_s_csp_does_what_is_declared(self, path):
         chain = solved(path, "csp")
-        found = chain.cost is not None
-        assert expect_of(path)["csp"] == ("solved" if found else "unsolved")
+        result = chain.cost is not None
+        assert expect_of(path)["csp"] == ("solved" if result else "unsolved")
 
     @benches_expecting("csp")
     def test_its_goals_share_a_pin_where_it_finds_some(self, path):
@@ -211,8 +211,8 @@ class TestCsp:
             return
         bench = job_of(path).bench
         goals = [bench.position(part.ends[1] or "") for part in chain.main]
-        for one, other in itertools.pairwise(goals):
-            assert set(bench.legs[one].tolist()) & set(bench.legs[other].tolist())
+        for first, other in itertools.pairwise(goals):
+            assert set(bench.legs[first].tolist()) & set(bench.legs[other].tolist())
 
     @benches_expecting("csp")
     def test_it_never_beats_the_optimum(self, path):

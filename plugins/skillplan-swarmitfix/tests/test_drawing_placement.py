@@ -106,13 +106,13 @@ class TestTheUnit:
     def test_may_not_contradict_the_header_of_a_table(self, tmp_path):
         """One of the two is wrong, and nobody knows which."""
         (tmp_path / "path.csv").write_text("x_mm,y_mm\n600,600\n900,600\n", "ascii")
-        said = refused(tmp_path, "path.csv", "unit: m")
-        assert "line 1: the header 'x_mm,y_mm' says the unit; leave 'unit' out" in said
+        message = refused(tmp_path, "path.csv", "unit: m")
+        assert "line 1: the header 'x_mm,y_mm' says the unit; leave 'unit' out" in message
 
     def test_is_one_of_those_known(self, tmp_path):
         """The message lists them."""
-        said = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, MM), "unit: metres")
-        assert "task.yaml:6:9: trajectory.unit: must be 'um', 'mm'" in said
+        message = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, MM), "unit: metres")
+        assert "task.yaml:6:9: trajectory.unit: must be 'um', 'mm'" in message
 
 
 class TestADoubtfulUnit:
@@ -128,9 +128,9 @@ class TestADoubtfulUnit:
 
     def test_is_told_beside_the_faults_of_a_drawing_that_becomes_huge(self, tmp_path):
         """Drawn in micrometres it is off the bench, and why is told with it."""
-        said = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, 1e-5))
-        assert "is off the bench" in said
-        assert "read in mm it is 100 m long. Give trajectory.unit" in said
+        message = refused(tmp_path, drawn(tmp_path, TRIANGLE, UNITLESS, 1e-5))
+        assert "is off the bench" in message
+        assert "read in mm it is 100 m long. Give trajectory.unit" in message
 
     def test_is_no_matter_where_the_drawing_says_it(self, tmp_path):
         """A jewel of 1 mm is what its author says it is."""
@@ -159,8 +159,8 @@ class TestPlacingADrawing:
         """Of every side, whatever the angle."""
         file = drawn(tmp_path, [(0.0, 0.0), (0.4, 0.0), (0.4, 0.3)], MILLIMETRES, MM)
         problem = loaded(tmp_path, file, f"rotate_deg: {angle_deg}", "offset_m: [1.0, 0.8]")
-        one, two, three = corners_of(problem)
-        sides = [math.dist(one, two), math.dist(two, three), math.dist(three, one)]
+        item, two, three = corners_of(problem)
+        sides = [math.dist(item, two), math.dist(two, three), math.dist(three, item)]
         assert near([[0.4, 0.3, 0.5]]) == [sides]
 
     def test_moves_arcs_and_curves_with_it(self, tmp_path):

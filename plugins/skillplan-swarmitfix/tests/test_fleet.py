@@ -333,8 +333,8 @@ class TestParts:
         for objective in Objective:
             search = ScheduleImprovement(problem, objective, random.Random(1), never)
             for step in search.run(steps, 40):
-                for i, one in enumerate(step):
-                    assert not any(one.clashes(other) for other in step[:i])
+                for i, item in enumerate(step):
+                    assert not any(item.clashes(other) for other in step[:i])
 
     def test_an_improvement_wants_moves_that_pass_whoever_stands_where(self):
         problem = problem_of(task_of(BENCH, random_robots(BENCH, 2, 0)))

@@ -37,8 +37,8 @@ position_sets = st.lists(
 
 def made(sets, centre=(1.2, 0.9)):
     return [
-        GoalSet(i, (0.0, 0.0), (1.0, 0.0), tuple(sorted(one)), How.EQ34, "", centre)
-        for i, one in enumerate(sets)
+        GoalSet(i, (0.0, 0.0), (1.0, 0.0), tuple(sorted(item)), How.EQ34, "", centre)
+        for i, item in enumerate(sets)
     ]
 
 
@@ -82,8 +82,8 @@ def test_the_whole_trajectory_rule_is_as_good_as_trying_everything(sets):
     choice = choose(BENCH, HOME, made(sets), GoalRule.WHOLE_TRAJECTORY, SWING_S)
     swings = {
         (a, b): walk_between(a, b)
-        for one, other in itertools.pairwise([[HOME], *sets])
-        for a in one
+        for first, other in itertools.pairwise([[HOME], *sets])
+        for a in first
         for b in other
     }
     best = min(
@@ -130,8 +130,8 @@ def test_greed_does_not_pay_in_general():
 def test_the_greedy_rule_takes_the_next_goal_of_fewest_swings(sets):
     choice = choose(BENCH, HOME, made(sets), "fewest-steps", SWING_S)
     here = HOME
-    for goal, one in zip(choice.goals, sets, strict=True):
-        swings = {position: int(BENCH.distances(position)[here]) for position in one}
+    for goal, item in zip(choice.goals, sets, strict=True):
+        swings = {position: int(BENCH.distances(position)[here]) for position in item}
         assert swings[goal] == min(swings.values())
         here = goal
 
@@ -140,8 +140,8 @@ def test_the_greedy_rule_takes_the_next_goal_of_fewest_swings(sets):
 def test_the_nearest_rule_takes_the_next_goal_as_the_crow_flies(sets):
     choice = choose(BENCH, HOME, made(sets), "nearest-centroid", SWING_S)
     here = HOME
-    for goal, one in zip(choice.goals, sets, strict=True):
-        away_m = [math.dist(BENCH.centroids_m[here], BENCH.centroids_m[p]) for p in one]
+    for goal, item in zip(choice.goals, sets, strict=True):
+        away_m = [math.dist(BENCH.centroids_m[here], BENCH.centroids_m[p]) for p in item]
         assert math.dist(BENCH.centroids_m[here], BENCH.centroids_m[goal]) <= min(away_m) + 1e-9
         here = goal
 
@@ -158,9 +158,9 @@ def test_of_goals_equal_in_swings_and_time_the_one_nearer_to_the_centre_is_taken
 @pytest.mark.parametrize("actions", [11, slow_case(13, reason="11 in every run")])
 def test_least_swings_are_those_of_the_shortest_ways(actions):
     bench = Bench(4, 7, 0.34, actions)
-    least = LeastSwings(bench, SWING_S)
+    least_swings = LeastSwings(bench, SWING_S)
     for goal in range(bench.n_positions):
-        steps, times_us = least.to(goal)
+        steps, times_us = least_swings.to(goal)
         for start in range(bench.n_positions):
             way = shortest_way(bench, start, goal)
             time_s = sum(TIMINGS.of_swing(int(bench.swing_deg[p, a])) for a, p, _ in way)

@@ -27,8 +27,8 @@ HOME = BENCH.position("C66")
 
 def made(sets):
     return [
-        GoalSet(i, (0.0, 0.0), (1.0, 0.0), tuple(sorted(one)), How.EQ34, "", (0.5, 0.2))
-        for i, one in enumerate(sets)
+        GoalSet(i, (0.0, 0.0), (1.0, 0.0), tuple(sorted(item)), How.EQ34, "", (0.5, 0.2))
+        for i, item in enumerate(sets)
     ]
 
 

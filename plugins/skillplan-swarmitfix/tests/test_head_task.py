@@ -77,16 +77,16 @@ def cheapest(segment, first, last, rules):
         return type(first)(point, yaw(node) % (2 * math.pi / 3), first.kind, 0, node[0])
 
     cost = [0.0] + [math.inf] * (len(nodes) - 1)
-    for (i, one), (j, other) in itertools.combinations(enumerate(nodes), 2):
-        if other[0] <= one[0] or cost[i] == math.inf:
+    for (i, left), (j, other) in itertools.combinations(enumerate(nodes), 2):
+        if other[0] <= left[0] or cost[i] == math.inf:
             continue
-        bare_m = other[0] - reach_m(yaw(other), math.pi) - one[0] - reach_m(yaw(one), 0.0)
+        bare_m = other[0] - reach_m(yaw(other), math.pi) - left[0] - reach_m(yaw(left), 0.0)
         if bare_m > rules.max_gap_m + 1e-9:
             continue
         ends = i == 0 and j == len(nodes) - 1
-        if not ends and overlap(head(one), head(other), rules):
+        if not ends and overlap(head(left), head(other), rules):
             continue
-        turned = 0.0 if same_yaw(yaw(one), yaw(other)) else rules.reorientation_cost
+        turned = 0.0 if same_yaw(yaw(left), yaw(other)) else rules.reorientation_cost
         cost[j] = min(cost[j], cost[i] + turned + (j != len(nodes) - 1))
     return cost[-1]
 
@@ -127,9 +127,9 @@ def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
     plan = fewest(segment, first, last, rules)
     between = heads_of(segment, first, last, rules, plan)
     assert len(between) == len(plan) - 1
-    for one, other in itertools.pairwise([first, *between, last]):
+    for left, other in itertools.pairwise([first, *between, last]):
         if between:
-            assert not overlap(one, other, rules)
+            assert not overlap(left, other, rules)
     borne = SupportedStretch(segment, rules)
     stretches = [
         borne.at(0.0, first.yaw_rad),

@@ -119,11 +119,11 @@ def test_a_vertex_head_bears_as_much_of_either_segment_and_never_less_than_turne
     ahead, angle
 ):
     assume(abs(angle - math.pi) > 0.01)
-    one, other = (
+    first, other = (
         (math.cos(ahead), math.sin(ahead)),
         (math.cos(ahead + angle), math.sin(ahead + angle)),
     )
-    workpiece = polyline(one, (0.0, 0.0), other)
+    workpiece = polyline(first, (0.0, 0.0), other)
     head = vertex_heads(workpiece, RULES)[1]
     before, after = workpiece.segments
     mine = borne(before, before.length_m, head.yaw_rad)[0], borne(after, 0.0, head.yaw_rad)[1]
@@ -195,18 +195,18 @@ offsets = st.floats(-0.13, 0.13)
 
 @given(offsets, offsets, yaws, yaws)
 def test_heads_overlap_exactly_where_their_triangles_share_area(x_m, y_m, one_rad, other_rad):
-    one, other = head_at(0.0, 0.0, one_rad), head_at(x_m, y_m, other_rad)
+    first, other = head_at(0.0, 0.0, one_rad), head_at(x_m, y_m, other_rad)
     area = shared_area(
-        corners_of(one.position, one.yaw_rad), corners_of(other.position, other.yaw_rad)
+        corners_of(first.position, first.yaw_rad), corners_of(other.position, other.yaw_rad)
     )
     assume(not 0 < area < 1e-9)
-    assert overlap(one, other, RULES) == (area > 0)
-    assert overlap(other, one, RULES) == overlap(one, other, RULES)
+    assert overlap(first, other, RULES) == (area > 0)
+    assert overlap(other, first, RULES) == overlap(first, other, RULES)
 
 
-def shared_area(one, other):
+def shared_area(first, other):
     """Return the area of the intersection of two triangles: Sutherland and Hodgman's clipping."""
-    shape = one
+    shape = first
     for (ax, ay), (bx, by) in itertools.pairwise([*other, other[0]]):
         clipped = []
         for p, q in itertools.pairwise([*shape, *shape[:1]]):

@@ -142,10 +142,10 @@ class TestLevels:
     def test_refined_heads_stand_closer_together(self):
         """Subdivisions are multiplied, and the gap is divided."""
         divided = [job(heads={"subdivisions": [3, 1, 2]}, refinement=n) for n in range(3)]
-        assert [len(one.heads) for one in divided] == [6, 12, 18]
+        assert [len(entry.heads) for entry in divided] == [6, 12, 18]
         planned = [job(refinement=n) for n in range(3)]
-        assert [one.head_rules.max_gap_m for one in planned] == [0.25, 0.125, 0.25 / 3]
-        counts = [len(one.heads) for one in planned]
+        assert [element.head_rules.max_gap_m for element in planned] == [0.25, 0.125, 0.25 / 3]
+        counts = [len(item.heads) for item in planned]
         assert sorted(counts) == counts
         assert counts[0] < counts[2]
 
@@ -185,8 +185,8 @@ class TestSide:
         """As in the paper, by the base that serves the path to it."""
         base = {"home": "C66", "reachable": "ignored"}
         opened, closed = job(trajectory={"vertices_m": TRIANGLE}, base=base), job(base=base)
-        for one in (opened, closed):
-            assert len(one.goal_sets) == len(one.heads)
+        for item in (opened, closed):
+            assert len(item.goal_sets) == len(item.heads)
         before, last = opened.goal_sets[-2:]
         assert last.e1 == last.e2 == before.e2 == tuple(TRIANGLE[-1])
         assert set(last.positions) == set(before.positions)
@@ -201,9 +201,9 @@ class TestFigures:
 
     def test_a_file_may_replace_some_times(self):
         """The others stay."""
-        made = timings_of(job(timings={"swing_s": {"60": 5}, "park_s": 0}).config)
-        assert (5, Timings().swing_s[120]) == (made.swing_s[60], made.swing_s[120])
-        assert (0, Timings().retract_s) == (made.park_s, made.retract_s)
+        timings = timings_of(job(timings={"swing_s": {"60": 5}, "park_s": 0}).config)
+        assert (5, Timings().swing_s[120]) == (timings.swing_s[60], timings.swing_s[120])
+        assert (0, Timings().retract_s) == (timings.park_s, timings.retract_s)
 
     def test_a_file_may_replace_limits_of_legs_and_the_sheet_s_height(self):
         config = job(pkm={"leg_limits_m": {"B": [0.25, 0.28]}, "sheet_height_m": 0.9}).config

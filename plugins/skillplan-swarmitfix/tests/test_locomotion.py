@@ -40,7 +40,7 @@ def swing_seconds(path: BasePath) -> float:
 
 def tour_timeline(goals: list[int], start: int = HOME) -> tuple[Phase, ...]:
     """Return the timeline of the shortest ways from one goal position to the next."""
-    ways = [shortest_way(BENCH, one, other) for one, other in pairwise([start, *goals])]
+    ways = [shortest_way(BENCH, first, other) for first, other in pairwise([start, *goals])]
     supports = [(0.1 * index, 1.0) for index in range(len(goals))]
     return timeline(BENCH, ways, supports, home=start)
 
@@ -81,7 +81,7 @@ class TestWays:
     def test_the_papers_makespans_come_out(self):
         """Table 3: 2, 1, 1, 0, 0, 0, 4, 0, 0, 3, 0, 2, 2, 1, 1, 0."""
         stands = [HOME, *(BENCH.position(f"C{goal}") for goal in TABLE_3_GOALS)]
-        steps = [len(shortest_way(BENCH, one, other)) for one, other in pairwise(stands)]
+        steps = [len(shortest_way(BENCH, first, other)) for first, other in pairwise(stands)]
         assert list(TABLE_3_STEPS) == steps
 
 
@@ -90,15 +90,15 @@ class TestTimeline:
     def test_phases_follow_each_other_without_a_gap(self, goals):
         phases = tour_timeline(goals)
         assert phases[0].start_s == 0.0
-        assert all(one.end_s == other.start_s for one, other in pairwise(phases))
+        assert all(first.end_s == other.start_s for first, other in pairwise(phases))
 
     @given(tours)
     def test_each_way_is_the_five_steps_in_order(self, goals):
         """Retract, park, swing as often as it takes, approach, support; no park at rest."""
         phases = tour_timeline(goals)
         stands = [HOME, *goals]
-        for index, (one, other) in enumerate(pairwise(stands)):
-            swings = int(BENCH.distances(other)[one])
+        for index, (first, other) in enumerate(pairwise(stands)):
+            swings = int(BENCH.distances(other)[first])
             middle = [FiveStep.PARK, *[FiveStep.SWING] * swings] if swings else []
             expected = [FiveStep.RETRACT, *middle, FiveStep.APPROACH, FiveStep.SUPPORT]
             mine = [phase for phase in phases if phase.sequence == index]
@@ -124,7 +124,7 @@ class TestTimeline:
     def test_the_makespan_adds_up(self, goals):
         phases = tour_timeline(goals)
         total = makespan(phases)
-        ways = [shortest_way(BENCH, one, other) for one, other in pairwise([HOME, *goals])]
+        ways = [shortest_way(BENCH, first, other) for first, other in pairwise([HOME, *goals])]
         assert total.steps == sum(map(len, ways))
         assert total.swing_s == pytest.approx(sum(map(swing_seconds, ways)))
         assert total.duration_s == pytest.approx(sum(phase.duration_s for phase in phases))

@@ -61,12 +61,12 @@ class TestRecognition:
     def test_moves_of_two_clash_where_they_sweep_a_common_pin(self):
         bench = Bench(4, 7, 0.34)
         problem = recognise(task_of(bench, random_robots(bench, 2, 0)))
-        for one in (move for here in problem.moves[0] for move in here):
+        for item in (move for here in problem.moves[0] for move in here):
             for other in (move for here in problem.moves[1] for move in here):
-                pins = bench.swept_pins(one.start, int(one.skill[4:])) & bench.swept_pins(
+                pins = bench.swept_pins(item.start, int(item.skill[4:])) & bench.swept_pins(
                     other.start, int(other.skill[4:])
                 )
-                assert bool(pins) == one.clashes(other) == other.clashes(one)
+                assert bool(pins) == item.clashes(other) == other.clashes(item)
 
     def test_ways_alone_are_those_of_the_bench(self):
         robots = random_robots(BENCH, 3, 4)
@@ -105,11 +105,11 @@ class TestRecognition:
     def test_a_move_clashes_with_one_that_starts_or_ends_on_what_it_forbids(self):
         for place in ("b1", "b2"):
             problem = recognise(two_agents(going("a", "a1", "a2", forbids=(place,))))
-            ((one,), _), ((other,), _) = problem.moves
-            assert one.clashes(other)
-            assert other.clashes(one)
-        ((one,), _), ((other,), _) = recognise(two_agents()).moves
-        assert not one.clashes(other)
+            ((first,), _), ((other,), _) = problem.moves
+            assert first.clashes(other)
+            assert other.clashes(first)
+        ((first,), _), ((other,), _) = recognise(two_agents()).moves
+        assert not first.clashes(other)
 
 
 class TestRefusal:

@@ -88,8 +88,12 @@ class TestArc:
     def test_its_directions_are_at_right_angles_to_its_radii(self, drawn):
         start, arc, _, _, first, sweep = drawn
         turned = math.copysign(math.pi / 2, sweep)
-        for found, angle in zip(end_directions(start, arc), (first, first + sweep), strict=True):
-            assert math.remainder(found - angle - turned, math.tau) == pytest.approx(0, abs=1e-6)
+        for end_direction, angle in zip(
+            end_directions(start, arc), (first, first + sweep), strict=True
+        ):
+            assert math.remainder(end_direction - angle - turned, math.tau) == pytest.approx(
+                0, abs=1e-6
+            )
 
     def test_three_points_on_a_line_are_no_arc(self):
         with pytest.raises(ValueError, match=r"lie on a line.*or write a line"):
@@ -168,8 +172,8 @@ class TestAnyElement:
     def test_its_reverse_leads_back_the_same_way(self, element):
         there = [(0.0, 0.0), *sample((0, 0), element, 1e-4)]
         back = [(1.0, 2.0), *sample((1, 2), reversed_element((0, 0), element), 1e-4)]
-        for one, other in zip(there, reversed(back), strict=True):
-            assert one == pytest.approx(other, abs=1e-9)
+        for first, other in zip(there, reversed(back), strict=True):
+            assert first == pytest.approx(other, abs=1e-9)
 
     def test_it_can_be_led_to_another_end(self, element):
         assert ending_at(element, (1, 2.001)).end == (1, 2.001)

@@ -30,9 +30,9 @@ def triangles_of(lattice: PinLattice) -> Iterator[frozenset[int]]:
     edges = {frozenset(edge) for edge in lattice.edges.tolist()}
     for pin in range(lattice.n_pins):
         beside = [other for other in lattice.pin_neighbours[pin].tolist() if other >= 0]
-        for one, other in combinations(beside, 2):
-            if frozenset((one, other)) in edges:
-                yield frozenset((pin, one, other))
+        for first, other in combinations(beside, 2):
+            if frozenset((first, other)) in edges:
+                yield frozenset((pin, first, other))
 
 
 class TestPaperBench:

@@ -126,16 +126,16 @@ class TestReach:
     @settings(max_examples=examples(15, fewest=3))
     @given(st.floats(0.0, 0.02))
     def test_tighter_limits_never_widen_it(self, cut_m):
-        least, most = LIMITS.leg_a_m
-        tight = PkmLimits(*[(least + cut_m / 2, most - cut_m / 2)] * 3)
+        minimum, most = LIMITS.leg_a_m
+        tight = PkmLimits(*[(minimum + cut_m / 2, most - cut_m / 2)] * 3)
         inner = horizontal_reach_m(GEOMETRY, tight, MOUNT)
         assert REACH[0] - 1e-9 <= inner[0] <= inner[1] <= REACH[1] + 1e-9
 
     def test_it_may_start_at_the_bases_centre(self):
         """An upright PKM with no offset reaches straight up."""
         mount = Mount(tilt_rad=0.0, offset_m=0.0, height_m=0.0, sheet_m=0.44)
-        least, most = horizontal_reach_m(GEOMETRY, LIMITS, mount)
-        assert least == 0.0 < most
+        minimum, most = horizontal_reach_m(GEOMETRY, LIMITS, mount)
+        assert minimum == 0.0 < most
 
     def test_none_is_said_in_words(self):
         with pytest.raises(ValueError, match=r"level head 0\.700 m above its base at any distance"):
@@ -156,8 +156,8 @@ class TestCalibration:
     @pytest.mark.slow(reason="computes the reach twice more; the reach itself in every run")
     def test_the_sheet_lies_where_the_reach_is_widest(self):
         def width(sheet_m: float) -> float:
-            least, most = horizontal_reach_m(GEOMETRY, LIMITS, replace(MOUNT, sheet_m=sheet_m))
-            return most - least
+            minimum, most = horizontal_reach_m(GEOMETRY, LIMITS, replace(MOUNT, sheet_m=sheet_m))
+            return most - minimum
 
         assert width(MOUNT.sheet_m) > max(width(MOUNT.sheet_m + by) for by in (-0.004, 0.004))
 
@@ -170,13 +170,13 @@ class TestCalibration:
 
     def test_the_default_limits_hold_every_leg_of_the_plans(self):
         lengths = [row[key] for row in PLANNED for key in ("l1_m", "l2_m", "l3_m")]
-        least, most = LIMITS.leg_a_m
-        assert least <= min(lengths) < least + 1e-3
+        minimum, most = LIMITS.leg_a_m
+        assert minimum <= min(lengths) < minimum + 1e-3
         assert most - 2e-3 < max(lengths) <= most
 
     def test_the_safe_limits_leave_a_narrower_reach_under_a_lower_sheet(self):
-        least, most = horizontal_reach_m(GEOMETRY, SAFE_LIMITS, replace(MOUNT, sheet_m=0.826))
-        assert 0.05 < most - least < 0.06
+        minimum, most = horizontal_reach_m(GEOMETRY, SAFE_LIMITS, replace(MOUNT, sheet_m=0.826))
+        assert 0.05 < most - minimum < 0.06
 
 
 class TestHeadPose:

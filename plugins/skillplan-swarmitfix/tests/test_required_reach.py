@@ -190,14 +190,16 @@ class TestBothPlans:
         config = load_problem(CONFIGS / "swarmitfix_polygonal.yaml", {}, changes).config
         assert isinstance(config, SwarmitfixConfig)
         job = Job(config)
-        least = {job.home: 0}
+        entries = {job.home: 0}
         for head in job.heads:
-            least = {
-                goal: min(swings + int(job.bench.distances(goal)[p]) for p, swings in least.items())
+            entries = {
+                goal: min(
+                    swings + int(job.bench.distances(goal)[p]) for p, swings in entries.items()
+                )
                 for goal in range(job.bench.n_positions)
                 if is_held(away_m(job.bench, goal, head.position), {})
             }
-        assert 20 == min(least.values()) == job.choice.total_steps
+        assert 20 == min(entries.values()) == job.choice.total_steps
 
     def test_the_polygonal_file_is_the_paper_s(self):
         chain = solved_config("polygonal")

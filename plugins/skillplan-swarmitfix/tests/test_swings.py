@@ -149,8 +149,10 @@ class TestActions:
     def test_each_action_swings_by_the_least_angle_that_leads_there(self, action):
         for up in (False, True):
             turn = action.turn(up)
-            least = min(other.angle_deg for other in ALL_TURNS if other.shift(up) == turn.shift(up))
-            assert turn.angle_deg == least
+            minimum = min(
+                other.angle_deg for other in ALL_TURNS if other.shift(up) == turn.shift(up)
+            )
+            assert turn.angle_deg == minimum
 
     @pytest.mark.parametrize("number", [0, 13])
     def test_there_is_no_other_action_that_swings(self, number):

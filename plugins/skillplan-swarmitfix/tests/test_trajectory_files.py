@@ -128,8 +128,8 @@ class TestAnyFile:
                 read_trajectory(tmp_path / name)
 
     def test_an_unknown_suffix(self, tmp_path):
-        said = refused(tmp_path, "path.step", "x")
-        assert said.endswith("give one of .dxf, .csv, .nc, .gcode, .ngc, .tap.")
+        message = refused(tmp_path, "path.step", "x")
+        assert message.endswith("give one of .dxf, .csv, .nc, .gcode, .ngc, .tap.")
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_an_empty_or_a_huge_file(self, tmp_path, suffix):
@@ -138,8 +138,8 @@ class TestAnyFile:
 
     @pytest.mark.parametrize("suffix", [".csv", ".nc"])
     def test_what_is_no_text(self, tmp_path, suffix):
-        said = refused(tmp_path, f"a{suffix}", b"x_m,y_m\n0,0\n\xff,1\n")
-        assert said == "line 3: The byte 0xff is no UTF-8 text; save it as UTF-8."
+        message = refused(tmp_path, f"a{suffix}", b"x_m,y_m\n0,0\n\xff,1\n")
+        assert message == "line 3: The byte 0xff is no UTF-8 text; save it as UTF-8."
 
     @given(st.sampled_from(SUFFIXES), st.binary(max_size=200))
     def test_random_bytes_are_read_or_refused_in_one_line(self, suffix, content):
@@ -172,11 +172,11 @@ def read_or_refuse(suffix: str, content: bytes) -> None:
         try:
             read = read_trajectory(path)
         except TrajectoryFileError as error:
-            said = str(error)
+            text = str(error)
         else:
-            found = faults(read.start, read.elements, read.closed, 1e-3, (0, 0, 2, 2))
-            said = " ".join(message + read.place_of(place) for message, place in found)
-    assert said.isprintable() or not said
+            issues = faults(read.start, read.elements, read.closed, 1e-3, (0, 0, 2, 2))
+            text = " ".join(message + read.place_of(place) for message, place in issues)
+    assert text.isprintable() or not text
 
 
 class TestCsv:
@@ -193,7 +193,7 @@ class TestCsv:
         assert read_back.place_of(("start",)) == "line 2"
 
     @pytest.mark.parametrize(
-        ("text", "said"),
+        ("text", "message"),
         [
             ("0,0\n1,1\n", "line 1: The header is '0,0'; write x_m,y_m or x_mm,y_mm."),
             ("x_m,y_m\n0,0\n0;1\n", "line 3: The row has 1 cells instead of 2; write x,y"),
@@ -206,8 +206,8 @@ class TestCsv:
             ("x_m,y_m\n0,0\n", "The table has 1 vertices; give the header"),
         ],
     )
-    def test_a_bad_table_is_told_by_its_line(self, tmp_path, text, said):
-        assert refused(tmp_path, "a.csv", text).startswith(said)
+    def test_a_bad_table_is_told_by_its_line(self, tmp_path, text, message):
+        assert refused(tmp_path, "a.csv", text).startswith(message)
 
     def test_equal_rows_are_left_for_the_faults_to_tell(self, tmp_path):
         twice = read(tmp_path, "a.csv", "x_m,y_m\n0,0\n1,1\n1,1\n2,0\n")
@@ -237,9 +237,9 @@ class TestGcode:
         ],
     )
     def test_an_arc_has_its_side_and_its_sense(self, tmp_path, arc, through):
-        (found,) = read(tmp_path, "a.nc", f"G0 X0 Y0\n{arc}").elements
-        assert isinstance(found, Arc)
-        assert found.through == pytest.approx((through[0] / 1e3, through[1] / 1e3))
+        (result,) = read(tmp_path, "a.nc", f"G0 X0 Y0\n{arc}").elements
+        assert isinstance(result, Arc)
+        assert result.through == pytest.approx((through[0] / 1e3, through[1] / 1e3))
 
     @pytest.mark.parametrize("code", ["G2 I5", "G3 X0 Y0 I5 J0"])
     def test_a_full_circle_is_two_arcs(self, tmp_path, code):
@@ -253,12 +253,12 @@ class TestGcode:
 
     def test_rapid_moves_are_no_part_of_it(self, tmp_path):
         text = "G0 X9 Y9\nG0 X0\nY0\nG1 X0 Y0 Z-1\nX10\nG0 Z5\nG0 X50\nX10\nG1 Z-1\nY10\nG0 X0 Y0"
-        found = read(tmp_path, "a.tap", text)
-        assert found.start == (0, 0)
-        assert found.places == ("line 5", "line 10")
+        content = read(tmp_path, "a.tap", text)
+        assert content.start == (0, 0)
+        assert content.places == ("line 5", "line 10")
 
     @pytest.mark.parametrize(
-        ("text", "said"),
+        ("text", "message"),
         [
             ("G0 X0 Y0\nG1 X1..5", "line 2: Cannot read '.5'; write words of a letter and a"),
             ("G0 X0 Y0\nG1 X1 (open", "line 2: Cannot read '(OPEN'"),
@@ -290,8 +290,8 @@ class TestGcode:
             ("G0 X0 Y0\nM30", "The program has no feed move in X or Y; give the trajectory by"),
         ],
     )
-    def test_what_cannot_be_placed_is_refused_by_its_line(self, tmp_path, text, said):
-        assert refused(tmp_path, "a.nc", text).startswith(said)
+    def test_what_cannot_be_placed_is_refused_by_its_line(self, tmp_path, text, message):
+        assert refused(tmp_path, "a.nc", text).startswith(message)
 
     def test_a_move_of_no_length_is_left_for_the_faults_to_tell(self, tmp_path):
         twice = read(tmp_path, "a.nc", "G0 X0 Y0\nG1 X1\nX1\nY1")
@@ -395,7 +395,7 @@ class TestDxf:
         assert read(tmp_path, "a.dxf", stream.getvalue()).elements == (Line((1, 0)),)
 
     @pytest.mark.parametrize(
-        ("draw", "said"),
+        ("draw", "message"),
         [
             (
                 lambda space: (space.add_line((0, 0), (1, 0)), space.add_line((0, 5), (1, 5))),
@@ -445,11 +445,11 @@ class TestDxf:
             (lambda space: space.add_text("hi"), "The model space holds no path on a layer"),
         ],
     )
-    def test_what_is_no_single_path_is_refused_by_its_entity(self, tmp_path, draw, said):
-        assert refused(tmp_path, "a.dxf", drawing(draw, 6)).startswith(said)
+    def test_what_is_no_single_path_is_refused_by_its_entity(self, tmp_path, draw, message):
+        assert refused(tmp_path, "a.dxf", drawing(draw, 6)).startswith(message)
 
     @pytest.mark.parametrize(
-        ("content", "said"),
+        ("content", "message"),
         [
             (b"garbage", 'The drawing is damaged (Invalid group code "garbage" at line 1); save'),
             (b"\x00\x01\xfe" * 50, "The drawing is damaged ("),
@@ -458,8 +458,8 @@ class TestDxf:
             (b"  0\nEOF\n", "The model space holds no path on a layer that is on"),
         ],
     )
-    def test_what_is_no_drawing(self, tmp_path, content, said):
-        assert refused(tmp_path, "a.dxf", content).startswith(said)
+    def test_what_is_no_drawing(self, tmp_path, content, message):
+        assert refused(tmp_path, "a.dxf", content).startswith(message)
 
     def test_a_drawing_cut_short(self, tmp_path):
         whole = (DATA / "slot.dxf").read_bytes()

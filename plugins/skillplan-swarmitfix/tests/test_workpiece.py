@@ -270,18 +270,20 @@ class TestFaults:
     def test_of_many_crossings_some_are_told_and_the_rest_counted(self):
         comb = [Line((20.0, 0))]
         comb += [Line((20 - 0.5 * (i + 1), 1.0 if i % 2 else -1.0)) for i in range(30)]
-        found = told((0, 0), *comb)
-        assert len(found) == 11
-        assert re.fullmatch(r"The trajectory meets itself \d+ times more at least\.", found[-1][0])
+        messages = told((0, 0), *comb)
+        assert len(messages) == 11
+        assert re.fullmatch(
+            r"The trajectory meets itself \d+ times more at least\.", messages[-1][0]
+        )
 
     def test_a_point_off_the_bench_is_told_with_the_outline(self):
-        found = told((-1, 1), Line((3, 1)), Arc((3, 0), (4.5, 0.5)), outline=BENCH)
-        assert [path for _, path in found] == [("start",), (1,)]
+        messages = told((-1, 1), Line((3, 1)), Arc((3, 0), (4.5, 0.5)), outline=BENCH)
+        assert [path for _, path in messages] == [("start",), (1,)]
         assert (
             "The point (-1, 1) m is off the bench, whose outline is x 0 to 4 m, y 0 to 2 m"
-            in (found[0][0])
+            in (messages[0][0])
         )
-        assert re.search(r"The point \(4\.\d+, 0\.\d+\) m is off", found[1][0])
+        assert re.search(r"The point \(4\.\d+, 0\.\d+\) m is off", messages[1][0])
 
     def test_a_closed_trajectory_of_lines_has_three_vertices(self):
         ((message, path),) = told((0, 0), Line((1, 0)), closed=True)
@@ -294,8 +296,10 @@ class TestFaults:
         assert message.startswith("The trajectory has no segment; give at least one element")
 
     def test_what_is_not_finite_is_told_once_and_where(self):
-        found = told((math.nan, 0), Line((1, 0)), Line((2, math.inf)), Line((3, 0)), outline=BENCH)
-        assert [path for _, path in found] == [("start",), (1,)]
+        messages = told(
+            (math.nan, 0), Line((1, 0)), Line((2, math.inf)), Line((3, 0)), outline=BENCH
+        )
+        assert [path for _, path in messages] == [("start",), (1,)]
 
     def test_a_bad_tolerance_is_told_alone(self):
         ((message, path),) = faults((0, 0), [Line((0, 0))], False, 0.0, None)
@@ -306,9 +310,9 @@ class TestFaults:
         circles = [
             Arc((i + 1.0, 0), (i + 0.5, 0.5 if i % 2 else -0.5)) for i in range(MAX_CHORDS // 500)
         ]
-        found = faults((0, 0), circles, False, 1e-6, None)
-        assert [path for _, path in found] == [()]
-        assert f"{MAX_CHORDS} are the most; give a coarser chord tolerance" in found[0][0]
+        issues = faults((0, 0), circles, False, 1e-6, None)
+        assert [path for _, path in issues] == [()]
+        assert f"{MAX_CHORDS} are the most; give a coarser chord tolerance" in issues[0][0]
 
 
 def reference_crosses(points: Sequence[Point2], closed: bool) -> bool:
@@ -346,8 +350,8 @@ class TestCrossings:
     @given(st.lists(grid, min_size=3, max_size=9), st.booleans())
     def test_they_are_found_exactly_where_whole_numbers_say_so(self, corners, closed):
         assume(all(a != b for a, b in itertools.pairwise([*corners, *corners[:closed]])))
-        found = crossings(np.array(corners, dtype=np.float64), closed=closed)
-        assert bool(found) is reference_crosses(corners, closed)
+        crossing_points = crossings(np.array(corners, dtype=np.float64), closed=closed)
+        assert bool(crossing_points) is reference_crosses(corners, closed)
 
     @given(st.lists(grid, min_size=3, max_size=9))
     def test_a_common_point_is_on_both_chords(self, corners):

@@ -29,20 +29,20 @@ def train(solver: str, board: Path, out: Path, *more: str, steps: int = 300) -> 
 
 
 def result(folder: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / "result.json").read_text("utf-8"))
-    return found
+    loads: dict[str, Any] = json.loads((folder / "result.json").read_text("utf-8"))
+    return loads
 
 
 @pytest.fixture(scope="module")
 def boards(tmp_path_factory):
     """Boards of two and of three parts, whose first parts have the same names."""
     folder = tmp_path_factory.mktemp("boards")
-    found = {}
+    results = {}
     for parts in (2, 3):
-        found[parts] = folder / f"{parts}.yaml"
+        results[parts] = folder / f"{parts}.yaml"
         size = ("--parts", str(parts), "--density", "0.3", "--tools", "1")
-        assert call("generate", "assembly", *size, "--out", str(found[parts])) == 0
-    return found
+        assert call("generate", "assembly", *size, "--out", str(results[parts])) == 0
+    return results
 
 
 @pytest.fixture(scope="module", params=LEARNERS)
@@ -68,11 +68,11 @@ def test_the_first_episode_does_what_was_learned(earlier, boards, tmp_path):
 def test_another_task_begins_with_what_it_has_in_common(earlier, boards, tmp_path, capsys):
     solver, folder = earlier
     train(solver, boards[3], tmp_path / "more", "--from", str(folder))
-    begun = result(tmp_path / "more")["warm_start"]
-    assert (begun["skills_known"], begun["skills"]) == (5, 7)
-    assert begun["runs"] == [0, 1]
-    assert 0 < begun["features_known"] < begun["features"]
-    assert begun == RunFolder(tmp_path / "more").manifest.warm_start.model_dump(mode="json")  # type: ignore[union-attr]
+    started = result(tmp_path / "more")["warm_start"]
+    assert (started["skills_known"], started["skills"]) == (5, 7)
+    assert started["runs"] == [0, 1]
+    assert 0 < started["features_known"] < started["features"]
+    assert started == RunFolder(tmp_path / "more").manifest.warm_start.model_dump(mode="json")  # type: ignore[union-attr]
     assert "begun      from networks of" in capsys.readouterr().out
 
 
@@ -97,9 +97,9 @@ def test_going_on_with_another_beginning_is_refused(earlier, boards, tmp_path, c
 
 def test_what_does_not_fit_is_refused_before_a_folder_is_made(earlier, boards, tmp_path, capsys):
     solver, folder = earlier
-    other = next(one for one in LEARNERS if one != solver)
+    other = next(item for item in LEARNERS if item != solver)
     board = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
-    for words, said in (
+    for words, message in (
         ((solver, boards[2], "--from", "nix"), "--from nix: there is no such folder"),
         ((other, boards[2], "--from", str(folder)), f"has networks of {solver}, not of {other}"),
         ((solver, boards[2], "--from", str(folder), "-O", f"{solver}.width=64"), "32 units"),
@@ -107,5 +107,5 @@ def test_what_does_not_fit_is_refused_before_a_folder_is_made(earlier, boards, t
     ):
         capsys.readouterr()
         assert train(words[0], Path(words[1]), tmp_path / "none", *map(str, words[2:])) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
         assert not (tmp_path / "none").exists()

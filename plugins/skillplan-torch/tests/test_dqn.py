@@ -74,8 +74,10 @@ def resumed(learner, seeds, task, snapshot, steps=STEPS):
     return resumed_for(learner, seeds, task, snapshot, steps)
 
 
-def assert_same_policy(one, other):
-    for mine, theirs in zip(one.weights + one.biases, other.weights + other.biases, strict=True):
+def assert_same_policy(first, other):
+    for mine, theirs in zip(
+        first.weights + first.biases, other.weights + other.biases, strict=True
+    ):
         assert mine.tobytes() == theirs.tobytes()
 
 
@@ -228,7 +230,7 @@ class TestMasks:
                     for skill in model.applicable(state)
                     if model.verdict(state, skill).is_feasible
                 ]
-                assert not allowed or task.skills[action].name in {one.name for one in allowed}
+                assert not allowed or task.skills[action].name in {item.name for item in allowed}
                 state = task.skills[action].prediction.apply(state)
 
     @pytest.mark.parametrize(
@@ -267,7 +269,7 @@ class TestMasks:
         for name in (f"network.{last}", f"target.{last}"):
             changed[name][..., 2] = worth
         changed = Snapshot(changed, snapshot.notes)
-        other, same = (resumed(learner, [0, 1], task, one) for one in (changed, snapshot))
+        other, same = (resumed(learner, [0, 1], task, item) for item in (changed, snapshot))
         assert other.advance(STEPS - 100) == same.advance(STEPS - 100)
         assert other.figures() == same.figures()
         ours, theirs = other.snapshot().arrays, same.snapshot().arrays
@@ -348,7 +350,7 @@ class TestPoliciesFollowed:
     @pytest.mark.parametrize("planning", [False, True])
     def test_only_episodes_that_follow_the_policy_throughout_are_greedy(self, planning):
         """Of a network that is not changed meanwhile."""
-        task, found = two_roads_task(), set()
+        task, result = two_roads_task(), set()
         learner = solver(planning=planning, warm_up=1_000, branching=0.3)
         training = begun(learner, [0, 1], task)
         episodes = training.advance(STEPS)
@@ -360,8 +362,8 @@ class TestPoliciesFollowed:
                 same &= int(policy.greedy(observation.encode(state)[None], mask)[0]) == action
                 state = task.skills[action].prediction.apply(state)
             assert episode.greedy == same
-            found.add(same)
-        assert found == {True, False}
+            result.add(same)
+        assert result == {True, False}
 
     def test_without_exploration_every_episode_is(self):
         learner = solver(epsilon=0.0, epsilon_end=0.0, branching=0.0)
@@ -377,16 +379,16 @@ class TestPoliciesFollowed:
         task = {"two roads": two_roads_task(), "board": late}[which]
         learner, seeds, steps = solver(**{**KINDS[kind], "mask": "applicable"}), range(3), 300
         training = begun(learner, seeds, task, steps)
-        episodes, found = training.advance(steps), 0
+        episodes, count = training.advance(steps), 0
         for run in seeds:
             learned = training.learned(run)
             if learned.best is None:
                 continue
-            found += 1
+            count += 1
             assert followed(learner, task, learned.best) == (learned.best_cost, 1)
             assert learned.best_cost in {e.cost for e in episodes if e.run == run and e.success}
             assert any(e.step == learned.best_step and e.run == run for e in episodes)
-        assert found
+        assert count
 
 
 @pytest.mark.slow(reason="trainings; one that goes on bit for bit in every run")
@@ -533,8 +535,8 @@ class TestGoingOn:
         training = begun(learner, [0, 1], task)
         training.advance(100)
         other = resumed(learner, [0, 1], task, training.snapshot())
-        for one in (training, other):
-            one.advance(50)
+        for item in (training, other):
+            item.advance(50)
         assert other.figures() == training.figures()
 
     def test_a_snapshot_of_another_solver_is_refused(self):

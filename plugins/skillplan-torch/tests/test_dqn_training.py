@@ -44,16 +44,16 @@ def noted_bytes(folder: Path) -> int:
 
 def checkpoints(folder: Path) -> dict[str, bytes]:
     """Return the checkpoints of all groups."""
-    found = sorted(folder.glob("groups/*/checkpoint.safetensors"))
-    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+    ordered = sorted(folder.glob("groups/*/checkpoint.safetensors"))
+    return {str(path.relative_to(folder)): path.read_bytes() for path in ordered}
 
 
 def stopped_at(folder: Path, runs: int, steps: int, reports: int | None, **more: bool) -> None:
     """Train in a folder; stop after so many reports."""
     problem = load_problem(BOARD)
     setup = Setup(options={"dqn": {"width": 64, "batch": 32}})
-    asked = {"runs": runs, "steps": steps, "checkpoint_steps": 100}
-    plan = plan_training(problem, "dqn", setup, **asked)
+    queries = {"runs": runs, "steps": steps, "checkpoint_steps": 100}
+    plan = plan_training(problem, "dqn", setup, **queries)
     with TrainingFolder(str(folder), plan, problem, **more) as opened:
         trainer = Trainer(opened.plan, opened, jobs=1, time_limit_s=30.0)
         seen = []

@@ -227,25 +227,27 @@ class TestGoingOn:
 class TestAdvantages:
     @pytest.fixture
     def roll_out(self):
-        made = RolloutBuffer(1, 4, 1, 1)
-        made.ends[0] = [0, 1, 0, 0]
-        made.drawn[0] = [True, True, False, True]
-        return made
+        created = RolloutBuffer(1, 4, 1, 1)
+        created.ends[0] = [0, 1, 0, 0]
+        created.drawn[0] = [True, True, False, True]
+        return created
 
     def test_looking_to_the_end_they_are_returns_less_values(self, roll_out):
         worth, values = np.array([[1.0, 2.0, 3.0, 4.0]]), np.full((1, 4), 0.5, dtype=np.float32)
         ahead = np.array([10.0], dtype=np.float32)
-        found = roll_out.advantages(worth, values, ahead, 0.5, 1.0)
-        np.testing.assert_allclose(found, [[1 + 1 - 0.5, 2 - 0.5, 3 + 2 + 2.5 - 0.5, 4 + 5 - 0.5]])
+        advantages = roll_out.advantages(worth, values, ahead, 0.5, 1.0)
+        np.testing.assert_allclose(
+            advantages, [[1 + 1 - 0.5, 2 - 0.5, 3 + 2 + 2.5 - 0.5, 4 + 5 - 0.5]]
+        )
 
     def test_looking_one_step_they_are_errors_of_values(self, roll_out):
         worth, values = np.zeros((1, 4)), np.array([[1.0, 2.0, 3.0, 4.0]], dtype=np.float32)
-        found = roll_out.advantages(worth, values, np.array([5.0], dtype=np.float32), 1.0, 0.0)
-        np.testing.assert_allclose(found, [[1.0, -2.0, 1.0, 1.0]])
+        advantages = roll_out.advantages(worth, values, np.array([5.0], dtype=np.float32), 1.0, 0.0)
+        np.testing.assert_allclose(advantages, [[1.0, -2.0, 1.0, 1.0]])
 
     def test_steps_that_were_not_drawn_count_for_nothing(self, roll_out):
-        found = roll_out.normalise(np.array([[1.0, 2.0, 100.0, 3.0]], dtype=np.float32))
-        np.testing.assert_allclose(found, [[-1.2247449, 0.0, 0.0, 1.2247449]], rtol=1e-5)
+        normalise = roll_out.normalise(np.array([[1.0, 2.0, 100.0, 3.0]], dtype=np.float32))
+        np.testing.assert_allclose(normalise, [[-1.2247449, 0.0, 0.0, 1.2247449]], rtol=1e-5)
 
 
 class TestOptions:
@@ -263,9 +265,9 @@ class TestOptions:
     def test_figures_are_told_since_the_last_time(self):
         training = begun(solver(), [0])
         training.advance(SMALL["rollout"])
-        told = training.figures()[0]
-        assert told["entropy"] > 0
-        assert 0 <= told["clipped"] <= 1
+        message = training.figures()[0]
+        assert message["entropy"] > 0
+        assert 0 <= message["clipped"] <= 1
         assert "entropy" not in training.figures()[0]
 
     def test_a_model_made_by_hand_without_rewards_is_learned_from_its_costs(self):

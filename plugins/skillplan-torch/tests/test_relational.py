@@ -76,8 +76,8 @@ def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards):
 
 
 def test_the_same_boards_and_seed_give_the_same_network():
-    one, again = (learned("generated:3-4", **TINY).policy for _ in range(2))
-    for name, array in one.weights.items():
+    item, again = (learned("generated:3-4", **TINY).policy for _ in range(2))
+    for name, array in item.weights.items():
         assert np.array_equal(array, again.weights[name])
 
 
@@ -119,8 +119,8 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path):
         assert best is not None
         assert walked.cost <= 1.15 * best
     solver = RelationalSolver(RelationalOptions(run=str(tmp_path)))
-    found = solver.solve(make_model(tasks[0]))
-    assert found.plan is not None
+    solution = solver.solve(make_model(tasks[0]))
+    assert solution.plan is not None
 
 
 @pytest.mark.slow(reason="tries a policy on 20 boards")

@@ -40,12 +40,12 @@ def stored(tmp_path):
 
 
 def test_what_is_read_is_what_was_written(stored):
-    found = read_policy(stored)
+    policy = read_policy(stored)
     assert is_relational(str(stored))
-    assert SIZE.width == found.policy.dimensions["width"]
-    assert found.content.family == "generated:3-5"
+    assert SIZE.width == policy.policy.dimensions["width"]
+    assert policy.content.family == "generated:3-5"
     for name, array in a_network().arrays.items():
-        assert np.array_equal(array, found.policy.weights[name])
+        assert np.array_equal(array, policy.policy.weights[name])
 
 
 def test_another_folder_is_none(tmp_path):

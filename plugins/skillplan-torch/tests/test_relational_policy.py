@@ -64,7 +64,7 @@ def test_the_order_of_elements_does_not_matter(seed, tmp_path):
     order = np.random.Generator(np.random.PCG64(seed)).permutation(9)
     permuted = ElementGraph(
         graph.elements[order],
-        tuple(graph.routes[one] for one in order),
+        tuple(graph.routes[node] for node in order),
         graph.features[order],
         graph.pairs[np.ix_(order, order)],
     )
@@ -79,10 +79,10 @@ def test_nor_does_the_order_of_parts_in_the_file(tmp_path):
     content = yaml.safe_load(path.read_text("utf-8"))
     content["parts"] = dict(reversed(content["parts"].items()))
     other.write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
-    first, second = (load_problem(one).task for one in (path, other))
+    first, second = (load_problem(item).task for item in (path, other))
     network = a_network()
     scores = [
-        ElementChoice(network, make_model(one)).scores(one.initial) for one in (first, second)
+        ElementChoice(network, make_model(entry)).scores(entry.initial) for entry in (first, second)
     ]
     assert list(scores[0]) != list(scores[1])
     assert scores[0] == pytest.approx(scores[1], abs=1e-5)

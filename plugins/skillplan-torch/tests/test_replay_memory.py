@@ -37,20 +37,20 @@ class PlainMemory:
 
     def add(self, observation, action, following, end, reward):
         key = (observation, action, following, end)
-        same = [one for one in self.kept if one["key"] == key]
+        same = [entry for entry in self.kept if entry["key"] == key]
         if same:
-            (one,) = same
+            (item,) = same
         else:
             if len(self.kept) == self.capacity:
                 self.kept.pop(0)
-            one = {"key": key, "seen": 0, "reward": 0.0}
-            self.kept.append(one)
-        one["seen"] += 1
+            item = {"key": key, "seen": 0, "reward": 0.0}
+            self.kept.append(item)
+        item["seen"] += 1
         # On average.
-        one["reward"] = ((one["seen"] - 1) * one["reward"] + reward) / one["seen"]
+        item["reward"] = ((item["seen"] - 1) * item["reward"] + reward) / item["seen"]
 
-    def tried(self, one):
-        return sum(other["seen"] for other in self.kept if other["key"][:2] == one["key"][:2])
+    def tried(self, first):
+        return sum(other["seen"] for other in self.kept if other["key"][:2] == first["key"][:2])
 
 
 def remembered(memory, run):
@@ -65,7 +65,7 @@ def remembered(memory, run):
 def expected(plain):
     """Return the same of a plain memory."""
     kept = sorted(
-        (*map(float, one["key"]), one["reward"], float(one["seen"])) for one in plain.kept
+        (*map(float, item["key"]), item["reward"], float(item["seen"])) for item in plain.kept
     )
     return [(*key, pytest.approx(reward), seen) for *key, reward, seen in kept]
 
@@ -100,12 +100,12 @@ class TestWhatIsRemembered:
             memory.add(0, i, i % 7, -float(i), 0, i + 1)
         memory.add(1, 4, 2, -1.0, 1, 0)
         again = rebuilt(memory, 2, 100_000)
-        for one in (memory, again):
-            assert (one.size(0), one.size(1)) == (5_000, 1)
-            assert (one.observation[0, :5_000] == np.arange(5_000)).all()
-            assert (one.reward[0, :5_000] == -np.arange(5_000.0)).all()
-            one.add(0, 17, 3, -1.0, 0, 18)
-            assert (one.size(0), one.seen[0, 17]) == (5_000, 2)
+        for item in (memory, again):
+            assert (item.size(0), item.size(1)) == (5_000, 1)
+            assert (item.observation[0, :5_000] == np.arange(5_000)).all()
+            assert (item.reward[0, :5_000] == -np.arange(5_000.0)).all()
+            item.add(0, 17, 3, -1.0, 0, 18)
+            assert (item.size(0), item.seen[0, 17]) == (5_000, 2)
 
 
 class TestWhatIsDrawn:
@@ -141,14 +141,14 @@ class TestGoingOn:
     def test_what_was_read_draws_and_forgets_alike(self):
         memory, generator = ReplayMemory(2, 30, distinct=True), np.random.default_rng(0)
 
-        def happens(one, seed):
+        def happens(first, seed):
             chance = np.random.default_rng(seed)
             for _ in range(25):
                 run, observation, action, following = chance.integers([2, 6, 2, 6]).tolist()
-                one.add(run, observation, action, -float(chance.random()), 0, following)
-            one.add(0, 0, 0, 0.0, 0, 0)
-            one.add(1, 0, 0, 0.0, 0, 0)
-            slots, weights = one.draw([np.random.default_rng([seed, run]) for run in (0, 1)], 16)
+                first.add(run, observation, action, -float(chance.random()), 0, following)
+            first.add(0, 0, 0, 0.0, 0, 0)
+            first.add(1, 0, 0, 0.0, 0, 0)
+            slots, weights = first.draw([np.random.default_rng([seed, run]) for run in (0, 1)], 16)
             return slots.tobytes() + weights.tobytes()
 
         happens(memory, generator.integers(99))

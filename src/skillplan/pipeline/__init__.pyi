@@ -27,6 +27,7 @@ from .solving import make_model as make_model
 from .solving import make_solver as make_solver
 from .solving import map_solvers as map_solvers
 from .solving import open_warm_cache as open_warm_cache
+from .solving import search as search
 from .solving import solve as solve
 
 __all__ = [
@@ -56,6 +57,7 @@ __all__ = [
     "read_given_plan",
     "registry",
     "rows_side_by_side",
+    "search",
     "solve",
     "solve_all",
     "solve_chain",

@@ -68,20 +68,20 @@ class TestAnyBoard:
     def test_its_chart_has_the_density_to_the_nearest_pair(self, board):
         """The pairs that its closure orders; without any there is no chart."""
         task = loaded(board)
-        found = order(task)
-        assert () == cycle(found)
-        assert board.ordered_pairs == len(found)
-        assert abs(len(found) - board.density * board.pairs) <= 0.5
-        assert ("chart" in content(board)) == bool(found)
+        result = order(task)
+        assert () == cycle(result)
+        assert board.ordered_pairs == len(result)
+        assert abs(len(result) - board.density * board.pairs) <= 0.5
+        assert ("chart" in content(board)) == bool(result)
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS)
     def test_all_tools_are_used(self, board):
         """As many as there are parts for."""
-        made = content(board)
-        used = {part["tool"] for part in made["parts"].values()}
+        created = content(board)
+        used = {part["tool"] for part in created["parts"].values()}
         assert min(board.parts, board.tools) == len(used)
-        assert used <= set(made["tools"])
+        assert used <= set(created["tools"])
 
     @given(board=BOARDS)
     def test_the_same_arguments_write_the_same_text(self, board):
@@ -110,16 +110,16 @@ class TestBoardsOfASeed:
             sparse.pop(key, None)
             dense.pop(key, None)
         assert sparse == dense
-        less, more = (closure(pairs(one.chart)) for one in boards)
+        less, more = (closure(pairs(item.chart)) for item in boards)
         assert less <= more
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS, tools=st.integers(1, MOST_TOOLS))
     def test_other_tools_change_no_part_but_for_its_tool(self, board, tools):
         """Nor the chart."""
-        one, other = content(board), content(dataclasses.replace(board, tools=tools))
-        assert but_for(one["parts"], "tool") == but_for(other["parts"], "tool")
-        assert one.get("chart") == other.get("chart")
+        first, other = content(board), content(dataclasses.replace(board, tools=tools))
+        assert but_for(first["parts"], "tool") == but_for(other["parts"], "tool")
+        assert first.get("chart") == other.get("chart")
 
     @settings(max_examples=examples(40))
     @given(board=BOARDS, parts=st.integers(1, 40))
@@ -131,9 +131,9 @@ class TestBoardsOfASeed:
 
     def test_another_seed_is_another_board(self):
         """In its parts and in its chart."""
-        one, other = (content(BoardGenerator(10, 0.3, 2, seed)) for seed in (1, 2))
-        assert but_for(one["parts"], "tool") != but_for(other["parts"], "tool")
-        assert one["chart"] != other["chart"]
+        first, other = (content(BoardGenerator(10, 0.3, 2, seed)) for seed in (1, 2))
+        assert but_for(first["parts"], "tool") != but_for(other["parts"], "tool")
+        assert first["chart"] != other["chart"]
 
 
 def _density(board: BoardGenerator) -> float:
@@ -141,7 +141,7 @@ def _density(board: BoardGenerator) -> float:
 
 
 def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
-    return {(before, one) for before, after in chart.items() for one in after}
+    return {(before, item) for before, after in chart.items() for item in after}
 
 
 @pytest.mark.parametrize(
@@ -172,11 +172,11 @@ def test_the_geometry_orders_nothing():
 
 def test_no_change_of_tools_is_done_in_two():
     """By way of a third holder it costs more, so that the step limit leaves room for every plan."""
-    made = content(BoardGenerator(9, 0.3, MOST_TOOLS, 1))
-    holders_m = [tool["holder_m"] for tool in made["tools"].values()]
-    for one, via, other in permutations(holders_m, 3):
-        assert math.dist(one, via) + math.dist(via, other) > math.dist(one, other) + 1e-5
-    assert 3 * 9 == made["step_limit"]
+    created = content(BoardGenerator(9, 0.3, MOST_TOOLS, 1))
+    holders_m = [tool["holder_m"] for tool in created["tools"].values()]
+    for first, via, other in permutations(holders_m, 3):
+        assert math.dist(first, via) + math.dist(via, other) > math.dist(first, other) + 1e-5
+    assert 3 * 9 == created["step_limit"]
 
 
 def test_a_total_order_leaves_one_way():
@@ -236,7 +236,7 @@ class TestGraspsThatFail:
         parts = content(failing)["parts"]
         missed = {n: part["grasp_failure"] for n, part in parts.items() if "grasp_failure" in part}
         assert 4 == len(missed)
-        assert all(0.1 <= one <= 0.4 for one in missed.values())
+        assert all(0.1 <= miss <= 0.4 for miss in missed.values())
         assert content(plain)["parts"] == but_for(parts, "grasp_failure")
         assert content(failing)["robot"]["look_m"] == content(failing)["robot"]["home_m"]
         task = loaded(failing)

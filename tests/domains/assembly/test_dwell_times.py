@@ -27,18 +27,18 @@ SECONDS = st.floats(0, 600).map(lambda value: round(value, 3))
 
 def content(cost="distance", **durations_s):
     """Return a board of which every kind of dwell is in the plan."""
-    made = lid_content()
-    made["cost"] = cost
-    made["feeders"] = {"tray": {"position_m": [0.45, 0.3]}}
-    made["screws"]["screw"]["feeder"] = "tray"
+    created = lid_content()
+    created["cost"] = cost
+    created["feeders"] = {"tray": {"position_m": [0.45, 0.3]}}
+    created["screws"]["screw"]["feeder"] = "tray"
     if durations_s:
-        made["durations_s"] = durations_s
-    return made
+        created["durations_s"] = durations_s
+    return created
 
 
-def makespan_s(made):
+def makespan_s(document):
     """Return how long the plan takes without trajectories [s]."""
-    task = assembly(made)
+    task = assembly(document)
     return replay(model_of(task, AabbDetector(task)), task.parse_sequence(PLAN)).duration_s
 
 
@@ -68,31 +68,31 @@ def test_of_a_part_or_screw_comes_first_then_of_its_tool_then_of_the_task(
 ):
     """Zero is a dwell, too."""
     count = VISITS[kind]
-    made = content(**{kind: 20.0})
-    of_task_s = makespan_s(made)
-    made["tools"][tool]["durations_s"] = {kind: 12.0}
-    of_tool_s = makespan_s(made)
-    made[section][owner]["durations_s"] = {kind: 0.0}
+    created = content(**{kind: 20.0})
+    of_task_s = makespan_s(created)
+    created["tools"][tool]["durations_s"] = {kind: 12.0}
+    of_tool_s = makespan_s(created)
+    created[section][owner]["durations_s"] = {kind: 0.0}
     assert of_tool_s - of_task_s == pytest.approx(-8.0 * count)
-    assert makespan_s(made) - of_tool_s == pytest.approx(-12.0)
+    assert makespan_s(created) - of_tool_s == pytest.approx(-12.0)
 
 
 @pytest.mark.parametrize(("tool", "kind"), [("gripper", "offload"), ("screwdriver", "load")])
 def test_a_tool_change_takes_the_dwells_of_both_tools(tool, kind):
     """Each has its own."""
-    made = content()
-    made["tools"][tool]["durations_s"] = {kind: 7.5}
-    assert makespan_s(made) - makespan_s(content()) == pytest.approx(2.5)
+    created = content()
+    created["tools"][tool]["durations_s"] = {kind: 7.5}
+    assert makespan_s(created) - makespan_s(content()) == pytest.approx(2.5)
 
 
 def test_a_task_names_where_its_dwells_are_from():
     """Those of single bodies and tools first."""
-    made = content()
-    made["screws"]["screw"]["durations_s"] = {"fasten": 12}
-    made["tools"]["gripper"]["durations_s"] = {"place": 1, "pick": 2}
+    created = content()
+    created["screws"]["screw"]["durations_s"] = {"fasten": 12}
+    created["tools"]["gripper"]["durations_s"] = {"place": 1, "pick": 2}
     paths = ["screws.screw.durations_s.fasten"]
     paths += [f"tools.gripper.durations_s.{kind}" for kind in ("pick", "place")]
-    assert assembly(made).dwells_from == (*paths, "durations_s")
+    assert assembly(created).dwells_from == (*paths, "durations_s")
     assert assembly(content()).dwells_from == ("durations_s",)
 
 
@@ -107,20 +107,20 @@ def test_a_task_names_where_its_dwells_are_from():
 )
 def test_a_dwell_of_a_tool_that_no_skill_has_is_pointed_out(tool, kind):
     """With its place; none is, of a board on which all count."""
-    made = content()
-    assert not list(find_hints(AssemblyConfig.model_validate(made)))
-    made["tools"][tool]["durations_s"] = {kind: 4.0, "load": 3.0}
-    (issue,) = find_hints(AssemblyConfig.model_validate(made))
+    created = content()
+    assert not list(find_hints(AssemblyConfig.model_validate(created)))
+    created["tools"][tool]["durations_s"] = {kind: 4.0, "load": 3.0}
+    (issue,) = find_hints(AssemblyConfig.model_validate(created))
     assert issue.path == ("tools", tool, "durations_s", kind)
     assert "has no effect" in issue.message
 
 
 def test_a_fetch_of_a_screw_without_feeder_is_pointed_out():
     """Its other dwell counts."""
-    made = content()
-    del made["screws"]["screw"]["feeder"]
-    made["screws"]["screw"]["durations_s"] = {"fetch": 4.0, "fasten": 3.0}
-    (issue,) = find_hints(AssemblyConfig.model_validate(made))
+    created = content()
+    del created["screws"]["screw"]["feeder"]
+    created["screws"]["screw"]["durations_s"] = {"fetch": 4.0, "fasten": 3.0}
+    (issue,) = find_hints(AssemblyConfig.model_validate(created))
     assert issue.path == ("screws", "screw", "durations_s", "fetch")
 
 

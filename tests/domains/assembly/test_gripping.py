@@ -155,12 +155,12 @@ def test_the_head_of_a_screw_is_a_cylinder(board_task):
 def test_a_part_fits_between_the_jaws_or_is_refused(width_m, depth_m, opening_m):
     """By 2 mm, across its narrower side."""
     shape = {"size_m": [width_m, depth_m, 0.02]}
-    found = issues_of(shape, tool={"opening_m": opening_m})
+    issues = issues_of(shape, tool={"opening_m": opening_m})
     narrower_m = min(width_m, depth_m)
     if abs(narrower_m - (opening_m - 0.002)) > 1e-8:
-        assert bool(found) == (narrower_m > opening_m - 0.002)
-    if found:
-        ((path, message),) = found
+        assert bool(issues) == (narrower_m > opening_m - 0.002)
+    if issues:
+        ((path, message),) = issues
         assert path == ("parts", "part", "size_m")
         assert "give grasp: {type: suction}." in message
 

@@ -125,12 +125,12 @@ class TestFamily:
             assert (mine.observation, mine.reward) == (task.observation, task.reward)
             assert mine.initial == task.initial
             costs = []
-            for one, other in zip(mine.skills, task.skills, strict=True):
-                assert (one.name, one.precondition) == (other.name, other.precondition)
-                assert one.outcomes == other.outcomes
-                if one.applicable(mine.initial):
-                    costs.append((one.cost.at(mine.initial), other.cost.at(mine.initial)))
-            assert any(not math.isclose(one, other) for one, other in costs)
+            for skill, other in zip(mine.skills, task.skills, strict=True):
+                assert (skill.name, skill.precondition) == (other.name, other.precondition)
+                assert skill.outcomes == other.outcomes
+                if skill.applicable(mine.initial):
+                    costs.append((skill.cost.at(mine.initial), other.cost.at(mine.initial)))
+            assert any(not math.isclose(first, other) for first, other in costs)
 
     @pytest.mark.slow(reason="draws families twice; their names and hashes in every run")
     def test_the_same_seed_gives_the_same_and_more_begin_with_the_same(self, board):
@@ -228,6 +228,6 @@ def moves(
     return shifts(before, after)
 
 
-def shifts(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, float]:
-    assert one[2] == other[2]
-    return round(other[0] - one[0], 6), round(other[1] - one[1], 6)
+def shifts(first: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, float]:
+    assert first[2] == other[2]
+    return round(other[0] - first[0], 6), round(other[1] - first[1], 6)

@@ -133,12 +133,12 @@ def test_corners_that_no_face_has_are_left_out(tmp_path):
 
 def test_the_hash_is_that_of_the_file(tmp_path):
     """A comment more is another file."""
-    one = read_mesh(tmp_path, wedge_in(tmp_path), 0.01)
+    mesh = read_mesh(tmp_path, wedge_in(tmp_path), 0.01)
     path = tmp_path / "wedge.obj"
     path.write_bytes(b"# a comment\n" + path.read_bytes())
     other = read_mesh(tmp_path, "wedge.obj", 0.01)
-    assert one.corners == other.corners
-    assert one.sha256 != other.sha256
+    assert mesh.corners == other.corners
+    assert mesh.sha256 != other.sha256
 
 
 def test_a_surface_with_a_dent_is_told_from_a_convex_one(tmp_path):
@@ -150,7 +150,7 @@ def test_a_surface_with_a_dent_is_told_from_a_convex_one(tmp_path):
     mixed = [face[::-1] if number % 2 else face for number, face in enumerate(faces)]
     other = read_mesh(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, tip], faces=mixed), 0.01)
     turned = [
-        {(f[i], f[(i + 1) % 3]) for f in one.faces for i in range(3)} for one in (mesh, other)
+        {(f[i], f[(i + 1) % 3]) for f in item.faces for i in range(3)} for item in (mesh, other)
     ]
     assert turned[0] == turned[1]
     assert read_mesh(tmp_path, wedge_in(tmp_path), 0.01).convex
@@ -265,11 +265,11 @@ def test_no_file_is_too_odd(tmp_path_factory, suffix, content, cut):
     whole = FORMS[suffix](WEDGE, WEDGE_FACES)
     for text in (content, whole[:cut] + content + whole[cut:]):
         (folder / f"odd{suffix}").write_bytes(text)
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said), contextlib.suppress(MeshFileError):
+        message = io.StringIO()
+        with contextlib.redirect_stderr(message), contextlib.suppress(MeshFileError):
             read = read_mesh(folder, f"odd{suffix}", 0.01)
             Mesh(read.about((0.0, 0.0, 0.0)), read.faces)
-        assert said.getvalue() == ""
+        assert message.getvalue() == ""
 
 
 MESH = '<collision><geometry><mesh filename="m.stl" scale="{0} {0} {0}"/></geometry></collision>'

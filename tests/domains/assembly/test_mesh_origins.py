@@ -56,9 +56,9 @@ def test_check_says_how_far_a_mesh_is_moved_and_how_to_keep_its_origin(tmp_path,
     path = write_board(tmp_path, [{"file": "lever.obj", "scale": 0.001}])
     (line,) = [line for line in check(path, capsys).splitlines() if line.startswith("mesh ")]
     assert line.split(maxsplit=1)[1].startswith("'lever.obj' is moved by -1.5 0 0 mm")
-    found = json.loads(check(path, capsys, "--format", "json"))["meshes"]
+    result = json.loads(check(path, capsys, "--format", "json"))["meshes"]
     centre_m = [0.0015, 0.0, 0.038]
-    assert found == [
+    assert result == [
         {"part": "lever", "mesh": 0, "moved_mm": [-1.5, 0.0, 0.0], "centre_m": centre_m}
     ]
     kept = write_board(tmp_path, [{"file": "lever.obj", "scale": 0.001, "centre_m": centre_m}])

@@ -68,11 +68,11 @@ def board(tmp_path):
 def test_check_says_as_how_many_pieces_a_part_moves_and_how_far_they_are_off(board, capsys):
     """No plugin takes it apart."""
     assert run(["check", str(board), "--format", "json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["pieces"]
-    assert found["part"] == "channel"
-    assert found["pieces"] == 3
-    assert found["outside_mm"] == pytest.approx(0, abs=1e-3)
-    assert found["missing_mm"] == pytest.approx(0, abs=1e-3)
+    (result,) = json.loads(capsys.readouterr().out)["pieces"]
+    assert result["part"] == "channel"
+    assert result["pieces"] == 3
+    assert result["outside_mm"] == pytest.approx(0, abs=1e-3)
+    assert result["missing_mm"] == pytest.approx(0, abs=1e-3)
 
 
 def test_other_pieces_are_another_task(board):

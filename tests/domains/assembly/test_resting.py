@@ -35,17 +35,17 @@ SHAFT = {"cylinder": {"diameter_m": 0.02, "height_m": 0.06}}
 
 def config_of(parts, **changes):
     """Return an assembly of some parts, which lie apart at the start unless they say where."""
-    made = {}
+    created = {}
     for number, (name, part) in enumerate(parts.items()):
         place = {} if {"start_m", "start_on"} & part.keys() else {"start_m": [0.2, 0.2 * number]}
-        made[name] = {"tool": "hand", "goal_m": [0.5, 0.0], **place, **part}
+        created[name] = {"tool": "hand", "goal_m": [0.5, 0.0], **place, **part}
     content = {
         "kind": "assembly",
         "name": "resting",
         "robot": {"home_m": [0.3, 0.0], "reach_m": 2.0},
         "tools": {"hand": {"holder_m": [0.5, 0.5], "type": "suction"}},
         "initial_tool": "hand",
-        "parts": made,
+        "parts": created,
         **changes,
     }
     return AssemblyConfig.model_validate(content)
@@ -90,8 +90,8 @@ def test_a_bridge_rests_on_all_that_a_list_names():
     assert 0.04 == get_layout(config).goal("bridge").pose.position[2]
     assert {"one", "two"} == {rest.on for rest in rests_at_goal(config, "bridge")}
     config = config_of({**posts, "bridge": {**bridge, "goal_on": ["one", "two", "low"]}})
-    told = "'bridge' does not lie on 'low', but 10.0 mm above it. Leave it out."
-    assert [told] == messages(config)
+    message = "'bridge' does not lie on 'low', but 10.0 mm above it. Leave it out."
+    assert [message] == messages(config)
 
 
 def test_a_turned_part_without_z_rests_with_its_lowest_point():
@@ -119,8 +119,8 @@ def test_with_three_numbers_a_part_is_where_they_say():
     assert [] == messages(config)
     assert ["block"] == [rest.on for rest in rests_at_goal(config, "shaft")]
     config = config_of({"block": block, "shaft": {**shaft, "goal_m": [0.46, 0.0, 0.0335]}})
-    (told,) = messages(config)
-    assert "'shaft' and 'block' overlap by 3.5 mm at their goals. Move one." == told
+    (message,) = messages(config)
+    assert "'shaft' and 'block' overlap by 3.5 mm at their goals. Move one." == message
 
 
 def test_a_part_at_the_start_may_lie_anywhere_on_another():
@@ -193,7 +193,7 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
 
 
 @pytest.mark.parametrize(
-    ("hole", "head_m", "said"),
+    ("hole", "head_m", "message"),
     [
         (UPRIGHT, 0.0084, None),
         (UPRIGHT, 0.0045, "the hole does not lie over the top of 'plate'"),
@@ -204,12 +204,12 @@ ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
     ],
 )
 def test_a_head_rests_on_the_rim_of_a_real_hole_or_on_what_is_drawn_without_one(
-    tmp_path, hole, head_m, said
+    tmp_path, hole, head_m, message
 ):
     path = tmp_path / "drilled.yaml"
     path.write_text(DRILLED.format(hole=hole, head_m=head_m), "utf-8")
-    if said is None:
+    if message is None:
         assert load_problem(path).task.name == "drilled"
         return
-    with pytest.raises(TaskError, match=said):
+    with pytest.raises(TaskError, match=message):
         load_problem(path)

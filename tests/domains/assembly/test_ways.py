@@ -123,8 +123,8 @@ def test_what_lies_beneath_a_part_is_nothing_it_goes_into():
 
 def test_grasps_that_are_too_wide_are_faults_by_themselves():
     """Each at its own entry."""
-    found = issues_of(content_of(grasp=[{}, {"closing_axis": "x"}]))
-    ((path, message),) = found
+    issues = issues_of(content_of(grasp=[{}, {"closing_axis": "x"}]))
+    ((path, message),) = issues
     assert path == ("parts", "drawer", "grasp", 1)
     assert message.startswith("0.100 m wide where the jaws of 'hand' open 0.080 m")
 
@@ -247,4 +247,7 @@ def test_check_shows_how_parts_go_in_and_are_held():
     line = "ways       drawer goes in along -x over 155.0 mm or along -z, is held at top or +x"
     assert shown.lines[-1] == line
     (entry,) = shown.document["ways"]
-    assert [one["insert_m"] for one in entry["directions"]] == [pytest.approx(0.155), None]
+    assert [direction["insert_m"] for direction in entry["directions"]] == [
+        pytest.approx(0.155),
+        None,
+    ]

@@ -164,14 +164,14 @@ class TestTask:
         problem = instance("ESC07")
         order = NodeOrder(problem.config.costs)  # type: ignore[attr-defined]
         chart = derive_chart(make_feasibility(problem.task, Setup()))
-        found = {(int(r.before), int(r.after)) for r in chart.relations}
+        results = {(int(r.before), int(r.after)) for r in chart.relations}
         expected = {
             (before, node)
             for node, members in enumerate(order.immediate)
             for before in nodes_of(members)
             if before
         }
-        assert expected == found
+        assert expected == results
         assert [] == [*chart.conditional, *chart.undecided, *chart.impossible]
 
     @given(st.integers(3, 6), st.data())
@@ -227,7 +227,7 @@ class TestYaml:
             validator.validate(content_of([[0, -2], [-1, 0]]))
 
     @pytest.mark.parametrize(
-        ("costs", "said"),
+        ("costs", "message"),
         [
             (
                 "[[0, 1, 2], [-1, 0], [-1, -1, 0]]",
@@ -241,13 +241,13 @@ class TestYaml:
             ),
         ],
     )
-    def test_a_faulty_matrix_is_told_by_its_entry(self, tmp_path, costs, said):
+    def test_a_faulty_matrix_is_told_by_its_entry(self, tmp_path, costs, message):
         """Where it stands in the YAML."""
         path = tmp_path / "small.yaml"
         path.write_text(f"kind: sop\nname: small\ncosts: {costs}\n")
         with pytest.raises(TaskError) as caught:
             load_problem(path)
-        assert [f"{path}:{said}"] == caught.value.lines()
+        assert [f"{path}:{message}"] == caught.value.lines()
 
     def test_a_name_of_other_characters_is_refused(self, tmp_path):
         """With what a name may have."""

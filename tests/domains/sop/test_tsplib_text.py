@@ -320,10 +320,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize(("text", "said"), CASES.values(), ids=CASES)
-def test_a_malformed_file_is_one_clear_message(tmp_path, text, said):
+@pytest.mark.parametrize(("text", "message"), CASES.values(), ids=CASES)
+def test_a_malformed_file_is_one_clear_message(tmp_path, text, message):
     """Where, what, and what instead."""
-    assert [said] == faults(tmp_path, text)
+    assert [message] == faults(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -334,8 +334,8 @@ def test_too_many_nodes_are_one_clear_message(tmp_path, monkeypatch, most):
     assert most in (3, tsplib_file.MOST_NODES)
     monkeypatch.setattr(tsplib_file, "MOST_NODES", most)
     n = most + 1
-    said = f"1:1: the matrix is {n} x {n}; at most {most} nodes can be ordered."
-    assert [said] == faults(tmp_path, "0 " * n**2)
+    message = f"1:1: the matrix is {n} x {n}; at most {most} nodes can be ordered."
+    assert [message] == faults(tmp_path, "0 " * n**2)
 
 
 def test_several_faults_are_told_at_once(tmp_path):

@@ -59,8 +59,8 @@ def test_it_costs_what_the_best_policy_of_all_states_does(board, tmp_path_factor
     """And following it costs what it claims; also where most grasps fail."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
     values = JobValues(model, 1_000, Stop())
-    least = compute_least_expected_cost(model, 20_000)
-    assert values.cost == pytest.approx(least, abs=1e-9)
+    least_expected_cost = compute_least_expected_cost(model, 20_000)
+    assert values.cost == pytest.approx(least_expected_cost, abs=1e-9)
     assert values.cost <= evaluate_policy(model, values.get).cost + 1e-12
     assert evaluate_policy(model, values.get).cost == pytest.approx(values.cost, abs=1e-9)
 
@@ -78,12 +78,12 @@ def test_a_board_of_762_750_states_is_proved_in_a_moment(tmp_path):
     """At 18.16390 m, as value iteration did in two minutes."""
     board = BoardGenerator(20, 0.1, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
     model = model_on(board, tmp_path)
-    found = JobValuesSolver().solve(model)
-    assert found.proved
-    assert found.policy is not None
-    assert found.lower_bound == pytest.approx(18.16390, abs=1e-5)
-    assert evaluate_policy(model, found.policy.get).cost == pytest.approx(found.lower_bound)
-    assert found.trace["sets"] == 33_920
+    solution = JobValuesSolver().solve(model)
+    assert solution.proved
+    assert solution.policy is not None
+    assert solution.lower_bound == pytest.approx(18.16390, abs=1e-5)
+    assert evaluate_policy(model, solution.policy.get).cost == pytest.approx(solution.lower_bound)
+    assert solution.trace["sets"] == 33_920
 
 
 def test_without_failures_values_are_least_costs():

@@ -169,15 +169,15 @@ def load(document: dict[str, Any], folder: Path) -> Any:
 def test_every_solver_is_right_or_proves_nothing(document, tmp_path_factory):
     """And the referee, by its own sweeps, believes none that is wrong."""
     task = load(document, tmp_path_factory.mktemp("board"))
-    least = float(exact_least_cost(make_model(task)))
+    minimum = float(exact_least_cost(make_model(task)))
     own = compute_least_expected_cost(make_model(task), 20_000)
-    assert own is None or own == pytest.approx(least, rel=1e-9)
+    assert own is None or own == pytest.approx(minimum, rel=1e-9)
     for solver in SOLVERS:
         result = solve(task, solver)
         assert result.status is not Status.WRONG, (solver, result.reason)
-        assert result.lower_bound is None or result.lower_bound <= least * (1 + 1e-9)
+        assert result.lower_bound is None or result.lower_bound <= minimum * (1 + 1e-9)
         if result.status is Status.OPTIMAL:
-            assert result.cost == pytest.approx(least, rel=1e-9), solver
+            assert result.cost == pytest.approx(minimum, rel=1e-9), solver
 
 
 @pytest.mark.parametrize("solver", ["auto", "job-values", "value-iteration", "policy-iteration"])
@@ -185,9 +185,9 @@ def test_every_solver_is_right_or_proves_nothing(document, tmp_path_factory):
 def test_up_to_one_in_a_billion_the_optimum_is_proved(solver, failure, tmp_path):
     task = load(board([failure, 0.5], "time", [0, 3], charted=True), tmp_path)
     result = solve(task, solver)
-    least = float(exact_least_cost(make_model(task)))
+    minimum = float(exact_least_cost(make_model(task)))
     assert result.status is Status.OPTIMAL, result.reason
-    assert result.cost == pytest.approx(least, rel=1e-9)
+    assert result.cost == pytest.approx(minimum, rel=1e-9)
 
 
 @pytest.mark.parametrize("failure", [1 - 1e-10, 1 - 1e-12, 1 - 1e-16, 1.0, 1.5, float("nan")])

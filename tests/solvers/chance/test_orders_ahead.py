@@ -88,11 +88,11 @@ def test_it_knows_what_a_search_from_any_state_finds(board, seed, tmp_path_facto
 def test_replanning_is_the_same_with_it_and_without(board, tmp_path_factory):
     """Plan, bound and expected cost, with no more searching."""
     model = model_on(board, tmp_path_factory.mktemp("board"))
-    found = [
+    results = [
         ReplanSolver(ReplanSolver.Options(sets=sets, roll_outs=2)).solve(model)
         for sets in (0, 1_000)
     ]
-    plain, ahead = found
+    plain, ahead = results
     assert plain.trace["sets"] is None
     assert ahead.trace["sets"] >= 1
     for name in ("planned_cost",):
@@ -105,29 +105,29 @@ def test_a_board_beyond_tables_is_planned_and_bounded_in_a_moment(tmp_path):
     """20 parts, some hundred thousand states: bound, plan and replanning within 3 %."""
     board = BoardGenerator(20, 0.2, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
     model = model_on(board, tmp_path)
-    found = ReplanSolver().solve(model)
-    assert found.policy is not None
-    cost = evaluate_policy(model, found.policy.get).cost
+    solution = ReplanSolver().solve(model)
+    assert solution.policy is not None
+    cost = evaluate_policy(model, solution.policy.get).cost
     assert cost is not None
-    assert found.lower_bound is not None
-    assert found.trace["expanded"] < 1_000
-    assert found.lower_bound == pytest.approx(18.12138, abs=1e-5)
+    assert solution.lower_bound is not None
+    assert solution.trace["expanded"] < 1_000
+    assert solution.lower_bound == pytest.approx(18.12138, abs=1e-5)
     assert cost == pytest.approx(18.53500, abs=1e-5)
 
 
 @given(needs=NEEDS)
 def test_sets_hold_with_every_job_what_it_needs(needs):
     everything = range(1 << len(needs))
-    wanted = {
-        one
-        for one in everything
-        if all(not one >> job & 1 or not need & ~one for job, need in enumerate(needs))
+    entries = {
+        item
+        for item in everything
+        if all(not item >> job & 1 or not need & ~item for job, need in enumerate(needs))
     }
     layers = feasible_sets(needs, 100, Stop())
-    assert [int(one) for layer in layers for one in layer] == sorted(
-        wanted, key=lambda one: (one.bit_count(), one)
+    assert [int(node) for layer in layers for node in layer] == sorted(
+        entries, key=lambda first: (first.bit_count(), first)
     )
-    assert feasible_sets(needs, len(wanted) - 1, Stop()) == []
+    assert feasible_sets(needs, len(entries) - 1, Stop()) == []
 
 
 @given(needs=NEEDS, seed=st.integers(0, 1_000))
@@ -136,8 +136,8 @@ def test_what_is_to_pay_is_the_least_of_all_orders(needs, seed):
     costs = np.random.default_rng(seed).uniform(0, 1, (count, count))
     costs[np.random.default_rng(seed).random((count, count)) < 0.2] = np.inf
     layers = feasible_sets(needs, 100, Stop())
-    found = costs_to_go(layers, needs, costs, Stop())
-    for layer, table in zip(layers[1:], found[1:], strict=True):
+    result = costs_to_go(layers, needs, costs, Stop())
+    for layer, table in zip(layers[1:], result[1:], strict=True):
         for done, row in zip(layer.tolist(), table, strict=True):
             for last in range(count):
                 if done >> last & 1:
@@ -147,14 +147,14 @@ def test_what_is_to_pay_is_the_least_of_all_orders(needs, seed):
 def least(done: int, last: int, needs: tuple[int, ...], costs: Any) -> float:
     """Return the least cost of all orders of what is left, one by one."""
     rest = [job for job in range(len(needs)) if not done >> job & 1]
-    found = math.inf
+    minimum = math.inf
     for order in itertools.permutations(rest):
         total, here, met = 0.0, last, done
         for job in order:
             total += costs[here, job] if not needs[job] & ~met else math.inf
             here, met = job, met | 1 << job
-        found = min(found, total)
-    return found
+        minimum = min(minimum, total)
+    return minimum
 
 
 def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path):
@@ -180,8 +180,8 @@ def test_what_verdicts_rest_on_is_noted_for_the_proof(tmp_path):
     model = model_on(board, tmp_path)
     certain = relaxed(model.task)
     assert certain is not None
-    asked = CertainModel(model, certain)
-    assert not asked.questions
-    assert OrdersAhead(asked, 1_000, Stop()).questions
+    certain_model = CertainModel(model, certain)
+    assert not certain_model.questions
+    assert OrdersAhead(certain_model, 1_000, Stop()).questions
     placed = model.task.goal.requires.bits
-    assert asked.questions & placed
+    assert certain_model.questions & placed

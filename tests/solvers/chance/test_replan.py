@@ -53,31 +53,31 @@ def test_any_policy_costs_the_bound_and_replanning_no_more_than_its_plan(board, 
     path = tmp_path_factory.mktemp("board") / "board.yaml"
     path.write_text(board.text(), "utf-8")
     model = make_model(load_problem(path).task)
-    least = compute_least_expected_cost(model, 20_000)
-    assert least is not None
+    least_expected_cost = compute_least_expected_cost(model, 20_000)
+    assert least_expected_cost is not None
     for lookahead in (True, False):
         options = ReplanSolver.Options(lookahead=lookahead, roll_outs=2)
-        found = ReplanSolver(options).solve(model)
-        assert found.policy is not None
-        cost = evaluate_policy(model, found.policy.get).cost
+        solution = ReplanSolver(options).solve(model)
+        assert solution.policy is not None
+        cost = evaluate_policy(model, solution.policy.get).cost
         assert cost is not None
-        assert found.lower_bound is not None
-        assert found.lower_bound <= least + 1e-9
-        assert least <= cost + 1e-9
-        assert cost <= found.trace["planned_cost"] + 1e-9
-        assert not found.proved
+        assert solution.lower_bound is not None
+        assert solution.lower_bound <= least_expected_cost + 1e-9
+        assert least_expected_cost <= cost + 1e-9
+        assert cost <= solution.trace["planned_cost"] + 1e-9
+        assert not solution.proved
 
 
 def test_after_a_miss_another_part_may_come_first():
     """On the inverter board: 0.2 % above the optimum, where the order of a plan is 2.5 % above."""
     model = make_model(load_problem(CONFIGS / "inverter_grasps.yaml").task)
-    found = ReplanSolver().solve(model)
-    assert found.policy is not None
-    assert evaluate_policy(model, found.policy.get).cost == pytest.approx(2.22821, abs=1e-5)
-    assert found.trace["planned_cost"] == pytest.approx(2.27825, abs=1e-5)
-    low, high = found.trace["expected_cost"]["ci95"]
+    solution = ReplanSolver().solve(model)
+    assert solution.policy is not None
+    assert evaluate_policy(model, solution.policy.get).cost == pytest.approx(2.22821, abs=1e-5)
+    assert solution.trace["planned_cost"] == pytest.approx(2.27825, abs=1e-5)
+    low, high = solution.trace["expected_cost"]["ci95"]
     assert low < 2.22821 < high
-    assert found.trace["expected_cost"]["roll_outs"] == 2_000
+    assert solution.trace["expected_cost"]["roll_outs"] == 2_000
 
 
 def test_later_searches_live_on_earlier_ones(board):
@@ -88,14 +88,14 @@ def test_later_searches_live_on_earlier_ones(board):
     while not model.is_goal(state):
         skill = search.skill(state)
         assert skill is not None
-        missed += [one.apply(state) for one in skill.outcomes[1:]]
+        missed += [outcome.apply(state) for outcome in skill.outcomes[1:]]
         state = skill.prediction_in(state).apply(state)
     first = search.expanded
     assert missed
     alone = 0
-    for one in missed:
+    for miss in missed:
         fresh = AdaptiveSearch(model, retried(board), Stop(), 100_000)
-        assert fresh.cost(one) == pytest.approx(search.cost(one), abs=1e-12)
+        assert fresh.cost(miss) == pytest.approx(search.cost(miss), abs=1e-12)
         alone += fresh.expanded
     assert search.expanded - first < alone / 2
 
@@ -138,15 +138,15 @@ def test_where_failing_saves_something_no_bound_is_claimed():
     assert why_not_retried(task) is None
     assert relaxed(task) is None
     model = model_of(task)
-    found = ReplanSolver().solve(model)
-    assert found.lower_bound is None
-    assert found.trace["no_bound"] == "a failure might save something"
-    assert found.policy is not None
-    cost = evaluate_policy(model, found.policy.get).cost
-    least = compute_least_expected_cost(model, 100)
-    assert least is not None
+    solution = ReplanSolver().solve(model)
+    assert solution.lower_bound is None
+    assert solution.trace["no_bound"] == "a failure might save something"
+    assert solution.policy is not None
+    cost = evaluate_policy(model, solution.policy.get).cost
+    least_expected_cost = compute_least_expected_cost(model, 100)
+    assert least_expected_cost is not None
     assert cost is not None
-    assert least - 1e-9 <= cost < math.inf
+    assert least_expected_cost - 1e-9 <= cost < math.inf
 
 
 def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board):
@@ -174,5 +174,5 @@ def test_its_policy_answers_where_nothing_was_worked_out(board):
     assert not lazy.trace["policy_complete"]
     assert whole.trace["policy_complete"]
     assert len(lazy.policy) < len(whole.policy)
-    one, two = (evaluate_policy(model, p.policy.get).cost for p in (lazy, whole) if p.policy)
-    assert one == pytest.approx(two)
+    item, two = (evaluate_policy(model, p.policy.get).cost for p in (lazy, whole) if p.policy)
+    assert item == pytest.approx(two)

@@ -27,8 +27,8 @@ def test_no_order_of_these_arcs_loses_one(instance, seed, share):
         for tails, heads in kept:
             place = np.empty(instance.n, dtype=np.int64)
             place[np.append(tails, heads[-1])] = np.arange(instance.n)
-            one, other = np.nonzero(before)
-            assert (place[one] < place[other]).all()
+            first, other = np.nonzero(before)
+            assert (place[first] < place[other]).all()
 
 
 def test_what_comes_before_the_second_of_two_neighbours_comes_before_the_first():

@@ -38,10 +38,10 @@ def test_it_proves_the_optimum_or_that_there_is_no_order(kind, instance):
     """Branching alone would do: a part whose arcs are whole, but no order, is split as well."""
     search, orders, bounds = search_of(instance, kind=kind)
     search.run(10**12)
-    least = pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
+    approx = pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
     assert search.done
-    assert search.cost == least
-    assert search.bound == least
+    assert search.cost == approx
+    assert search.bound == approx
     if orders:
         assert instance.feasible(orders[-1])
         assert instance.cost(orders[-1]) == search.cost
@@ -66,23 +66,23 @@ def test_arcs_that_are_not_considered_yet_count_when_a_part_is_given_up(n, seed,
 @given(orderings(least=4, most=10), st.integers(0, 40))
 def test_its_bound_holds_whenever_it_is_stopped(instance, polls):
     """And going on from there ends with the proof."""
-    least = least_cost(instance)
-    slack = 1e-9 * max(1.0, least) if np.isfinite(least) else 0.0
+    optimum = least_cost(instance)
+    slack = 1e-9 * max(1.0, optimum) if np.isfinite(optimum) else 0.0
     stop = StopAfter(polls)
     search, _, _ = search_of(instance, stop=stop)
     search.run(10**12)
-    assert search.bound <= least + slack
-    assert search.cost >= least - slack
+    assert search.bound <= optimum + slack
+    assert search.cost >= optimum - slack
     stop.polls = 10**9
     search.run(10**12)
     assert search.done
-    assert search.cost == pytest.approx(least, rel=1e-9, abs=1e-9)
+    assert search.cost == pytest.approx(optimum, rel=1e-9, abs=1e-9)
 
 
 def test_work_is_what_it_ends_by():
     """A little of it each time, with bounds that only rise."""
     instance = instance_of(12, 4, kind="whole", density=0.05)
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     search, _, _ = search_of(instance)
     bounds = []
     while not search.done:
@@ -91,15 +91,15 @@ def test_work_is_what_it_ends_by():
         assert len(bounds) < 5_000
     assert len(bounds) > 1
     assert bounds == sorted(bounds)
-    assert bounds[-1] == search.cost == least
+    assert bounds[-1] == search.cost == optimum
 
 
 def test_a_cost_that_is_known_already_need_only_be_proved():
     """No order is told then, and the bound is that cost."""
     instance = instance_of(9, 6)
-    least = least_cost(instance)
-    search, orders, _ = search_of(instance, cost=least)
+    optimum = least_cost(instance)
+    search, orders, _ = search_of(instance, cost=optimum)
     search.run(10**12)
     assert search.done
     assert orders == []
-    assert search.bound == least
+    assert search.bound == optimum

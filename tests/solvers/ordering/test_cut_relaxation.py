@@ -37,13 +37,13 @@ def test_every_order_costs_its_duals(instance, polls, place):
     """Whenever it is stopped, and whatever the cutoff; where there is no order, it may say so."""
     orders = all_orders(instance)
     cutoff = np.inf if place == 0 or len(orders) <= place else orders[place][0]
-    told = []
+    messages = []
     stop = never if polls == 8 else StopAfter(polls)
-    duals = tighten(relaxation_of(instance), cutoff, stop, told.append)
+    duals = tighten(relaxation_of(instance), cutoff, stop, messages.append)
     if orders:
         assert duals.bound <= orders[0][0] + 1e-9 * max(1.0, orders[0][0]) or duals.bound >= cutoff
-    for found in (duals, *told):
-        assert_valid(found, orders, cutoff)
+    for result in (duals, *messages):
+        assert_valid(result, orders, cutoff)
 
 
 @settings(max_examples=examples(100))
@@ -86,14 +86,14 @@ def test_what_a_trial_finds_without_some_arcs_is_no_proof():
     duals, basis = relaxation.duals(), relaxation.basis()
     considered = np.zeros((14, 14), dtype=np.bool_)
     considered[relaxation.tails, relaxation.heads] = True
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     for node in range(13):
         half = relaxation.arcs & ~(considered & (np.arange(14) == node)[:, None])
         if half[node].any():
             bound = relaxation.trial(half, relaxation.arcs, basis, duals)
             assert bound < np.inf
             assert duals.bound <= bound
-    assert duals.bound <= least + 1e-9
+    assert duals.bound <= optimum + 1e-9
 
 
 def test_where_some_node_can_only_be_left_to_nowhere_there_is_no_order():

@@ -24,8 +24,8 @@ def kicked(instance, order, seed, kicks=60):
     now, best = np.array(order), np.array(order)
     random = np.array([2 * seed + 1], dtype=np.uint64)
     arrays = (instance.costs, instance.before, nearest(instance), followers(instance))
-    told = descend_again(now, best, *arrays, kicks, 10.0, 0.5, random)
-    return now, best, told
+    message = descend_again(now, best, *arrays, kicks, 10.0, 0.5, random)
+    return now, best, message
 
 
 def loose(n, seed, skew=0.0):
@@ -36,8 +36,8 @@ def loose(n, seed, skew=0.0):
     places = chance.permutation(np.arange(1, n - 1))
     before = np.zeros((n, n), dtype=bool)
     for _ in range(n // 4):
-        one, other = np.sort(chance.choice(n - 2, 2, replace=False))
-        before[places[one], places[other]] = True
+        first, other = np.sort(chance.choice(n - 2, 2, replace=False))
+        before[places[first], places[other]] = True
     return OrderingInstance(costs, before)
 
 
@@ -47,11 +47,11 @@ def test_orders_stay_feasible_and_cost_what_is_told(n, seed, skew):
     """The last as well as the best, whether or not a direction costs more."""
     instance = loose(n, seed, skew)
     order = cheapest_first(instance)
-    now, best, told = kicked(instance, order, seed)
-    for one in (now, best):
-        assert sorted(one.tolist()) == list(range(n))
-        assert not np.tril(instance.before[np.ix_(one, one)]).any()
-    assert abs(told - instance.cost(best)) <= 1e-9 * told
+    now, best, message = kicked(instance, order, seed)
+    for item in (now, best):
+        assert sorted(item.tolist()) == list(range(n))
+        assert not np.tril(instance.before[np.ix_(item, item)]).any()
+    assert abs(message - instance.cost(best)) <= 1e-9 * message
     assert instance.cost(best) <= min(instance.cost(now), instance.cost(order))
 
 
@@ -101,29 +101,29 @@ def random_of_hundred(seed):
     places = chance.permutation(np.arange(1, 99))
     before = np.zeros((100, 100), dtype=bool)
     for _ in range(41):
-        one, other = np.sort(chance.choice(98, 2, replace=False))
-        before[places[one], places[other]] = True
+        first, other = np.sort(chance.choice(98, 2, replace=False))
+        before[places[first], places[other]] = True
     costs[:, -1] = 0.0
     return OrderingInstance(costs, before)
 
 
 @pytest.mark.release(reason="20 s of kicks each; the best order of few nodes in every run")
-@pytest.mark.parametrize(("seed", "least"), [(0, 1172.0), (1, 970.0)])
-def test_a_hundred_nodes_come_within_three_percent_of_the_best_seen(seed, least):
+@pytest.mark.parametrize(("seed", "minimum"), [(0, 1172.0), (1, 970.0)])
+def test_a_hundred_nodes_come_within_three_percent_of_the_best_seen(seed, minimum):
     """The best of many minutes by several seeds; here four million moves."""
     instance = random_of_hundred(seed)
     order = cheapest_first(instance)
     for best, _ in Annealing(instance, 0).portions(order, instance.cost(order), 4_000_000):
         cost = instance.cost(best)
-    assert cost <= 1.03 * least
+    assert cost <= 1.03 * minimum
 
 
 def test_it_descends_to_an_end_where_directions_cost_differently():
     """No exchange is taken for a gain that is none, or it would be made and unmade for ever."""
     for seed in range(20):
         instance = loose(40, seed, skew=30.0)
-        _, best, told = kicked(instance, cheapest_first(instance), seed, kicks=200)
-        assert abs(told - instance.cost(best)) <= 1e-9 * told
+        _, best, message = kicked(instance, cheapest_first(instance), seed, kicks=200)
+        assert abs(message - instance.cost(best)) <= 1e-9 * message
 
 
 def test_it_finds_the_best_order_both_ways_alike():
@@ -143,5 +143,5 @@ def test_the_same_state_of_chance_makes_the_same_kicks():
     """The last order, the best and its cost."""
     instance = loose(20, 1)
     runs = [kicked(instance, cheapest_first(instance), 5) for _ in range(2)]
-    for one, other in zip(*runs, strict=True):
-        assert np.array_equal(one, other)
+    for run, other in zip(*runs, strict=True):
+        assert np.array_equal(run, other)

@@ -15,9 +15,9 @@ from skillplan.solvers.ordering import JobOrders
 def test_orders_of_jobs_are_orders_of_nodes_at_the_same_cost(problem):
     """All of them, there and back."""
     orders = JobOrders(problem)
-    found = all_orders(orders.instance)
-    assert found
-    for cost, nodes in found:
+    result = all_orders(orders.instance)
+    assert result
+    for cost, nodes in result:
         jobs = orders.jobs(np.array(nodes))
         assert sorted(jobs) == list(range(len(problem.jobs)))
         assert cost == pytest.approx(problem.cost(jobs), abs=1e-9)

@@ -84,9 +84,9 @@ def test_every_order_below_the_cutoff_costs_its_duals_and_prices(instance, polls
     """Whenever it is stopped, and whatever the cutoff."""
     orders = all_orders(instance)
     cutoff = np.inf if place == 0 or len(orders) <= place else orders[place][0]
-    told = []
-    pairs_of(instance, MUCH, cutoff, never if polls == 8 else StopAfter(polls), told.append)
-    for duals in told:
+    messages = []
+    pairs_of(instance, MUCH, cutoff, never if polls == 8 else StopAfter(polls), messages.append)
+    for duals in messages:
         assert not (duals.reduced < 0).any()
         assert not (duals.prices.pair_prices <= 0).any()
         for cost, order in orders:
@@ -122,7 +122,7 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
     instance, place
 ):
     """From both ends, and as a beam that leaves nothing out."""
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     costs = [cost for cost, _ in all_orders(instance)] if place else []
     cutoff = instance.cutoff(costs[min(place, len(costs)) - 1]) if costs else np.inf
     duals = pairs_of(instance, MUCH, cutoff).duals
@@ -130,13 +130,13 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
         return
     duals = duals.without(cutoff)
     met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
-    found = beam(instance, duals, cutoff, 10**5, never)
+    search = beam(instance, duals, cutoff, 10**5, never)
     assert met.whole
-    assert found.whole
-    for order, bound in ((met.order, met.bound), (found.order, found.bound)):
-        if least < cutoff:
-            assert instance.cost(order) == pytest.approx(least, rel=1e-9, abs=1e-9)
-            assert bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+    assert search.whole
+    for order, bound in ((met.order, met.bound), (search.order, search.bound)):
+        if optimum < cutoff:
+            assert instance.cost(order) == pytest.approx(optimum, rel=1e-9, abs=1e-9)
+            assert bound == pytest.approx(optimum, rel=1e-9, abs=1e-9)
         else:
             assert order is None or instance.cost(order) >= cutoff
             assert bound == cutoff
@@ -194,9 +194,9 @@ def test_pairs_prove_more_than_arcs_do():
     """On what is ordered somewhat; and the more work, the more."""
     instance = instance_of(22, 3, density=0.12)
     arcs = tighten(CutRelaxation(instance, instance.costs < NO_ARC), np.inf, never, ignore).bound
-    told = []
-    pairs = pairs_of(instance, on_bound=told.append)
-    bounds = [duals.bound for duals in told]
+    messages = []
+    pairs = pairs_of(instance, on_bound=messages.append)
+    bounds = [duals.bound for duals in messages]
     assert bounds == sorted(bounds)
     assert pairs.duals.bound == bounds[-1] > arcs + 1
     assert len(pairs.duals.prices.triples)
@@ -241,11 +241,11 @@ def test_a_triple_around_the_node_where_both_ends_would_meet_hides_no_order(free
 @given(orderings(least=6, most=9, kinds=("real",)), st.sampled_from([10_000, 30_000, 100_000]))
 def test_an_optimum_right_below_the_cutoff_is_found(instance, work):
     """Where there is hardly any room, with prices of a relaxation that is not at its end."""
-    least = least_cost(instance)
-    cutoff = least * (1 + 5e-4) + 1e-6
-    duals = pairs_of(instance, work, cutoff).duals if np.isfinite(least) else None
+    optimum = least_cost(instance)
+    cutoff = optimum * (1 + 5e-4) + 1e-6
+    duals = pairs_of(instance, work, cutoff).duals if np.isfinite(optimum) else None
     if duals is None or cutoff <= duals.bound:
         return
     met = TwoEndedSearch(instance, duals.without(cutoff), cutoff).run(10**6, never)
-    assert met.bound == pytest.approx(least, rel=1e-9)
-    assert instance.cost(met.order) == pytest.approx(least, rel=1e-9)
+    assert met.bound == pytest.approx(optimum, rel=1e-9)
+    assert instance.cost(met.order) == pytest.approx(optimum, rel=1e-9)

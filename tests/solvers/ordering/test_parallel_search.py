@@ -68,15 +68,15 @@ def running(process: int) -> bool:
 
 def workers(process: int) -> set[int]:
     """Return the searching processes that a process has started."""
-    found = set()
+    result = set()
     for child in children(process):
         try:
             words = Path(f"/proc/{child}/cmdline").read_text("utf-8")
         except OSError:
             continue
         if "spawn_main" in words:
-            found.add(child)
-    return found
+            result.add(child)
+    return result
 
 
 def worked_s(process: int) -> float:
@@ -132,8 +132,8 @@ class AnyMoment(Executor):
         return Beside(prepare, content, self._deaths)
 
     def first_ready(self, workers, patience_s=0.0):
-        heard = [one for one in workers if one.speaks]
-        return [one for one in heard if self._random.random() < 0.5]
+        heard = [worker for worker in workers if worker.speaks]
+        return [line for line in heard if self._random.random() < 0.5]
 
     def close(self):
         """Nothing is to be ended."""
@@ -237,21 +237,21 @@ class TestDeterminism:
     def test_what_is_found_does_not_depend_on_who_is_faster(self, methods, others):
         """Order, cost, bound and all counts are the same whenever answers are heard."""
         given = errands(3)
-        found = [
+        results = [
             told(together(given, methods, others=others, timing=timing, rounds=2)[0])
             for timing in range(3)
         ]
-        assert found[0] == found[1] == found[2]
+        assert results[0] == results[1] == results[2]
 
 
 @pytest.mark.slow(reason="real processes, twice; processes of the test itself in every run")
 def test_two_processes_say_the_same_in_every_run():
     """So that a result can be had once more."""
     results = [solve(instance("p43.1").tasks[-1], "portfolio", jobs=2) for _ in range(2)]
-    one, other = ({**result.trace, "cost": result.cost} for result in results)
+    first, other = ({**result.trace, "cost": result.cost} for result in results)
     assert results[0].steps == results[1].steps
-    assert one == other
-    assert one["processes"] == 2
+    assert first == other
+    assert first["processes"] == 2
     assert results[0].status.value == "optimal"
     assert results[0].cost == float(BEST_KNOWN["p43.1"]["best_known"])
 
@@ -262,13 +262,13 @@ class TestBothEnds:
         """Order, bound and labels of a dynamic program that runs to its end."""
         given = instance_of(12, seed, density=0.3)
         duals = Duals(0.0, np.where(given.costs < 1e15, given.costs, np.inf))
-        found = []
+        results = []
         for threads in (1, 2, 3):
             search = TwoEndedSearch(given, duals, least_cost(given) + 1, threads)
             met = search.run(10**6, lambda: False)
-            found.append((met.order.tolist(), met.bound, met.whole, search.generated))
-        assert found[0] == found[1] == found[2]
-        assert found[0][1] == least_cost(given)
+            results.append((met.order.tolist(), met.bound, met.whole, search.generated))
+        assert results[0] == results[1] == results[2]
+        assert results[0][1] == least_cost(given)
 
     def test_what_fails_in_a_thread_fails_here(self):
         """Nothing is passed over."""
@@ -419,15 +419,15 @@ class TestEndings:
         search = self.start()
         others = self.begun(search)
         # So that they are at work, not starting.
-        wait_until(lambda: all(worked_s(one) > 1 for one in workers(search.pid)), "no work")
+        wait_until(lambda: all(worked_s(worker) > 1 for worker in workers(search.pid)), "no work")
         os.killpg(search.pid, signal.SIGINT)
-        out, said = search.communicate(timeout=PATIENCE_S)
+        out, errors = search.communicate(timeout=PATIENCE_S)
         assert search.returncode == 130
         document = json.loads(out)
         assert document["lower_bound"] <= document["cost"]
         assert document["trace"]["processes"] == 2
         assert "lost_processes" not in document["trace"]
-        assert said == ""
+        assert errors == ""
         wait_until(lambda: not any(map(running, others)), "a process is left")
 
     @pytest.mark.slow(reason="the first one in every run")
@@ -438,10 +438,10 @@ class TestEndings:
         for _ in range(2):
             os.killpg(search.pid, signal.SIGINT)
             time.sleep(0.01)
-        _, said = search.communicate(timeout=PATIENCE_S)
+        _, errors = search.communicate(timeout=PATIENCE_S)
         assert search.returncode == 130
-        assert "Traceback" not in said
-        assert "leaked" not in said
+        assert "Traceback" not in errors
+        assert "leaked" not in errors
         wait_until(lambda: not any(map(running, others)), "a process is left")
 
     @pytest.mark.slow(reason="starts a program and kills it; ended by Ctrl-C in every run")
@@ -451,19 +451,19 @@ class TestEndings:
         others = self.begun(search)
         time.sleep(0.5)
         search.kill()
-        _, said = search.communicate(timeout=PATIENCE_S)
-        assert said == ""
+        _, errors = search.communicate(timeout=PATIENCE_S)
+        assert errors == ""
         wait_until(lambda: not any(map(running, others)), "a process is left")
 
     @pytest.mark.slow(reason="two processes for three seconds; of one process in every run")
     def test_the_time_limit_holds_for_all(self):
         """It ends a moment later."""
         search = self.start("--time-limit", "3")
-        out, said = search.communicate(timeout=PATIENCE_S)
+        out, errors = search.communicate(timeout=PATIENCE_S)
         assert search.returncode == 0
         document = json.loads(out)
         assert document["reason"] == "time limit"
-        assert said == ""
+        assert errors == ""
 
 
 @pytest.mark.slow(

@@ -14,8 +14,8 @@ def improved(instance, order, seed, iterations=300, moves=0.5):
     now, best = np.array(order), np.array(order)
     random = np.array([2 * seed + 1], dtype=np.uint64)
     arrays = (instance.costs, instance.before, nearest(instance))
-    told = improve(now, best, *arrays, iterations, 10.0, 0.01, moves, random)
-    return now, best, told
+    message = improve(now, best, *arrays, iterations, 10.0, 0.01, moves, random)
+    return now, best, message
 
 
 @settings(max_examples=examples(150))
@@ -31,12 +31,12 @@ def test_orders_stay_feasible_and_cost_what_is_told(instance, seed, moves):
         return
     order = np.array(orders[-1][1])
     cost = instance.cost(order)
-    now, best, told = improved(instance, order, seed, moves=moves)
+    now, best, message = improved(instance, order, seed, moves=moves)
     assert instance.feasible(best)
     assert sorted(now.tolist()) == list(range(instance.n))
     ranked = instance.before[np.ix_(now, now)]
     assert not np.tril(ranked).any()
-    assert abs(told - instance.cost(best)) <= 1e-9 * max(1.0, cost)
+    assert abs(message - instance.cost(best)) <= 1e-9 * max(1.0, cost)
     assert instance.cost(best) <= cost
 
 
@@ -56,8 +56,8 @@ def test_the_same_state_of_chance_makes_the_same_moves():
     instance = instance_of(9, 3)
     order = all_orders(instance)[-1][1]
     runs = [improved(instance, order, 5) for _ in range(2)]
-    for one, other in zip(*runs, strict=True):
-        assert np.array_equal(one, other)
+    for run, other in zip(*runs, strict=True):
+        assert np.array_equal(run, other)
 
 
 def test_followers_leave_out_what_is_implied():

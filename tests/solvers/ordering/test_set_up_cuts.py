@@ -38,11 +38,11 @@ def test_the_least_number_of_changes_is_that_of_some_order_and_of_none_less(
     instance = instance_of(n, seed, density=density, families=families)
 
     def changes(order):
-        of = [one for one in instance.families[list(order)] if one >= 0]
-        return sum(one != other for one, other in itertools.pairwise(of))
+        of = [family for family in instance.families[list(order)] if family >= 0]
+        return sum(first != other for first, other in itertools.pairwise(of))
 
-    least = min(changes(order) for _, order in all_orders(instance))
-    assert least_changes(instance.families, instance.before) == least
+    minimum = min(changes(order) for _, order in all_orders(instance))
+    assert least_changes(instance.families, instance.before) == minimum
 
 
 @settings(max_examples=examples(80))

@@ -60,32 +60,32 @@ def test_what_is_ahead_is_never_more_than_any_completion_spends(instance, rounds
 @given(orderings(most=9), st.integers(0, 2), st.integers(0, 3), st.integers(1, 12))
 def test_a_beam_keeps_its_word(instance, rounds, place, width):
     """A whole one has the optimum below the cutoff; a narrow one a bound, and maybe an order."""
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     costs = [cost for cost, _ in all_orders(instance)] if place else []
     cutoff = instance.cutoff(costs[min(place, len(costs)) - 1]) if costs else np.inf
     duals = duals_of(instance, rounds)
     if not np.isfinite(duals.bound) or cutoff <= duals.bound:
         return
     for wide in (width, 10**5):
-        found = beam(instance, duals, cutoff, wide, never)
-        assert found.bound <= min(least, cutoff) + slack(least)
-        if found.order is not None:
-            assert instance.feasible(found.order)
-            assert instance.cost(found.order) >= least - slack(least)
-    assert found.whole
-    if least < cutoff:
-        assert instance.cost(found.order) == pytest.approx(least, rel=1e-9, abs=1e-9)
-        assert found.bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+        search = beam(instance, duals, cutoff, wide, never)
+        assert search.bound <= min(optimum, cutoff) + slack(optimum)
+        if search.order is not None:
+            assert instance.feasible(search.order)
+            assert instance.cost(search.order) >= optimum - slack(optimum)
+    assert search.whole
+    if optimum < cutoff:
+        assert instance.cost(search.order) == pytest.approx(optimum, rel=1e-9, abs=1e-9)
+        assert search.bound == pytest.approx(optimum, rel=1e-9, abs=1e-9)
     else:
-        assert found.bound == cutoff
+        assert search.bound == cutoff
 
 
 def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
     """Where every order costs nothing, the narrowest finds one."""
     instance = instance_of(9, 4, kind="zero", density=0.2)
-    found = beam(instance, duals_of(instance, 1), np.inf, 1, never)
-    assert instance.feasible(found.order)
-    assert instance.cost(found.order) == 0
+    search = beam(instance, duals_of(instance, 1), np.inf, 1, never)
+    assert instance.feasible(search.order)
+    assert instance.cost(search.order) == 0
 
 
 def test_a_beam_that_is_stopped_says_nothing():
@@ -100,7 +100,7 @@ def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is
     instance, rounds, place
 ):
     """Also where no order is known at all, and the cutoff is infinite."""
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     costs = [cost for cost, _ in all_orders(instance)] if place else []
     cutoff = instance.cutoff(costs[min(place, len(costs)) - 1]) if costs else np.inf
     duals = duals_of(instance, rounds)
@@ -108,10 +108,10 @@ def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is
         return
     met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
     assert met.whole
-    if least < cutoff:
+    if optimum < cutoff:
         assert instance.feasible(met.order)
-        assert instance.cost(met.order) == pytest.approx(least, rel=1e-9, abs=1e-9)
-        assert met.bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+        assert instance.cost(met.order) == pytest.approx(optimum, rel=1e-9, abs=1e-9)
+        assert met.bound == pytest.approx(optimum, rel=1e-9, abs=1e-9)
     else:
         assert met.order is None
         assert met.bound == cutoff
@@ -121,13 +121,13 @@ def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is
 @given(orderings(least=4, most=9), st.integers(0, 2), st.integers(0, 30), st.integers(1, 200))
 def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls, states):
     """By a stop, before either end was searched or between the two, or for want of states."""
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     duals = duals_of(instance, rounds)
     if not np.isfinite(duals.bound):
         return
     for limits in ((states, never), (10**6, StopAfter(polls))):
         met = TwoEndedSearch(instance, duals, np.inf).run(*limits)
-        assert met.bound <= least + slack(least)
+        assert met.bound <= optimum + slack(optimum)
         if met.order is not None:
             assert instance.feasible(met.order)
 
@@ -138,10 +138,10 @@ def test_read_backwards_an_instance_has_the_same_optimum(instance):
     """By every search, the costs of arcs turned around."""
     costs = np.where(instance.costs < NO_ARC, instance.costs, np.inf)
     mirrored = OrderingInstance(costs[::-1, ::-1].T, instance.before[::-1, ::-1].T)
-    for one in (instance, mirrored):
-        duals = duals_of(one, 1)
+    for item in (instance, mirrored):
+        duals = duals_of(item, 1)
         if np.isfinite(duals.bound):
-            met = TwoEndedSearch(one, duals, np.inf).run(10**6, never)
+            met = TwoEndedSearch(item, duals, np.inf).run(10**6, never)
             assert met.bound == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
 
 
@@ -157,14 +157,14 @@ def test_sets_may_fill_any_number_of_words(n):
     rng = np.random.default_rng(n)
     costs = rng.integers(1, 50, (n, n)).astype(np.float64)
     before = np.zeros((n, n), dtype=np.bool_)
-    one = np.arange(1, n - 3)
-    before[one, one + 2] = True
+    item = np.arange(1, n - 3)
+    before[item, item + 2] = True
     instance = OrderingInstance(costs, before)
-    least = least_cost(instance)
+    optimum = least_cost(instance)
     duals = duals_of(instance, 1)
-    found = beam(instance, duals, np.inf, 10**5, never)
-    assert found.whole
-    assert instance.cost(found.order) == found.bound == least
-    met = TwoEndedSearch(instance, duals, least + 1).run(10**6, never)
+    search = beam(instance, duals, np.inf, 10**5, never)
+    assert search.whole
+    assert instance.cost(search.order) == search.bound == optimum
+    met = TwoEndedSearch(instance, duals, optimum + 1).run(10**6, never)
     assert met.whole
-    assert met.bound == least
+    assert met.bound == optimum

@@ -50,8 +50,8 @@ def counts(tmp_path_factory):
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, *map(str, paths)], capture_output=True, text=True, check=True
     )
-    found: list[dict[str, int]] = json.loads(done.stdout)
-    return found
+    loads: list[dict[str, int]] = json.loads(done.stdout)
+    return loads
 
 
 def test_every_kernel_that_python_calls_is_compiled(counts):

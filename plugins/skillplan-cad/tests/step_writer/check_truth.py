@@ -52,7 +52,7 @@ def differences(product, truth):
     waived = {(a, b, d) for a, b, d in truth.get("blocked_by_threads", [])}
     for direction, blocked in truth.get("blocked", {}).items():
         for a, b in itertools.permutations(solids, 2):
-            said = b in blocked.get(a, []) or (a, b, direction) in waived
-            found = meets(solids[a], solids[b], AXES[direction], 150.0)
-            if said != found:
-                yield f"{a} along {direction} by {b}: said {said}, found {found}"
+            message = b in blocked.get(a, []) or (a, b, direction) in waived
+            result = meets(solids[a], solids[b], AXES[direction], 150.0)
+            if message != result:
+                yield f"{a} along {direction} by {b}: said {message}, found {result}"

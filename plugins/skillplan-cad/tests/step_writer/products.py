@@ -141,28 +141,28 @@ def nested():
     product = Product("nested").add("bed", box(0, 0, 0, 100, 40, 5))
     product.add("carriage", carriage, (25, 20, 5), "carriage_1")
     product.add("carriage", carriage, (75, 20, 5), "carriage_2")
-    one = {k: f"carriage_1/{p}" for k, p in _CARRIAGE.items()}
+    item = {k: f"carriage_1/{p}" for k, p in _CARRIAGE.items()}
     two = {k: f"carriage_2/{p}" for k, p in _CARRIAGE.items()}
     along_x = {}
     for name, by in (("block", "block pin"), ("pin", "block pin cap"), ("cap", "pin cap")):
         inside = [k for k in by.split() if k != name]
-        along_x[one[name]] = [one[k] for k in inside] + [two[k] for k in by.split()]
+        along_x[item[name]] = [item[k] for k in inside] + [two[k] for k in by.split()]
         along_x[two[name]] = [two[k] for k in inside]
     return product, {
         "parts": 7,
-        "identical": [[one[k], two[k]] for k in ("block", "cap", "pin")],
+        "identical": [[item[k], two[k]] for k in ("block", "cap", "pin")],
         "fasteners": {},
         "blocked": {
             "+x": along_x,
             "+y": {
-                **{c["block"]: [c["pin"]] for c in (one, two)},
-                **{c["pin"]: [c["block"], c["cap"]] for c in (one, two)},
-                **{c["cap"]: [c["pin"]] for c in (one, two)},
+                **{c["block"]: [c["pin"]] for c in (item, two)},
+                **{c["pin"]: [c["block"], c["cap"]] for c in (item, two)},
+                **{c["cap"]: [c["pin"]] for c in (item, two)},
             },
             "+z": {
-                "bed": sorted([*one.values(), *two.values()]),
-                **{c["block"]: [c["pin"], c["cap"]] for c in (one, two)},
-                **{c["pin"]: [c["cap"]] for c in (one, two)},
+                "bed": sorted([*item.values(), *two.values()]),
+                **{c["block"]: [c["pin"], c["cap"]] for c in (item, two)},
+                **{c["pin"]: [c["cap"]] for c in (item, two)},
             },
         },
     }

@@ -131,20 +131,20 @@ def _name(label, text):
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(text))
 
 
-def _label(tool, product, made):
+def _label(tool, product, document):
     """Return the label of an assembly, and make those of its members as they are first met."""
     assembly = tool.NewShape()
     _name(assembly, product.name)
     for name, shape, at, instance in product.members:
-        if id(shape) not in made:
+        if id(shape) not in document:
             if isinstance(shape, Product):
-                made[id(shape)] = _label(tool, shape, made)
+                document[id(shape)] = _label(tool, shape, document)
             else:
-                made[id(shape)] = tool.AddShape(shape, False)
-                _name(made[id(shape)], name)
+                document[id(shape)] = tool.AddShape(shape, False)
+                _name(document[id(shape)], name)
         move = gp_Trsf()
         move.SetTranslation(gp_Vec(*at))
-        component = tool.AddComponent(assembly, made[id(shape)], TopLoc_Location(move))
+        component = tool.AddComponent(assembly, document[id(shape)], TopLoc_Location(move))
         _name(component, instance)
     return assembly
 
