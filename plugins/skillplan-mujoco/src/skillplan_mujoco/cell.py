@@ -38,8 +38,6 @@ class Cell:
 
     Parameters
     ----------
-    model
-        Compiled model.
     hands
         All hands that the arm can have, in the order of the model.
     friction

@@ -56,8 +56,6 @@ def add_piece(spec: Any, body: Any, piece: Piece, friction: float) -> Any:
     ----------
     spec, body
         Model specification, and one of its bodies.
-    piece
-        Piece of the arm.
     friction
         Friction coefficient of bodies [-]. MuJoCo takes the larger of the two in a contact, so both
         need it.
@@ -164,10 +162,6 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> N
 
     Parameters
     ----------
-    spec
-        Model specification.
-    held
-        Body of the hand.
     hands
         All hands that the arm can have; the first is active at the start.
     friction

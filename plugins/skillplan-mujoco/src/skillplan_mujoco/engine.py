@@ -24,8 +24,6 @@ class MujocoSimulator:
     ----------
     task
         Task with one robot.
-    settings
-        Settings of motion and contact.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:

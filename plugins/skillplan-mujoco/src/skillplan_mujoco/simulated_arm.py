@@ -54,8 +54,6 @@ class ArmState:
     ----------
     angles, rates
         Joint angles [rad] and rates [rad/s], shape (joints,).
-    tip
-        Pose of the tip.
     mass
         Mass matrix [kg m2], shape (joints, joints).
     jacobian
@@ -160,8 +158,6 @@ class SmoothPads(StaticFriction):
     ----------
     world, arm
         World and arm of the jaws.
-    name
-        Name of the part.
     """
 
     world: World
@@ -189,12 +185,6 @@ class SimulatedArm:
 
     Parameters
     ----------
-    world
-        World of the arm.
-    robot
-        Robot of the task.
-    settings
-        Control settings.
     hand
         Current hand, one of those in the model.
     """

@@ -29,8 +29,6 @@ class PairMasks:
 
     Parameters
     ----------
-    model
-        Compiled model.
     owners
         Names by number of the model's body; links belong to the arm.
     present

@@ -130,17 +130,9 @@ class ArmModel:
     ----------
     base
         Position of the base in the world [m].
-    description
-        Description of the arm.
-    orientation
-        Orientation of the base.
-    hand
-        Hand on the flange.
 
     Attributes
     ----------
-    mount
-        Pose of the base.
     low_rad, high_rad
         Joint limits [rad], shape (joints,).
     home_rad

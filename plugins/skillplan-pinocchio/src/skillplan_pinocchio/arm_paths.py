@@ -113,8 +113,6 @@ class ArmPaths:
     ----------
     task
         Task with one robot.
-    settings
-        Settings of paths.
     """
 
     def __init__(self, task: Task, settings: PathSettings | None = None) -> None:

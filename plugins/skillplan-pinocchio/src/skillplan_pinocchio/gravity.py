@@ -35,8 +35,6 @@ class Overload:
 
     Parameters
     ----------
-    joint
-        Name of the joint.
     torque_nm, limit_nm
         Torque that holds the arm still, and the joint's limit [Nm].
     carried
@@ -74,8 +72,6 @@ class GravityCheck:
     ----------
     arm
         Arm with the masses of its links.
-    scene
-        Bodies with their masses.
     robot
         Robot of the scene with its tools.
     """
@@ -161,8 +157,6 @@ class GravityCheck:
         ----------
         postures_rad
             Joint angles [rad], each of shape (joints,).
-        loads
-            Masses at the tip.
         """
         rotations, origins = self.arm.frames(postures_rad)
         centres = np.einsum("njab,jb->nja", rotations, self._levers) + origins

@@ -266,8 +266,6 @@ class MotionPlanner:
 
     Parameters
     ----------
-    obstacles
-        Obstacles of all states.
     tolerance_m
         Penetration depth that counts as harmless touching [m], >= 0.
     samples

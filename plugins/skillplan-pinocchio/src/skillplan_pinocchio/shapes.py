@@ -227,12 +227,8 @@ class Obstacle:
 
     Parameters
     ----------
-    body
-        Name of the body.
     fact
         Fact that holds while it is there; None for a permanent body.
-    pieces
-        Pieces in the world.
     """
 
     body: str

@@ -22,8 +22,6 @@ class TravelTo:
 
     Parameters
     ----------
-    visit
-        Visit at its end.
     travel
         Travel, reason why there is none, or the overload on it.
     """
@@ -50,8 +48,6 @@ class SafeTravels:
 
     Parameters
     ----------
-    heights
-        Heights of straight travels.
     safe_height_m
         Height of hand and load at the ends of travels [m].
     top_m
@@ -111,12 +107,8 @@ class SkillTravels:
 
     Parameters
     ----------
-    motions
-        Planned motions, all reachable.
     safe
         Check for travels above all obstacles.
-    planner
-        Planner of the other travels.
     gravity
         Check of gravity torques on travels.
     """

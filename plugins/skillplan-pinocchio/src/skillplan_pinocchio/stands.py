@@ -37,8 +37,6 @@ class Stands:
 
     Parameters
     ----------
-    planner
-        Planner of joint paths.
     drop_height_m
         Height above its goal at which a part is released [m], >= 0.
     """
@@ -58,8 +56,6 @@ class Stands:
 
         Parameters
         ----------
-        fact
-            Fact for the place.
         position
             Position of the lowest point of tool and load [m]; used if no skill leads there.
         """

@@ -25,8 +25,6 @@ class Contact:
 
     Parameters
     ----------
-    body
-        Supporting body.
     fact
         Fact that holds while the supporting body is there; None if it is permanent.
     polygons
@@ -44,12 +42,8 @@ class Supports:
 
     Parameters
     ----------
-    body
-        Name of the body.
     centre
         Centre of mass, seen from above [m].
-    contacts
-        Possible contacts.
     """
 
     body: str
@@ -92,10 +86,6 @@ def find_supports(
     ----------
     body
         Name of the body; it does not support itself.
-    pieces
-        Pieces in the world.
-    obstacles
-        Obstacles of all states.
     tolerance_m
         Gap or overlap that counts as contact [m], >= 0.
     """

@@ -40,8 +40,6 @@ class Sweep:
         Phase in words: ``the approach``.
     mover
         Name of the moving part, in words.
-    pieces
-        Pieces at the start.
     by
         Displacement [m].
     spares

@@ -34,8 +34,6 @@ class Collision:
         Fact that holds while the obstacle is there; None for a collision in every state.
     reason
         Reason as one clause.
-    evidence
-        Measurements as JSON values.
     """
 
     fact: str | None
@@ -51,8 +49,6 @@ class ElbowChoice:
     ----------
     paths
         Collisions of the links by elbow position, preferred first.
-    motion
-        Number of the motion.
     """
 
     paths: tuple[tuple[Collision, ...], ...]
@@ -83,8 +79,6 @@ class SweptMotionBuilder:
 
     Parameters
     ----------
-    planner
-        Planner of joint paths.
     sweeps
         Sweeps of hand, tool and load.
     travels

@@ -58,8 +58,6 @@ class PybulletDynamics:
         Physics client, and number of the arm there.
     file
         Description from which the arm was loaded.
-    mount
-        Pose of the base.
     """
 
     def __init__(self, client: int, robot: int, file: RobotFile, mount: Pose) -> None:
@@ -96,8 +94,6 @@ class PinocchioDynamics:
     ----------
     file
         Description from which the arm was loaded.
-    mount
-        Pose of the base.
     """
 
     def __init__(self, file: RobotFile, mount: Pose) -> None:
@@ -150,8 +146,6 @@ def compute_tracking_torques(
         Joint angles [rad] and rates [rad/s], shape (joints,).
     target_rad
         Target joint angles, shape (joints,).
-    target_rates
-        Target rates and accelerations.
     stiffness_per_s2
         Stiffness per unit of inertia; damping is critical.
     load
@@ -192,8 +186,6 @@ def compute_torques(
     ----------
     angles, rates
         Joint angles [rad] and rates [rad/s], shape (joints,).
-    pose
-        Pose of the tip.
     setpoint
         Target pose, velocity and acceleration of the tip, and the posture that attracts the arm.
     stiffness_per_s2

@@ -15,15 +15,7 @@ from skillplan_simulation.simulating_engine import PerformingEngine, SimulatingE
 
 
 class PybulletSimulator:
-    """Creates a new world for every execution; see `skillplan_simulation.simulator`.
-
-    Parameters
-    ----------
-    robot
-        Robot of the task.
-    settings
-        Settings of motion and contact.
-    """
+    """Creates a new world for every execution; see `skillplan_simulation.simulator`."""
 
     def __init__(self, robot: Robot, settings: SimulationSettings) -> None:
         self.robot, self.settings = robot, settings

@@ -48,8 +48,6 @@ class RobotFile:
 
     Parameters
     ----------
-    path
-        Path of the URDF file.
     dynamics
         The same description without shapes, as text.
     joints
@@ -93,8 +91,6 @@ def write_robot_file(description: ArmDescription, tip: Transform, hand: Hand) ->
     ----------
     tip
         Pose of the jaws' ends on the flange.
-    hand
-        Hand on the flange.
     """
     path = _FOLDER.new("urdf")
     path.write_text(_write_text(description, tip, hand, shaped=True), "utf-8")

@@ -69,12 +69,6 @@ class SimulatedArm:
 
     Parameters
     ----------
-    world
-        World of the arm.
-    robot
-        Robot of the task.
-    settings
-        Control and grip settings.
     hand
         Current hand. Default: the one without a tool.
     """

@@ -44,8 +44,6 @@ def make_body(
 
     Parameters
     ----------
-    client
-        Physics client.
     solid
         Collision shapes. Meshes that are not convex collide exactly, but only with mass 0.
     mass_kg
@@ -146,8 +144,6 @@ class PairFilter:
 
     Parameters
     ----------
-    client
-        Physics client.
     numbers
         Numbers of the bodies by name, kept up to date.
     """

@@ -111,14 +111,10 @@ class StraightMotion:
 
     Parameters
     ----------
-    start
-        Setpoint at the start.
     end
         Target position [m], shape (3,).
     path
         Joint path on which the tip moves; None keeps the posture.
-    profile
-        Time profile.
     """
 
     start: Setpoint
@@ -140,8 +136,6 @@ class StraightMotion:
 
         Parameters
         ----------
-        start, end, path
-            See the class.
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
         """
@@ -215,8 +209,6 @@ class SlowedRun:
 
     Parameters
     ----------
-    run
-        Original run.
     factor
         Ratio of the durations, >= 1.
     """
@@ -259,12 +251,8 @@ class JointMotion:
 
     Parameters
     ----------
-    kinematics
-        Kinematics of the arm.
     nodes_rad
         Joint angles on the path, shape (nodes, joints).
-    run
-        The path with its timing.
     """
 
     kinematics: ArmKinematics
@@ -306,8 +294,6 @@ class ArmMotion:
 
     Parameters
     ----------
-    motion
-        Linear motion of the task.
     rotation
         Rotation of the hand, shape (3, 3).
     down

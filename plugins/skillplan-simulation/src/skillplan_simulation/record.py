@@ -24,8 +24,6 @@ class Record:
 
     Parameters
     ----------
-    skill
-        Name of the skill.
     present, absent
         Facts that decide the bodies in the simulated world, by their truth: the execution is the
         same, bit for bit, in every state that agrees on them.
@@ -44,8 +42,6 @@ class Record:
         Displacement of every body that the skill does not handle [m], shape (frames,).
     final
         Final pose of every body.
-    expected
-        Predicted poses.
     sensed
         Final sensor values as JSON values: ``tool_attached``, ``coupling_error_m``,
         ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as
@@ -60,8 +56,6 @@ class Record:
         support; or None.
     travels
         Travels around obstacles, as JSON values.
-    steps
-        Simulation steps.
     begin_s
         Simulated time of the first frame [s]: zero for a single skill, later within a plan.
     pauses

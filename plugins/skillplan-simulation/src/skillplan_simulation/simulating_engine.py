@@ -179,13 +179,7 @@ class SimulatingEngine(Engine):
 
 @cache
 def get_versions(*distributions: str) -> Mapping[str, str]:
-    """Return the installed versions of distributions, read once per process.
-
-    Parameters
-    ----------
-    *distributions
-        Names of the distributions.
-    """
+    """Return the installed versions of distributions, read once per process."""
     return {name: version(name) for name in distributions}
 
 

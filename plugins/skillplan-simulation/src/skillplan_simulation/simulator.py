@@ -76,8 +76,6 @@ class World(Protocol):
     ----------
     friction
         Coefficient of lateral friction of bodies and table [-].
-    steps
-        Number of simulation steps.
     numbers
         The simulator's numbers of bodies, by name.
     """
@@ -168,8 +166,6 @@ class Grip(Protocol):
 
     Attributes
     ----------
-    name
-        Name of the body.
     constraint
         Constraint that holds the body; None once it slips, or if contacts alone hold it.
     """
@@ -197,8 +193,6 @@ class Arm(Protocol):
         Payload of the hand [kg], and the bodies it consists of.
     press_n
         Force that the tip presses with [N], shape (3,).
-    setpoint
-        Target of the tip.
     shows_hand
         True if hand and fingers are present: not with another tool, or without a tool.
     """
@@ -257,10 +251,4 @@ class Simulator(Protocol):
         """Return a world with only a table."""
 
     def cell(self, hand: Hand) -> tuple[World, Arm]:
-        """Return a world with a table and the task's arm, and the arm.
-
-        Parameters
-        ----------
-        hand
-            Current hand of the arm.
-        """
+        """Return a world with a table and the task's arm, and the arm."""

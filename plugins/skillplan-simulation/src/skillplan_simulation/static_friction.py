@@ -60,8 +60,6 @@ def compute_utilisation(
 
     Parameters
     ----------
-    pads
-        Contact patches of the jaws.
     force_n, moment_nm
         Force and moment of the jaws on the part, about the centre of the pads, shape (3,) each.
     friction
@@ -136,8 +134,6 @@ class StaticFriction:
     ----------
     world, arm
         World, and arm with the jaws.
-    name
-        Name of the part.
     """
 
     def __init__(self, world: HeldWorld, arm: HoldingArm, name: str) -> None:

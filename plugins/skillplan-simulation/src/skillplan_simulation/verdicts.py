@@ -360,8 +360,6 @@ def select_judges(back_ends: Sequence[object], parts: Collection[str]) -> tuple[
     ----------
     back_ends
         Back ends in use with an engine.
-    parts
-        Names of the task's bodies.
     """
     judges = [
         back_end.contact_verdict for back_end in back_ends if isinstance(back_end, ContactJudge)

@@ -33,8 +33,6 @@ class MovingSolid:
         Name in words, such as ``link 4 of the arm``.
     joint
         Number of its joint, counted from 1; 0 for a fixed solid.
-    geometry
-        Geometry of coal.
     frame
         Pose of the geometry in the frame of the joint, as `pinocchio.SE3`.
     centre
@@ -88,8 +86,6 @@ def build_held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> Mo
 
     Parameters
     ----------
-    name
-        Name in words.
     joint
         Number of the last joint, counted from 1.
     piece
@@ -219,8 +215,6 @@ class ArmBodies:
 
     Attributes
     ----------
-    frames
-        Joint frames.
     still
         Number of fixed solids.
     reach_m
@@ -269,13 +263,7 @@ class ArmBodies:
         self.spheres = SolidSpheres(self.solids)
 
     def geometry(self, pairs: Sequence[tuple[int, int]] = ()) -> Any:
-        """Return a new `pinocchio.GeometryModel` of the solids, with the same numbers.
-
-        Parameters
-        ----------
-        pairs
-            Collision pairs of solids.
-        """
+        """Return a new `pinocchio.GeometryModel` of the solids, with the same numbers."""
         geometry = pin.GeometryModel()
         for number, solid in enumerate(self.solids):
             geometry.addGeometryObject(

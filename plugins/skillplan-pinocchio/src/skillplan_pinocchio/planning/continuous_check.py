@@ -78,8 +78,6 @@ class ContinuousCheck:
 
     Parameters
     ----------
-    bodies
-        Moving solids.
     obstacles
         Fixed obstacles.
     """
@@ -268,8 +266,6 @@ class _End:
     ----------
     name
         Name of the part it belongs to.
-    piece
-        Piece in the world.
     back
         Transform from the world to the frame of the last joint.
     """

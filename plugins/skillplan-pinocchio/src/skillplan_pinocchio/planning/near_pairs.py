@@ -56,10 +56,6 @@ class NearPairs:
 
     Parameters
     ----------
-    bodies
-        Moving solids.
-    path
-        Joint path.
     boxes
         Lower and upper corners of the boxes about fixed pieces [m], each of shape (pieces, 3).
     touching_m

@@ -34,8 +34,6 @@ class PostureCheck:
 
     Parameters
     ----------
-    bodies
-        Moving solids.
     obstacles
         Fixed obstacles.
     ends_rad
@@ -138,8 +136,6 @@ def find_connection(
 
     Parameters
     ----------
-    is_free
-        Check of a posture.
     ends_rad
         Two free postures.
     seed
@@ -220,8 +216,6 @@ def shorten(
 
     Parameters
     ----------
-    is_free
-        Check of a posture.
     nodes
         Postures with free straight edges between them.
     """
@@ -249,8 +243,6 @@ def round_corners(space: JointSpace, nodes: Sequence[Vector], intervals: int) ->
 
     Parameters
     ----------
-    nodes
-        Nodes of the path.
     intervals
         Intervals of the spline, >= 1.
     """
@@ -336,8 +328,6 @@ class Unfound:
         none was found within the budget.
     hit
         Contact at an end or on the straight path.
-    checks
-        Number of postures checked.
     """
 
     reason: str
@@ -367,10 +357,6 @@ class TravelSearch:
 
     Parameters
     ----------
-    obstacles
-        Obstacles of all states.
-    space
-        Joint space.
     most_checks
         Number of postures checked for one travel before it is given up.
     """
@@ -395,8 +381,6 @@ class TravelSearch:
         ----------
         key
             Hashable that identifies `bodies` and `spares`.
-        bodies
-            Builds the moving solids.
         ends_rad
             Start and end posture, two of shape (joints,).
         spares

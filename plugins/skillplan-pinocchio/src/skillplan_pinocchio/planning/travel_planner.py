@@ -35,8 +35,6 @@ class TravelPlanner:
     ----------
     sweeps
         Pieces at the end of the arm.
-    obstacles
-        Obstacles of all states.
     most_checks
         Number of postures checked for one travel before it is given up, >= 1.
     check_arm
@@ -64,8 +62,6 @@ class TravelPlanner:
 
         Parameters
         ----------
-        robot
-            One of the scene's robots.
         clearance_m
             Clearance of open jaws on either side of a part [m], >= 0.
         """

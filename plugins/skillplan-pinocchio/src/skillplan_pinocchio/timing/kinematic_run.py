@@ -37,10 +37,6 @@ class KinematicRun:
     ----------
     task
         Task with one robot.
-    paths
-        Joint paths.
-    limits
-        Joint limits.
     frames_per_s
         Samples per second, >= 1.
     """

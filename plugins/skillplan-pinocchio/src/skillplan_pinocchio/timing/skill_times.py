@@ -34,8 +34,6 @@ class SkillTimes:
         ----------
         planned
             At least one motion.
-        stand
-            Start of the arm.
         """
         here = stand.joints_rad
         total_s = 0.0
@@ -98,10 +96,6 @@ class LeastTimes:
 
     Parameters
     ----------
-    times
-        Durations of motions.
-    stands
-        Postures at places.
     plan
         Returns the planned motions of a skill in a state.
     """

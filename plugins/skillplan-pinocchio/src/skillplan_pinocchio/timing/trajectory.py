@@ -44,8 +44,6 @@ class GridRun:
 
     Parameters
     ----------
-    places
-        Places of the grid.
     rates
         Rates of the parameter at the places.
     excess
@@ -103,10 +101,6 @@ def _run(
     ----------
     nodes
         Numbers of the first and last node.
-    places
-        Grid between them.
-    limits
-        Speed and acceleration limits.
     """
     first, last = nodes
     span = places[-1] - places[0]

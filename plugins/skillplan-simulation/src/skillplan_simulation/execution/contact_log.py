@@ -32,8 +32,6 @@ class ContactLog:
 
     Parameters
     ----------
-    world, arm
-        World and arm to observe.
     handled
         Handled bodies, whose displacement is not logged.
     """

@@ -36,10 +36,6 @@ class ToolChanger:
 
     Parameters
     ----------
-    world, arm
-        World and arm.
-    scene
-        Scene with the tools.
     tool
         Tool attached at the start, or None.
     """
@@ -133,16 +129,8 @@ class ControlledRobot:
 
     Parameters
     ----------
-    world, arm
-        World and arm.
-    scene
-        Scene with bodies and tools.
-    settings
-        Settings of motion.
     tool
         Tool attached at the start; a gripper is a tool without a body.
-    every_step
-        Called after every simulation step.
 
     Attributes
     ----------

@@ -144,8 +144,6 @@ class Moment:
     ----------
     frame
         Number of the frame; None for the end.
-    bodies
-        Names of the bodies.
     """
 
     frame: int | None
@@ -264,8 +262,6 @@ class Rules:
 
     Parameters
     ----------
-    tolerances
-        Tolerances of predictions.
     judges
         Detectors that decide about contacts.
     """
@@ -282,8 +278,6 @@ class Observers:
     ----------
     frames_per_s
         Pictures per simulated second [1/s], or None.
-    show
-        Called with every picture.
     note
         Called with a sample of every frame of 1/60 s.
     angle
@@ -310,14 +304,6 @@ def execute_plan(
 
     Parameters
     ----------
-    workcell
-        Workcell of the task.
-    rules
-        Requirements on every skill.
-    skills
-        The plan.
-    observers
-        Outputs.
     stopped
         Returns whether to end before the next skill.
     """

@@ -66,8 +66,6 @@ class PlannedPaths:
     ----------
     task
         Task with one robot.
-    settings
-        Settings of motion.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:

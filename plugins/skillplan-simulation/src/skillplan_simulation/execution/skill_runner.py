@@ -37,8 +37,6 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
 
     Parameters
     ----------
-    robot
-        Robot with a screwdriver.
     driven
         Motion that drives the screw, now or later.
     turned

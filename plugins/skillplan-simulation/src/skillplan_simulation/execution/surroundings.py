@@ -232,8 +232,6 @@ class Neighbourhood:
     ----------
     bodies
         Present bodies with their poses, in the order of the task.
-    present, absent
-        Facts that decide the bodies.
     near
         Places near moving parts, occupied or not. A support is in the world because of the body on
         it.
@@ -285,15 +283,7 @@ class Surroundings:
         planned: Sequence[ArmMotion],
         state: State,
     ) -> Neighbourhood:
-        """Return the neighbourhood of a skill in a state.
-
-        Parameters
-        ----------
-        skill
-            Skill with a motion.
-        planned
-            Planned motions of the skill.
-        """
+        """Return the neighbourhood of a skill in a state."""
         motions = tuple(planned_motion.motion for planned_motion in planned)
         ways = tuple(motion.travel.nodes_rad.tobytes() for motion in planned if motion.matters)
         key = (skill.name, motions, ways, planned[0].approach[0].tobytes())

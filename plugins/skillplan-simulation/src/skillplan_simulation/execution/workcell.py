@@ -79,17 +79,7 @@ _STEPS = 48
 
 @dataclass(frozen=True, slots=True)
 class Fallen:
-    """A body that did not stay.
-
-    Parameters
-    ----------
-    body
-        Name of the body.
-    reason
-        Reason in words.
-    present, absent
-        Facts that this rests on.
-    """
+    """A body that did not stay."""
 
     body: str
     reason: str
@@ -98,15 +88,7 @@ class Fallen:
 
 
 class SupportTrials:
-    """Tests in small worlds whether bodies stay in place; caches the results.
-
-    Parameters
-    ----------
-    surroundings
-        Finder of supports.
-    world
-        Creates worlds.
-    """
+    """Tests in small worlds whether bodies stay in place; caches the results."""
 
     def __init__(self, task: Task, surroundings: Surroundings, world: Callable[[], World]) -> None:
         self.task, self.surroundings, self.world = task, surroundings, world
@@ -178,10 +160,6 @@ class Workcell:
     ----------
     task
         Task with one robot.
-    settings
-        Settings of motion.
-    simulator
-        Simulator that creates worlds.
     """
 
     def __init__(self, task: Task, settings: ExecutionSettings, simulator: Simulator) -> None:
@@ -202,8 +180,6 @@ class Workcell:
 
         Parameters
         ----------
-        skill
-            Skill with a motion.
         watch
             Called with the robot after every simulation step.
         """
@@ -281,14 +257,8 @@ class Workcell:
 
         Parameters
         ----------
-        planned
-            Planned motions of the skill.
-        world
-            Empty world.
         arm
             Arm at rest at the start.
-        around
-            Other bodies in the world.
         watch
             Called with the robot after every simulation step.
         """

@@ -49,10 +49,6 @@ def annotate(width: int, height: int, rgb: bytes, view: View, notes: Notes) -> I
     ----------
     width, height, rgb
         Picture as in :class:`Image`.
-    view
-        View of the picture.
-    notes
-        Annotations.
     """
     if not (notes.caption or notes.tags or notes.contact):
         return Image(width, height, rgb)
@@ -75,8 +71,6 @@ class Projection:
 
     Parameters
     ----------
-    view
-        View of the picture.
     width, height
         Size of the picture [pixels].
     """

@@ -344,19 +344,7 @@ class CellStyle:
     def notes(
         self, world: World, caption: str, culprits: Sequence[str], middles: Iterable[Named]
     ) -> Notes:
-        """Return the annotations of a picture.
-
-        Parameters
-        ----------
-        world
-            World with the contacts.
-        caption
-            Caption.
-        culprits
-            Bodies to highlight.
-        middles
-            Names and positions of bodies.
-        """
+        """Return the annotations of a picture."""
         words = f"{' and '.join(culprits)}: {caption}" if culprits else caption
         return Notes(words, tuple(self._tags(list(middles))), _find_contact(world, culprits))
 
@@ -393,10 +381,6 @@ class PaintedCamera:
 
     Parameters
     ----------
-    scene
-        Scene with bodies and tools.
-    view
-        View of the pictures.
     labels
         True if bodies, feeders and docks have name tags.
     """
@@ -428,8 +412,6 @@ class PaintedCamera:
         ----------
         world, arm
             World and arm of the same simulator.
-        caption
-            Text below the picture.
         culprits
             Bodies in alarm colours, everything else pale; of the robot, its hand or a finger. An
             arrow points to the contact between them.
