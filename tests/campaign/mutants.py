@@ -100,7 +100,7 @@ MUTANTS = [
     Mutant(
         "reused verdicts are not asked again",
         "checks/audit.py",
-        "                if _contradicts(kept, fresh):\n",
+        "                if _contradicts(sample.verdict, fresh):\n",
         "                if False:\n",
         "lies",
     ),

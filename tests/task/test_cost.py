@@ -108,7 +108,7 @@ def test_a_time_is_a_scaled_distance_and_the_dwells_of_the_route_that_fits():
 
 def test_a_state_that_does_not_say_where_the_arm_stands_has_no_cost():
     """Nor one that no route fits."""
-    with pytest.raises(ValueError, match="does not say where the arm stands"):
+    with pytest.raises(ValueError, match="gives no place of the arm"):
         DistanceCost(PLACES, STRAIGHT).at(FACTS.of("other"))
     with pytest.raises(ValueError, match="No route of 'arm'"):
         DistanceCost(PLACES, BRANCHED).at(FACTS.of("at(home)"))

@@ -27,7 +27,7 @@ class TestTableCost:
     @pytest.mark.parametrize("names", [(), ("done(a)",), ("at(0)", "at(2)")])
     def test_a_state_that_does_not_say_the_place_is_refused(self, names):
         """As one that says two."""
-        with pytest.raises(ValueError, match="does not say where one stands"):
+        with pytest.raises(ValueError, match="gives no single place"):
             TABLE.at(FACTS.of(*names))
 
     @given(st.lists(st.integers(-1, 9), min_size=3, max_size=3), st.integers(0, 31), st.data())

@@ -81,7 +81,7 @@ def test_a_robot_says_where_it_stands_and_what_it_holds():
     robot = Robot("arm", (0, 0, 0), 0.8, 0.2, {"at(home)": (0.3, 0.1, 0.9)})
     assert robot.place(facts.of("at(home)")) == ("at(home)", (0.3, 0.1, 0.2))
     assert robot.tool(facts.none) is None
-    with pytest.raises(ValueError, match="does not say where 'arm' stands"):
+    with pytest.raises(ValueError, match="gives no place of 'arm'"):
         robot.place(facts.none)
 
 

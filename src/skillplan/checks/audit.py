@@ -106,7 +106,7 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class DrawnVerdict:
-    """A verdict that was drawn for a check, as plain values that any process understands.
+    """A verdict that was drawn for a check; another process may have made it.
 
     Parameters
     ----------
@@ -114,55 +114,17 @@ class DrawnVerdict:
         Number of the back end in the chain.
     skill
         Name of the skill, or of its variant.
-    status, reason
-        As in the verdict.
-    present_bits, absent_bits
-        The facts it rests on.
-    made_in_bits, used_in_bits
+    verdict
+        Names the facts it rests on.
+    made_in, used_in
         The states in which it was made and reused.
     """
 
     back_end: int
     skill: str
-    status: str
-    reason: str
-    present_bits: int
-    absent_bits: int
-    made_in_bits: int
-    used_in_bits: int
-
-    @classmethod
-    def of(
-        cls, back_end: int, skill: Skill, verdict: Verdict, made_in: State, used_in: State
-    ) -> DrawnVerdict:
-        """Return the record of a verdict that names the facts it rests on."""
-        assert verdict.present is not None
-        assert verdict.absent is not None
-        return cls(
-            back_end,
-            skill.name,
-            verdict.status.value,
-            verdict.reason,
-            verdict.present.bits,
-            verdict.absent.bits,
-            made_in.bits,
-            used_in.bits,
-        )
-
-    def verdict(self, back_end: BackEnd) -> Verdict:
-        """Return the verdict, without its evidence."""
-        facts = back_end.task.facts
-        present, absent = facts.state(self.present_bits), facts.state(self.absent_bits)
-        status = VerdictStatus(self.status)
-        return Verdict(status, self.reason, back_end.name, present, absent)
-
-    def made_in(self, task: Task) -> State:
-        """Return the state in which the verdict was made."""
-        return task.facts.state(self.made_in_bits)
-
-    def used_in(self, task: Task) -> State:
-        """Return the state in which the verdict was reused."""
-        return task.facts.state(self.used_in_bits)
+    verdict: Verdict
+    made_in: State
+    used_in: State
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +172,7 @@ def draw_sample(feasibility: Feasibility, size: SampleSize) -> VerdictSample:
     """Return a sample of the verdicts that a finished search reused, and of its refusals."""
     reused = draw_reused(feasibility, size.reused, size.seed, expensive=size.expensive)
     refusals = [
-        DrawnVerdict.of(number, skill, verdict, state, state)
+        DrawnVerdict(number, skill.name, verdict, state, state)
         for number, screen in enumerate(feasibility.back_ends)
         if screen.screens
         for skill in list_queried_skills(feasibility.task)
@@ -253,7 +215,7 @@ def draw_reused(
         made_in = feasibility.cache.made_in(back_end, reuse.skill, reuse.verdict)
         made_in = reuse.state if made_in is None else made_in
         drawn.append(
-            DrawnVerdict.of(reuse.back_end, reuse.skill, reuse.verdict, made_in, reuse.state)
+            DrawnVerdict(reuse.back_end, reuse.skill.name, reuse.verdict, made_in, reuse.state)
         )
     if len(drawn) < size and not going_on:
         unused = list(_list_kept(feasibility, expensive=expensive))
@@ -272,7 +234,7 @@ def _list_kept(feasibility: Feasibility, *, expensive: bool) -> Iterator[DrawnVe
                 if not left:
                     return
                 left -= 1
-                yield DrawnVerdict.of(number, skill, verdict, state, state)
+                yield DrawnVerdict(number, skill.name, verdict, state, state)
 
 
 def ask_again(
@@ -294,13 +256,13 @@ def ask_again(
     skills = map_queried_skills(back_ends[0].task) if drawn else {}
     for sample in drawn:
         back_end, skill = back_ends[sample.back_end], skills[sample.skill]
-        task, kept = back_end.task, sample.verdict(back_end)
-        made_in = sample.made_in(task)
-        for state in dict.fromkeys((sample.used_in(task), made_in)):
+        for state in dict.fromkeys((sample.used_in, sample.made_in)):
             for _ in range(times):
                 fresh = check(back_end, skill, state).verdict
-                if _contradicts(kept, fresh):
-                    raise _contradiction(back_end, skill, kept, made_in, fresh, state)
+                if _contradicts(sample.verdict, fresh):
+                    raise _contradiction(
+                        back_end, skill, sample.verdict, sample.made_in, fresh, state
+                    )
 
 
 @dataclass(frozen=True)

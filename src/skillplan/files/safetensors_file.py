@@ -70,7 +70,7 @@ def read_safetensors(
 def _claimed(header: Any) -> int:
     """Return the size of the arrays in a header [bytes]."""
     if not isinstance(header, dict):
-        raise ValueError("its header is no object")
+        raise ValueError("its header is not an object")
     ends = [0]
     for name, entry in header.items():
         if name == "__metadata__":
@@ -78,5 +78,5 @@ def _claimed(header: Any) -> int:
         try:
             ends.append(int(entry["data_offsets"][1]))
         except (KeyError, IndexError, TypeError, ValueError, OverflowError):
-            raise ValueError(f"its header does not say where the array {name!r:.60} lies") from None
+            raise ValueError(f"its header does not place the array {name!r:.60}") from None
     return max(ends)

@@ -136,12 +136,12 @@ def execute_sample(
             break
         executed += 1
         screen, skill = back_ends[refusal.back_end], skills[refusal.skill]
-        state = refusal.made_in(screen.task)
+        state = refusal.made_in
         if all(_grants(other, skill, state) for other in others):
             names = " and ".join(other.name for other in others if other.expensive)
             words = (
-                f"the screen {screen.name!r} refuses {skill.name} ({refusal.reason}), which "
-                f"{names} grants in {state}; --no-screening leaves it to {names}"
+                f"the screen {screen.name!r} refuses {skill.name} ({refusal.verdict.reason}), "
+                f"which {names} grants in {state}; --no-screening leaves it to {names}"
             )
             return Screened(sample.refusals, executed, words)
     return Screened(sample.refusals, executed)

@@ -23,7 +23,7 @@ class Interrupted(KeyboardInterrupt):
 def blame(
     error: BaseException,
     plugin: type,
-    say: Callable[[str], str],
+    describe: Callable[[str], str],
     error_class: type[SkillplanError],
     ours: type[SkillplanError] = SkillplanError,
 ) -> NoReturn:
@@ -31,7 +31,7 @@ def blame(
 
     Parameters
     ----------
-    say
+    describe
         Returns the message for a description of the exception.
     error_class
         Class of the new error; `error` becomes its cause.
@@ -40,7 +40,7 @@ def blame(
     """
     if isinstance(error, ours) or ends_program(error):
         raise error
-    raise error_class(say(describe_exception(plugin, error))) from error
+    raise error_class(describe(describe_exception(plugin, error))) from error
 
 
 def ends_program(error: BaseException) -> bool:

@@ -189,7 +189,7 @@ class DistanceCost:
         bits = state.bits
         start = self._starts.get(bits & self._places_mask)
         if start is None:
-            raise ValueError(f"The state does not say where the arm stands: {state}.")
+            raise ValueError(f"The state gives no place of the arm: {state}.")
         for when, x_m, y_m, beyond_m, dwell_s in self._routes:
             if bits & when == when:
                 length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2]
@@ -277,7 +277,7 @@ class TableCost:
         """
         held = state.bits & self._mask
         if not held or held & (held - 1):
-            raise ValueError(f"The state does not say where one stands: {state}.")
+            raise ValueError(f"The state gives no single place: {state}.")
         value = self.values[held.bit_length() - self._below]
         return math.inf if value < 0 else float(value)
 

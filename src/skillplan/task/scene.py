@@ -261,7 +261,7 @@ class Robot:
         for fact, position in self.places.items():
             if fact in state:
                 return fact, (position[0], position[1], self.safe_height_m)
-        raise ValueError(f"The state does not say where {self.name!r} stands: {state}.")
+        raise ValueError(f"The state gives no place of {self.name!r}: {state}.")
 
     def tool(self, state: State) -> Tool | None:
         """Return the attached tool, or None."""

@@ -61,7 +61,7 @@ def _check(path: Path, content: bytes) -> None:
         except ValueError as error:
             raise OptionError(damaged(path, f"line {number}: {error}")) from None
         if not isinstance(entry, dict):
-            raise OptionError(damaged(path, f"line {number} is no entry of a journal"))
+            raise OptionError(damaged(path, f"line {number} is not an entry of a journal"))
 
 
 def damaged(path: Path, why: str) -> str:
