@@ -1,21 +1,18 @@
-"""Deep Q-learning: steps a second against Stable-Baselines3's, on the paper's board.
+"""Steps per second of `dqn` compared with Stable-Baselines3's DQN, on the paper's board.
 
-Both get the rewards of Table II, with one thread a process. `dqn` has its defaults, which are the
-observation `markov` and the applicable mask, and as a row of its own the paper's observation
-without a mask; Stable-Baselines3's knows no mask. Settings take turns; each is timed once it is
-warm, and compared with Stable-Baselines3's defaults in as many processes of the same round, and
-with its setting of as many updates a step. Its runs learn one after another in a process, `dqn`'s
-in groups of five side by side, as `skillplan train` has them. Budgets of the project: twice its
-steps a second with the defaults of both, and 3 times at equal updates.
+Both get the rewards of Table II and one thread per process. `dqn` has its defaults, observation
+`markov` and the applicable mask, and in one row the paper's observation without a mask, as
+Stable-Baselines3 has. Settings take turns, are timed once warm, and are compared with
+Stable-Baselines3's defaults in as many processes, and with its setting of equal updates per step.
+Its runs learn one after another, `dqn`'s in groups of five, as in `skillplan train`. Budgets:
+twice its steps per second with the defaults of both, 3 times at equal updates.
 
-A transition learned from is one of a batch of an update.
-
-Stable-Baselines3, and sb3-contrib for ``--boards``, are no part of the project: they are installed
-apart, into a folder of their own, and share torch and Gymnasium with this interpreter.
+Stable-Baselines3, and sb3-contrib for ``--boards``, are not dependencies of the project: they are
+installed into a separate folder, and share torch and Gymnasium with this interpreter.
 
 Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
-With ``--boards`` it shows what learners come to on boards at random instead: `learning_boards`;
-with ``--ablation`` what options of `dqn` are worth: `learning_ablation`.
+``--boards`` evaluates learners on random boards (`learning_boards`), ``--ablation`` the options of
+`dqn` (`learning_ablation`).
 """
 
 from __future__ import annotations
@@ -50,29 +47,29 @@ ALIKE = 0.02
 GROUP = 5
 LEAST_STEPS = 1_000
 STRIDE_STEPS = 100
-# What is imported or compiled on first use is not timed.
+# Untimed steps, for imports and compilation.
 WARM_UP_STEPS = 200
-# A process that does not get this far has hung.
+# Time after which a process counts as hung [s].
 PATIENCE_S = 3_600.0
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How runs are trained.
+    """A way to train runs.
 
     Parameters
     ----------
     name
-        What the table calls it.
+        Name in the table.
     groups
-        Of how many runs every group is; groups are shared out among the processes.
+        Number of runs of every group; groups are distributed over the processes.
     processes
-        How many, all of which get as many groups.
+        Number of processes, with equal numbers of groups.
     options
-        Of Stable-Baselines3's DQN beside its defaults; None for `dqn` with its own.
+        Options of Stable-Baselines3's DQN; None for `dqn`.
     presentation
-        What is observed, and what may be chosen.
+        Observation and mask.
     """
 
     name: str
@@ -83,22 +80,22 @@ class Setting:
 
     @property
     def is_baseline(self) -> bool:
-        """Whether others are compared with it."""
+        """True for the setting that others are compared with."""
         return self.options == {}
 
 
 @dataclass(frozen=True)
 class Share:
-    """What a process has trained.
+    """Result of a process.
 
     Parameters
     ----------
     wall_s, cpu_s
-        Time that it took, and that of the processor.
+        Wall and processor time [s].
     updates, learned_from
-        Of an environment step: updates, and transitions in their batches.
+        Updates per environment step, and transitions in their batches.
     completing
-        How many policies complete the task when followed greedily.
+        Number of greedy policies that complete the task.
     """
 
     wall_s: float
@@ -109,13 +106,13 @@ class Share:
 
 
 class Clock:
-    """Time since it was made."""
+    """Time since its construction."""
 
     def __init__(self) -> None:
         self._begin_s = time.perf_counter(), time.process_time()
 
     def read(self) -> tuple[float, float]:
-        """Return the time, and that of the processor [s]."""
+        """Return wall and processor time [s]."""
         return time.perf_counter() - self._begin_s[0], time.process_time() - self._begin_s[1]
 
 
@@ -132,7 +129,7 @@ SETTINGS = (
 
 
 def main() -> None:
-    """Install what is compared with, and print the table."""
+    """Install the baseline, and print the table."""
     parser = argparse.ArgumentParser(description=f"Steps a second of dqn and of {BASELINE}.")
     parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
     parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
@@ -153,23 +150,25 @@ def main() -> None:
         learning_baselines.install(folder, learning_baselines.PACKAGES[:1])
         rounds: list[list[list[Share]]] = []
         for number in range(args.rounds):
-            rounds.append([turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS])
-    table(rounds, args.steps)
+            rounds.append(
+                [run_turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS]
+            )
+    print_table(rounds, args.steps)
 
 
-def turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
-    """Return what every process has trained, all at once.
+def run_turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
+    """Return the results of all processes, which run at the same time.
 
     Parameters
     ----------
     setting
-        How.
+        The setting.
     steps
         Environment steps of a run.
     seed
-        Of the first run; the others' count up.
+        Seed of the first run; the others count up.
     folder
-        Where Stable-Baselines3 is.
+        Folder of Stable-Baselines3.
     """
     spawn = multiprocessing.get_context("spawn")
     os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -188,7 +187,7 @@ def turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
             process.start()
             there.close()
             started.append((process, here))
-        return [received(setting, here) for _, here in started]
+        return [receive(setting, here) for _, here in started]
     finally:
         for process, here in started:
             here.close()
@@ -196,15 +195,15 @@ def turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
             process.join()
 
 
-def received(setting: Setting, pipe: Connection) -> Share:
-    """Return what a process says, or end the program with why it cannot."""
+def receive(setting: Setting, pipe: Connection) -> Share:
+    """Return the result of a process, or end the program with its error."""
     try:
-        said: Share | str = pipe.recv()
+        message: Share | str = pipe.recv()
     except EOFError:
-        said = "its process has ended"
-    if isinstance(said, str):
-        sys.exit(f"{setting.name} cannot be timed: {said}")
-    return said
+        message = "its process has ended"
+    if isinstance(message, str):
+        sys.exit(f"{setting.name} cannot be timed: {message}")
+    return message
 
 
 def work(
@@ -221,19 +220,19 @@ def work(
     Parameters
     ----------
     pipe
-        Takes what was trained, or why it could not be.
+        Receives the result or an error message.
     barrier
-        Where all processes wait until they are warm.
+        Barrier at which all processes wait until they are warm.
     setting
-        How.
+        The setting.
     groups
-        How many runs each group has.
+        Number of runs of each group.
     steps
         Environment steps of a run.
     seed
-        Of the first run; the others' count up.
+        Seed of the first run; the others count up.
     folder
-        Where Stable-Baselines3 is.
+        Folder of Stable-Baselines3.
     """
     try:
         import torch
@@ -252,11 +251,11 @@ def work(
             seed += runs
         pipe.send(
             Share(
-                wall_s=sum(one.wall_s for one in trained),
-                cpu_s=sum(one.cpu_s for one in trained),
-                updates=statistics.mean(one.updates for one in trained),
-                learned_from=statistics.mean(one.learned_from for one in trained),
-                completing=sum(one.completing for one in trained),
+                wall_s=sum(share.wall_s for share in trained),
+                cpu_s=sum(share.cpu_s for share in trained),
+                updates=statistics.mean(share.updates for share in trained),
+                learned_from=statistics.mean(share.learned_from for share in trained),
+                completing=sum(share.completing for share in trained),
             )
         )
     except Exception as error:
@@ -279,7 +278,7 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
         training.figures()
     wall_s, cpu_s = clock.read()
     options = learner.options
-    often = learner.derived([one.task for one in env.models]).get("updates", options.updates)
+    often = learner.derived([model.task for model in env.models]).get("updates", options.updates)
     updates = often * max(0, steps - options.warm_up) / steps
     policies = [training.learned(run).policy for run in range(runs)]
     completing = sum(
@@ -321,7 +320,7 @@ def board(presentation: Mapping[str, str]) -> Any:
 
 
 def completes(choose: Callable[[Any, Any], int], presentation: Mapping[str, str]) -> bool:
-    """Return whether a policy completes the board, told what it observes and what is allowed."""
+    """Return whether a policy completes the board; `choose` gets observation and mask."""
     env = board(presentation)
     seen, info = env.reset(seed=0)
     while True:
@@ -331,8 +330,8 @@ def completes(choose: Callable[[Any, Any], int], presentation: Mapping[str, str]
             return bool(terminated and info["verdict"] == "feasible")
 
 
-def table(rounds: list[list[list[Share]]], steps: int) -> None:
-    """Print what every setting came to: rates and ratios are medians of the rounds."""
+def print_table(rounds: list[list[list[Share]]], steps: int) -> None:
+    """Print a row for every setting; rates and ratios are medians over the rounds."""
     print(
         f"{f'runs of {steps:,} steps':31} {'runs':>4} {'processes':>9} {'steps/s':>8} "
         f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'alike':>6} "
@@ -341,8 +340,8 @@ def table(rounds: list[list[list[Share]]], steps: int) -> None:
     for at, setting in enumerate(SETTINGS):
         base_at = next(
             i
-            for i, one in enumerate(SETTINGS)
-            if one.is_baseline and one.processes == setting.processes
+            for i, other in enumerate(SETTINGS)
+            if other.is_baseline and other.processes == setting.processes
         )
         rate = statistics.median(rates(setting, turns[at], steps)[0] for turns in rounds)
         ratios, by_cpu = zip(
@@ -377,16 +376,18 @@ def table(rounds: list[list[list[Share]]], steps: int) -> None:
             f"{f'{completing} of {runs * len(rounds)}':>9}"
         )
     print(
-        f"Updates and transitions learned from are those of a step; ratios are to {BASELINE}'s "
-        f"defaults\nin as many processes, with a budget of {BUDGET:.0f}; alike, a process, to its "
-        f"setting of as many updates, {EQUAL_BUDGET:.0f}."
+        f"Updates and transitions are per step; ratios are to {BASELINE}'s defaults\nin as many "
+        f"processes, budget {BUDGET:.0f}; alike, per process, to its setting of equal updates, "
+        f"budget {EQUAL_BUDGET:.0f}."
     )
 
 
 def rates(setting: Setting, shares: list[Share], steps: int) -> tuple[float, float]:
-    """Return a setting's environment steps a second, and a second of a processor."""
+    """Return environment steps per second of wall and of processor time."""
     total = sum(setting.groups) * steps
-    return total / max(share.wall_s for share in shares), total / sum(one.cpu_s for one in shares)
+    return total / max(share.wall_s for share in shares), total / sum(
+        share.cpu_s for share in shares
+    )
 
 
 if __name__ == "__main__":
