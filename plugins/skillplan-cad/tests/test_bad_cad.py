@@ -79,7 +79,7 @@ def refused(capsys, tmp_path, *words):
     ("content", "words"),
     [
         (b"", "is empty. Save it from CAD as STEP"),
-        (b"PK\x03\x04rest", "is a ZIP archive, whatever its name says. Unpack it first"),
+        (b"PK\x03\x04rest", "is a ZIP archive despite its name. Unpack it first"),
         (b"ISO-10303-21;\nDATA;\n#1=", "is cut off"),
         (
             b"ISO-10303-21;\nDATA;\n#1=A(#2);" + END,
@@ -105,7 +105,7 @@ def refused(capsys, tmp_path, *words):
         *(
             (
                 b"ISO-10303-21;\nDATA;\n#7=A('#8=',(1.,%b,2.));" % number + END,
-                f"#7 has {number.decode()!r}, which is no finite number. Correct it in CAD",
+                f"#7 has {number.decode()!r}, which is not finite. Correct it in CAD",
             )
             for number in (b"NAN", b"-INF", b"1.E400", b"9.E+308", b"1E99999")
         ),
@@ -135,7 +135,7 @@ def test_a_damaged_step_file_is_refused_by_the_command(capsys, tmp_path, content
         (
             {"one": cube(), "two": cube(10.0)},
             ("--unit", "parsec"),
-            "is no unit known here. Known: cm, foot, inch, m, mm, um",
+            "is not a known unit. Known: cm, foot, inch, m, mm, um",
         ),
         (
             {"one": opened(), "two": cube(10.0)},
@@ -192,8 +192,8 @@ def block(path, low_mm, size_mm=10.0):
         (1e30, 1e30, "is 2e+27 m long, where 10,000 m are the most; odd reaches farthest"),
         (1e308, 1e300, "is 1e+305 m long, where 10,000 m are the most; odd reaches farthest"),
         (-1e308, 1e-30, "is 1e+305 m long, where 10,000 m are the most; odd reaches farthest"),
-        (math.nan, 1.0, "odd.obj: holds coordinates that are no finite numbers"),
-        (math.inf, 1.0, "odd.obj: holds coordinates that are no finite numbers"),
+        (math.nan, 1.0, "odd.obj: holds coordinates that are not finite"),
+        (math.inf, 1.0, "odd.obj: holds coordinates that are not finite"),
         (1e6, 10.0, "more than 1,000,000 times the tolerance of 0.1 mm, which is too fine"),
         (20.0, 1e-4, "odd is 3.33e-08 m thick, where 1e-06 m are the least"),
         (0.0, 1e-30, "odd is 3.33e-34 m thick, where 1e-06 m are the least"),
@@ -287,7 +287,7 @@ def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("1.E300", "has coordinates that are no finite numbers: point #24 has '1.E300'"),
+        ("1.E300", "has coordinates that are not finite: point #24 has '1.E300'"),
         ("1.E12", "is 1e+09 m long, where 10,000 m are the most; post_1 reaches farthest"),
     ],
 )
@@ -332,7 +332,7 @@ def test_what_occt_makes_of_nests_bombs_and_odd_numbers_is_refused():
         glb([{"mesh": 0, "translation": [math.nan, 0, 0]}]),
         glb([{"mesh": 0}], [math.inf] * 9),
     ):
-        with pytest.raises(ValueError, match="no finite numbers"):
+        with pytest.raises(ValueError, match="that are not finite"):
             parts_of(document)
 
 

@@ -106,7 +106,7 @@ class TestStep:
         [
             (b"", "is empty"),
             (b"PK\x03\x04rest", "is a ZIP archive"),
-            (b"solid cube", "is no STEP file"),
+            (b"solid cube", "is not a STEP file"),
             (b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=", "is cut off"),
             (b"\x1f\x8brest of no stream", "is damaged"),
             (gzip.compress(b"ISO-10303-21;" * 99, mtime=0)[:-9], "is cut off"),
@@ -216,7 +216,7 @@ class TestOcctApart:
     @pytest.mark.parametrize(
         ("limits", "words"),
         [
-            (Limits(0), "still at it after 0 s"),
+            (Limits(0), "still reading after 0 s"),
             slow_case(
                 Limits(60, 1),
                 "took more than .* of memory",

@@ -1,6 +1,6 @@
-"""From CAD to a task: parts, contacts, screws, and which part blocks which in which direction.
+"""Import CAD as a task: parts, contacts, screws, and a blocking relation along directions.
 
-Lengths are metres throughout; only `relation.json` and what is printed have millimetres.
+Lengths are metres; only `relation.json` and printed output use millimetres.
 """
 
 import lazy_loader as _lazy

@@ -1,4 +1,4 @@
-"""From a product to its relation: contacts, fasteners, directions, what blocks what."""
+"""Build the relation of a product: contacts, fasteners, directions, blockings."""
 
 from __future__ import annotations
 
@@ -30,15 +30,7 @@ _ALONG = 0.999
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """How the parts of a product meet.
-
-    Parameters
-    ----------
-    contacts, fasteners
-        As found.
-    directions
-        Along which parts are moved.
-    """
+    """Contacts and fasteners of a product, and the directions of motion."""
 
     contacts: tuple[Contact, ...]
     fasteners: tuple[Fastener, ...]
@@ -47,7 +39,7 @@ class Joints:
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """What blocks what, before threads are waived."""
+    """Blockings before threads are waived."""
 
     entries: tuple[Blocking, ...]
     sensitive: tuple[Sensitive, ...]
@@ -71,22 +63,20 @@ def blocked_of(
     on_done: Callable[[int, int], None] = lambda done, of: None,
     jobs: int = 1,
 ) -> Blocked:
-    """Return what blocks what along directions, each of which is next to its opposite.
+    """Return the blockings along directions, each of which is next to its opposite.
 
     Parameters
     ----------
-    product
-        The product.
     directions
         Unit vectors.
     tolerance_m
-        Radius of the disc that has to be blocked.
+        Smallest radius of a disc that counts as blocked [m].
     on_done
-        Told how many of how many lines of directions are done.
+        Called with the number of finished lines and of all lines.
     jobs
-        How many processes may be used; nothing that is found depends on it.
+        Number of processes; results do not depend on it.
     """
-    lines = [(directions[one], one, one + 1) for one in range(0, len(directions), 2)]
+    lines = [(directions[number], number, number + 1) for number in range(0, len(directions), 2)]
     answers = []
     for answer in answers_of(product, tolerance_m, lines, jobs):
         answers.append(answer)
@@ -98,9 +88,9 @@ def blocked_of(
 def relation_of(
     product: Product, joints: Joints, blocked: Blocked, tolerance_m: float, threads: Threads
 ) -> Relation:
-    """Return the relation: threads waived as wanted, parts by what they are for."""
+    """Return the relation, with threads waived and parts classified."""
     free = _waived(joints, threads)
-    kinds: dict[str, PartKind] = {one.part: one.kind for one in joints.fasteners}
+    kinds: dict[str, PartKind] = {fastener.part: fastener.kind for fastener in joints.fasteners}
     first: dict[int, str] = {}
     for part in product.parts:
         first.setdefault(part.shape, part.name)
@@ -118,39 +108,43 @@ def relation_of(
         tolerance_m=tolerance_m,
         directions=joints.directions,
         blocked=tuple(
-            one for one in blocked.entries if (one.part, one.by, one.direction) not in free
+            entry
+            for entry in blocked.entries
+            if (entry.part, entry.by, entry.direction) not in free
         ),
         contacts=joints.contacts,
         fasteners=joints.fasteners,
         sensitive=tuple(
-            one for one in blocked.sensitive if (one.part, one.by, one.direction) not in free
+            answer
+            for answer in blocked.sensitive
+            if (answer.part, answer.by, answer.direction) not in free
         ),
     )
 
 
 def waived_pairs(joints: Joints, blocked: Blocked, threads: Threads) -> list[tuple[str, str, int]]:
-    """Return the blockings that are left out because a thread is turned out of its mate."""
+    """Return the blockings that are dropped because a thread turns out of its mate."""
     free = _waived(joints, threads)
     return [
-        (one.part, one.by, one.direction)
-        for one in blocked.entries
-        if (one.part, one.by, one.direction) in free
+        (entry.part, entry.by, entry.direction)
+        for entry in blocked.entries
+        if (entry.part, entry.by, entry.direction) in free
     ]
 
 
 def _waived(joints: Joints, threads: Threads) -> set[tuple[str, str, int]]:
-    found: set[tuple[str, str, int]] = set()
+    waived: set[tuple[str, str, int]] = set()
     if threads == "solid":
-        return found
-    for one in joints.fasteners:
-        for mate in one.threaded_in:
+        return waived
+    for fastener in joints.fasteners:
+        for mate in fastener.threaded_in:
             for number, direction in enumerate(joints.directions):
-                along = float(np.dot(direction, one.axis))
+                along = float(np.dot(direction, fastener.axis))
                 if threads == "ignore" or along > _ALONG:
-                    found.add((one.part, mate, number))
+                    waived.add((fastener.part, mate, number))
                 if threads == "ignore" or along < -_ALONG:
-                    found.add((mate, one.part, number))
-    return found
+                    waived.add((mate, fastener.part, number))
+    return waived
 
 
 def _with_threads(
@@ -159,12 +153,16 @@ def _with_threads(
     threads: Threads,
     tolerance_m: float,
 ) -> tuple[Contact, ...]:
-    """Return contacts with those of threads named, and with what fasteners may overlap."""
+    """Return contacts with threads marked, and the allowed overlaps of fasteners."""
     if threads == "solid":
         return tuple(contacts)
-    gripped = {frozenset((one.part, mate)): one for one in fasteners for mate in one.threaded_in}
-    guided = {frozenset((one.part, other)) for one in fasteners for other in one.joins}
-    found = []
+    gripped = {
+        frozenset((fastener.part, mate)): fastener
+        for fastener in fasteners
+        for mate in fastener.threaded_in
+    }
+    guided = {frozenset((guide.part, other)) for guide in fasteners for other in guide.joins}
+    marked = []
     for contact in contacts:
         pair = frozenset(contact.parts)
         if pair in gripped:
@@ -177,8 +175,8 @@ def _with_threads(
                 radius_m=contact.radius_m or screw.diameter_m / 2,
             )
         elif pair in guided:
-            # CAD draws a hole as wide as its screw; what overlaps is within the tolerance.
+            # CAD draws holes as wide as their screws; such overlaps are within the tolerance.
             allowed = max(contact.overlap_allowed_m3, contact.overlap_surface_m2 / 2 * tolerance_m)
             contact = replace(contact, overlap_allowed_m3=allowed)
-        found.append(contact)
-    return tuple(found)
+        marked.append(contact)
+    return tuple(marked)

@@ -1,4 +1,4 @@
-"""A product as it was read: its parts, each with a mesh in the product's frame, faces and mass."""
+"""A product: parts with mesh, faces and mass in one frame."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "free"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """One face of a part's boundary, with what CAD says of its surface.
+    """A face of a part, with its surface from CAD.
 
     Parameters
     ----------
     kind
-        ``free`` where the surface has no such form, or none is known.
+        Kind of surface; ``free`` for others and unknown ones.
     triangles
-        Indices of those of the part's triangles that lie on it.
+        Indices of the part's triangles on the face.
     origin_m
         A point of the plane or axis, or the centre of a sphere.
     axis
-        Unit vector: the normal of a plane, else the axis.
+        Unit normal of a plane, or unit vector of the axis.
     radius_m
-        Of a cylinder, sphere or torus; of a cone at its origin; 0 for what has none.
+        Radius of a cylinder, sphere or torus; of a cone at its origin; otherwise 0.
     minor_radius_m
-        Of a torus; 0 else.
+        Minor radius of a torus; otherwise 0.
     half_angle_rad
-        Of a cone; 0 else.
+        Half angle of a cone; otherwise 0.
     extent_m
-        Least and greatest position along the axis, from the origin on.
+        Lowest and highest position along the axis, from the origin.
     turn_rad
-        How far round the axis it reaches; a whole turn is 2 pi.
+        Extent around the axis; a full turn is 2 pi.
     hollow
-        Whether a face of revolution looks at its axis, as a hole's does.
+        True if a face of revolution faces its axis, such as the wall of a hole.
     """
 
     kind: FaceKind
@@ -57,34 +57,29 @@ class Face:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """One rigid part where it stands in the assembled product.
+    """A rigid part in its place in the product.
 
     Parameters
     ----------
     name
-        Unique in the product: the names of the assemblies that it stands in below the root, and
-        its own, with slashes between; ``#2`` and so on ends the name of what would repeat one.
+        Unique path below the root, with slashes between assemblies and part; repeated names end in
+        ``#2`` and so on.
     path
-        Names of the assemblies that it stands in, from the root of the tree on, without its own.
+        Names of the assemblies above it, from the root on.
     vertices_m, triangles
-        Its mesh in the product's frame: merged vertices, triangles that look outwards.
-    faces
-        Faces of its boundary.
+        Mesh in the product's frame: merged vertices, outward triangles.
     volume_m3
-        What the mesh encloses; positive.
-    density_kg_m3
-        Of its material.
+        Volume of the mesh, > 0.
     centre_m
-        Its centre of mass.
+        Centre of mass.
     shape
-        Number of its shape: parts of one number are identical.
+        Number of its shape; identical parts share it.
     mirrors
-        Number of the shape that its own is the mirror image of; None where there is none.
+        Number of the shape it mirrors, or None.
     bodies
-        How many bodies it consists of.
+        Number of bodies.
     design
-        Name of what it is an instance of, such as ``socket screw M4x10``; empty where the file
-        tells none apart.
+        Name of its design, such as ``socket screw M4x10``; empty if unknown.
     """
 
     name: str
@@ -102,12 +97,12 @@ class Part:
 
     @property
     def mass_kg(self) -> float:
-        """Volume by density."""
+        """Volume times density."""
         return self.volume_m3 * self.density_kg_m3
 
     @property
     def bounds_m(self) -> Points:
-        """The least and the greatest corner of its box, one a row."""
+        """Lowest and highest corner of the bounding box, one per row."""
         return np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
 
 
@@ -118,15 +113,15 @@ class Product:
     Parameters
     ----------
     name
-        Of the product, as the file says.
+        Name according to the file.
     parts
-        In the order of the file; at least two.
+        Two or more parts, in the order of the file.
     unit
-        Of the file, such as ``mm``.
+        Unit of the file, such as ``mm``.
     chord_m
-        How far triangles may lie from the surface that they stand for; 0 where that is unknown.
+        Greatest distance of triangles from the true surface; 0 if unknown.
     notes
-        What was assumed or mended when it was read, a sentence each.
+        Assumptions and repairs of the reader, one sentence each.
     """
 
     name: str
@@ -142,12 +137,12 @@ class Product:
         return len(self.parts)
 
     def index(self, name: str) -> int:
-        """Return the number of the part of a name.
+        """Return the number of a part by its name.
 
         Raises
         ------
         KeyError
-            If there is none.
+            If the name is unknown.
         """
         for number, part in enumerate(self.parts):
             if part.name == name:
@@ -156,4 +151,6 @@ class Product:
 
     def identical(self, part: Part) -> tuple[str, ...]:
         """Return the names of the other parts of the same shape."""
-        return tuple(one.name for one in self.parts if one.shape == part.shape and one is not part)
+        return tuple(
+            other.name for other in self.parts if other.shape == part.shape and other is not part
+        )

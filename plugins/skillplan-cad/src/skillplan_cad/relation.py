@@ -1,7 +1,4 @@
-"""What blocks what: the relation that planning rests on, and `relation.json`, which holds it.
-
-"Part, moved along direction, is blocked by `by`".
-"""
+"""The blocking relation of a product: "part, moved along direction, is blocked by `by`"."""
 
 from __future__ import annotations
 
@@ -19,34 +16,35 @@ ContactKind = Literal["plane", "cylinder", "thread", "free"]
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Two parts that touch, or overlap.
+    """Two parts that touch or overlap.
 
     Parameters
     ----------
     parts
         Names, in the order of the product.
     kind
-        ``plane``; ``cylinder`` for one in another; ``thread`` for a fastener in what it is
-        screwed into; ``free`` for all else.
+        ``plane``; ``cylinder`` for a shaft in a hole; ``thread`` for a fastener in its thread;
+        ``free`` otherwise.
     area_m2
-        How much of the first part's surface lies on the second.
+        Area of the first part's surface that lies on the second.
     normals
-        Unit vectors out of the first part's surface where it touches, the distinct ones.
+        Distinct outward unit normals of the first part at the contact.
     axis, axis_point_m
-        Of a cylinder or thread; None else.
-    radius_m, radius_difference_m
-        Of the inner cylinder, and the outer one's radius minus it (negative for a press fit); None
-        where there is none.
+        Axis of a cylinder or thread; None otherwise.
+    radius_m
+        Radius of the inner cylinder; None without one.
+    radius_difference_m
+        Outer minus inner radius, negative for a press fit; None without cylinder.
     points_m
-        Points of the contact, spread over it: at most 32.
+        At most 32 points spread over the contact.
     overlap_m3
-        Volume that both parts claim.
+        Volume shared by both parts.
     overlap_allowed_m3
-        How much of that the chords of curved faces explain; more is interference.
+        Share of that volume explained by the chords of curved faces; more is interference.
     overlap_point_m
-        Where the overlap is; None without one.
+        A point of the overlap; None without one.
     overlap_surface_m2
-        Surface of that volume.
+        Surface of the overlap.
     """
 
     parts: tuple[str, str]
@@ -65,7 +63,7 @@ class Contact:
 
     @property
     def interferes(self) -> bool:
-        """Whether the parts overlap by more than chords explain; a thread does on purpose."""
+        """True if the parts overlap by more than chords explain; threads overlap on purpose."""
         return self.kind != "thread" and self.overlap_m3 > self.overlap_allowed_m3
 
 
@@ -74,20 +72,20 @@ PartKind = Literal["part", "screw", "nut", "washer", "pin"]
 
 @dataclass(frozen=True, slots=True)
 class RelationPart:
-    """A part as the relation knows it.
+    """A part of the relation.
 
     Parameters
     ----------
     name
-        As `Part.name`.
+        As in `Part.name`.
     kind
-        What it is for: a fastener, or a part.
+        Kind of fastener, or part.
     identical_to
-        Name of the first part of the same shape, or None for that one and for single ones.
+        Name of the first part of the same shape; None for that part itself.
     mirror_of
-        Name of the first part that it is the mirror image of, or None.
+        Name of the first part whose mirror image this part is, or None.
     mass_kg
-        Its mass.
+        Mass.
     """
 
     name: str
@@ -104,24 +102,23 @@ class Fastener:
     Parameters
     ----------
     part
-        Its name.
+        Name.
     kind
-        Which of them.
+        Kind of fastener.
     axis
-        Unit vector in which it is taken out: from the tip to the head of a screw.
+        Unit vector of its removal: from the tip of a screw to its head.
     point_m
-        A point of the axis: where the driver meets the head.
+        Point of the axis at which the driver meets the head.
     diameter_m
-        Nominal, of the thread or shank; of the hole for a nut or washer.
+        Nominal diameter of thread or shank; of the hole for nuts and washers.
     length_m
-        Along the axis, without the head.
+        Length along the axis, without the head.
     joins
-        Names of the parts that it holds together, from the head on.
+        Names of the parts it holds together, from the head on.
     threaded_in
-        Names of the parts that its thread grips. It is unscrewed out of these: they block it in
-        no direction along its axis.
+        Names of the parts its thread grips, which do not block it along its axis.
     by
-        By what it was known: ``name``, ``head``, ``tapped hole`` and so on; at least one.
+        Features by which it was recognised, such as ``name``, ``head``, ``tapped hole``; not empty.
     """
 
     part: str
@@ -137,22 +134,20 @@ class Fastener:
 
 @dataclass(frozen=True, slots=True)
 class Blocking:
-    """That one part, moved in a direction, meets another.
+    """One part, moved in a direction, meets another.
 
     Parameters
     ----------
-    part, by
-        Names.
     direction
         Number of the direction.
     distance_m
-        How far it moves until they meet.
+        Distance of the move until they meet.
     width_m
-        Width of what is in the way: the diameter of the largest disc that is blocked.
+        Diameter of the largest blocked disc.
     point_m
         A point of `by` that is met.
     sensitive
-        Whether half or double the tolerance says otherwise.
+        True if half or double the tolerance gives another answer.
     """
 
     part: str
@@ -166,16 +161,16 @@ class Blocking:
 
 @dataclass(frozen=True, slots=True)
 class Sensitive:
-    """An answer that hangs on the tolerance.
+    """A blocking answer that depends on the tolerance.
 
     Parameters
     ----------
     part, by, direction
-        As of `Blocking`.
+        As in `Blocking`.
     blocked
-        What holds at the tolerance, which the relation has.
+        Answer at the tolerance, as in the relation.
     otherwise_at_m
-        The tolerance, half or double, at which the opposite holds.
+        Half or double tolerance with the opposite answer [m].
     """
 
     part: str
@@ -187,24 +182,20 @@ class Sensitive:
 
 @dataclass(frozen=True)
 class Relation:
-    """Parts, contacts, fasteners, and what blocks what along which direction.
+    """Parts, contacts and fasteners of a product, and the blockings along each direction.
 
     Parameters
     ----------
-    parts
-        In the order of the product.
     tolerance_m
-        Radius of the disc that has to be blocked before a pair is.
+        Smallest radius of a disc that counts as blocked [m].
     directions
         Unit vectors; the first six are +x, -x, +y, -y, +z, -z of the file's frame.
     blocked
         All blockings, sorted by direction, part and blocker.
-    contacts, fasteners, sensitive
-        As found.
     groups
-        Parts that no single straight move takes apart: strongly connected ones.
+        Strongly connected parts, none of which has a straight move.
     stuck
-        Parts that no motion that was searched frees.
+        Parts that no searched motion frees.
     """
 
     parts: tuple[RelationPart, ...]
@@ -222,10 +213,12 @@ class Relation:
         numbers = {part.name: number for number, part in enumerate(self.parts)}
         if len(numbers) != len(self.parts):
             raise ValueError("two parts of a relation have one name")
-        unknown = {name for one in self.blocked for name in (one.part, one.by)} - numbers.keys()
+        unknown = {
+            name for blocking in self.blocked for name in (blocking.part, blocking.by)
+        } - numbers.keys()
         if unknown:
             raise ValueError(
-                f"{sorted(unknown, key=str)[0]!r} is blocked or blocks, and is no part"
+                f"{sorted(unknown, key=str)[0]!r} is blocked or blocks, but is not a part"
             )
         object.__setattr__(self, "_numbers", numbers)
 
@@ -235,36 +228,40 @@ class Relation:
         return tuple(part.name for part in self.parts)
 
     def index(self, name: str) -> int:
-        """Return the number of a part; raises KeyError where there is none of the name."""
+        """Return the number of a part; raises KeyError for an unknown name."""
         return self._numbers[name]
 
     @cached_property
     def matrix(self) -> NDArray[np.bool_]:
-        """Whether [direction, part, by] is blocked."""
-        found = np.zeros((len(self.directions), len(self.parts), len(self.parts)), dtype=np.bool_)
-        for one in self.blocked:
-            found[one.direction, self._numbers[one.part], self._numbers[one.by]] = True
-        return found
+        """Blocking matrix [direction, part, by]."""
+        blocked = np.zeros((len(self.directions), len(self.parts), len(self.parts)), dtype=np.bool_)
+        for blocking in self.blocked:
+            blocked[
+                blocking.direction, self._numbers[blocking.part], self._numbers[blocking.by]
+            ] = True
+        return blocked
 
     def blockers(self, part: str, direction: int) -> tuple[str, ...]:
-        """Return the names of the parts that block one in a direction, in order."""
+        """Return the names of a part's blockers in a direction, in order."""
         row = self.matrix[direction, self._numbers[part]]
         return tuple(self.parts[number].name for number in np.flatnonzero(row))
 
     def opposite(self, direction: int) -> int | None:
-        """Return the number of the opposite direction, or None where it is not among them."""
-        wanted = -np.asarray(self.directions[direction])
-        dots = np.asarray(self.directions) @ wanted
+        """Return the number of the opposite direction, or None."""
+        opposite = -np.asarray(self.directions[direction])
+        dots = np.asarray(self.directions) @ opposite
         best = int(np.argmax(dots))
         return best if dots[best] > 1 - 1e-9 else None
 
     def fastener(self, part: str) -> Fastener | None:
-        """Return what is known of a fastener, or None for what is no fastener."""
-        return next((one for one in self.fasteners if one.part == part), None)
+        """Return the fastener of a name, or None for other parts."""
+        return next((fastener for fastener in self.fasteners if fastener.part == part), None)
 
     @cached_property
     def driven(self) -> frozenset[str]:
-        """Names of the screws and nuts that a screwdriver brings; all else is held in a hand."""
+        """Names of the screws and nuts that a screwdriver brings; a hand holds the others."""
         return frozenset(
-            one.part for one in self.fasteners if one.kind in ("screw", "nut") and one.joins
+            fastener.part
+            for fastener in self.fasteners
+            if fastener.kind in ("screw", "nut") and fastener.joins
         )

@@ -1,4 +1,4 @@
-"""`relation.json`: a relation in millimetres, written and read; one relation, the same bytes."""
+"""Read and write `relation.json` in millimetres; equal relations give equal bytes."""
 
 from __future__ import annotations
 
@@ -23,58 +23,58 @@ def relation_text(relation: Relation) -> str:
 
 
 def relation_document(relation: Relation) -> dict[str, Any]:
-    """Return the document without the name of its schema; lengths are millimetres."""
-    directions = [_plain(one) for one in relation.directions]
+    """Return the document without its schema; lengths in millimetres."""
+    directions = [_plain(direction) for direction in relation.directions]
     return {
         "unit": "mm",
         "tolerance_mm": _mm(relation.tolerance_m),
         "parts": [
             {
-                "name": one.name,
-                "kind": one.kind,
-                "identical_to": one.identical_to,
-                "mirror_of": one.mirror_of,
-                "mass_kg": _rounded(one.mass_kg, 9),
+                "name": part.name,
+                "kind": part.kind,
+                "identical_to": part.identical_to,
+                "mirror_of": part.mirror_of,
+                "mass_kg": _rounded(part.mass_kg, 9),
             }
-            for one in relation.parts
+            for part in relation.parts
         ],
         "directions": directions,
         "blocked": [
             {
-                "part": one.part,
-                "by": one.by,
-                "direction": directions[one.direction],
-                "distance_mm": _mm(one.distance_m),
-                "width_mm": _mm(one.width_m),
-                "point_mm": _mm3(one.point_m),
-                "sensitive": one.sensitive,
+                "part": blocking.part,
+                "by": blocking.by,
+                "direction": directions[blocking.direction],
+                "distance_mm": _mm(blocking.distance_m),
+                "width_mm": _mm(blocking.width_m),
+                "point_mm": _mm3(blocking.point_m),
+                "sensitive": blocking.sensitive,
             }
-            for one in relation.blocked
+            for blocking in relation.blocked
         ],
         "sensitive": [
             {
-                "part": one.part,
-                "by": one.by,
-                "direction": directions[one.direction],
-                "blocked": one.blocked,
-                "otherwise_at_mm": _mm(one.otherwise_at_m),
+                "part": answer.part,
+                "by": answer.by,
+                "direction": directions[answer.direction],
+                "blocked": answer.blocked,
+                "otherwise_at_mm": _mm(answer.otherwise_at_m),
             }
-            for one in relation.sensitive
+            for answer in relation.sensitive
         ],
-        "contacts": [_contact_document(one) for one in relation.contacts],
-        "fasteners": [_fastener_document(one) for one in relation.fasteners],
-        "groups": [list(one) for one in relation.groups],
+        "contacts": [_contact_document(contact) for contact in relation.contacts],
+        "fasteners": [_fastener_document(fastener) for fastener in relation.fasteners],
+        "groups": [list(group) for group in relation.groups],
         "stuck": list(relation.stuck),
     }
 
 
 def read_relation(path: Path) -> Relation:
-    """Return the relation that a file holds.
+    """Read a relation file.
 
     Raises
     ------
     OptionError
-        If it cannot be read, or is no `relation.json`.
+        If the file is unreadable or not a valid `relation.json`.
     """
     document = read_document(path, RELATION, _REMEDY)
     try:
@@ -84,42 +84,46 @@ def read_relation(path: Path) -> Relation:
 
 
 def _relation(document: Mapping[str, Any]) -> Relation:
-    directions = tuple(_vector(one) for one in document["directions"])
-    numbers = {one: number for number, one in enumerate(directions)}
+    directions = tuple(_vector(vector) for vector in document["directions"])
+    numbers = {direction: number for number, direction in enumerate(directions)}
     return Relation(
         parts=tuple(
             RelationPart(
-                one["name"], one["kind"], one["identical_to"], one["mirror_of"], one["mass_kg"]
+                entry["name"],
+                entry["kind"],
+                entry["identical_to"],
+                entry["mirror_of"],
+                entry["mass_kg"],
             )
-            for one in document["parts"]
+            for entry in document["parts"]
         ),
         tolerance_m=document["tolerance_mm"] / 1000,
         directions=directions,
         blocked=tuple(
             Blocking(
-                one["part"],
-                one["by"],
-                numbers[_vector(one["direction"])],
-                one["distance_mm"] / 1000,
-                one["width_mm"] / 1000,
-                _metres(one["point_mm"]),
-                one["sensitive"],
+                entry["part"],
+                entry["by"],
+                numbers[_vector(entry["direction"])],
+                entry["distance_mm"] / 1000,
+                entry["width_mm"] / 1000,
+                _metres(entry["point_mm"]),
+                entry["sensitive"],
             )
-            for one in document["blocked"]
+            for entry in document["blocked"]
         ),
-        contacts=tuple(_contact(one) for one in document["contacts"]),
-        fasteners=tuple(_fastener(one) for one in document["fasteners"]),
+        contacts=tuple(_contact(entry) for entry in document["contacts"]),
+        fasteners=tuple(_fastener(entry) for entry in document["fasteners"]),
         sensitive=tuple(
             Sensitive(
-                one["part"],
-                one["by"],
-                numbers[_vector(one["direction"])],
-                one["blocked"],
-                one["otherwise_at_mm"] / 1000,
+                entry["part"],
+                entry["by"],
+                numbers[_vector(entry["direction"])],
+                entry["blocked"],
+                entry["otherwise_at_mm"] / 1000,
             )
-            for one in document["sensitive"]
+            for entry in document["sensitive"]
         ),
-        groups=tuple(tuple(one) for one in document["groups"]),
+        groups=tuple(tuple(entry) for entry in document["groups"]),
         stuck=tuple(document["stuck"]),
     )
 
@@ -130,12 +134,12 @@ def _contact_document(contact: Contact) -> dict[str, Any]:
         "parts": list(contact.parts),
         "kind": contact.kind,
         "area_mm2": _rounded(contact.area_m2 * 1e6, 4),
-        "normals": [_plain(one) for one in contact.normals],
+        "normals": [_plain(normal) for normal in contact.normals],
         "axis": None if contact.axis is None else _plain(contact.axis),
         "axis_point_mm": None if contact.axis_point_m is None else _mm3(contact.axis_point_m),
         "radius_mm": None if contact.radius_m is None else _mm(contact.radius_m),
         "radius_difference_mm": None if difference is None else _mm(difference),
-        "points_mm": [_mm3(one) for one in contact.points_m],
+        "points_mm": [_mm3(location) for location in contact.points_m],
         "overlap_mm3": _rounded(contact.overlap_m3 * 1e9, 4),
         "overlap_surface_mm2": _rounded(contact.overlap_surface_m2 * 1e6, 4),
         "overlap_allowed_mm3": _rounded(contact.overlap_allowed_m3 * 1e9, 4),
@@ -144,22 +148,22 @@ def _contact_document(contact: Contact) -> dict[str, Any]:
     }
 
 
-def _contact(one: Mapping[str, Any]) -> Contact:
-    radius, difference = one["radius_mm"], one["radius_difference_mm"]
-    point, axis, axis_point = one["overlap_point_mm"], one["axis"], one["axis_point_mm"]
+def _contact(fields: Mapping[str, Any]) -> Contact:
+    radius, difference = fields["radius_mm"], fields["radius_difference_mm"]
+    point, axis, axis_point = fields["overlap_point_mm"], fields["axis"], fields["axis_point_mm"]
     return Contact(
-        parts=(one["parts"][0], one["parts"][1]),
-        kind=one["kind"],
-        area_m2=one["area_mm2"] / 1e6,
-        normals=tuple(_vector(normal) for normal in one["normals"]),
+        parts=(fields["parts"][0], fields["parts"][1]),
+        kind=fields["kind"],
+        area_m2=fields["area_mm2"] / 1e6,
+        normals=tuple(_vector(normal) for normal in fields["normals"]),
         axis=None if axis is None else _vector(axis),
         axis_point_m=None if axis_point is None else _metres(axis_point),
         radius_m=None if radius is None else radius / 1000,
         radius_difference_m=None if difference is None else difference / 1000,
-        points_m=tuple(_metres(each) for each in one["points_mm"]),
-        overlap_m3=one["overlap_mm3"] / 1e9,
-        overlap_surface_m2=one["overlap_surface_mm2"] / 1e6,
-        overlap_allowed_m3=one["overlap_allowed_mm3"] / 1e9,
+        points_m=tuple(_metres(location) for location in fields["points_mm"]),
+        overlap_m3=fields["overlap_mm3"] / 1e9,
+        overlap_surface_m2=fields["overlap_surface_mm2"] / 1e6,
+        overlap_allowed_m3=fields["overlap_allowed_mm3"] / 1e9,
         overlap_point_m=None if point is None else _metres(point),
     )
 
@@ -178,22 +182,22 @@ def _fastener_document(fastener: Fastener) -> dict[str, Any]:
     }
 
 
-def _fastener(one: Mapping[str, Any]) -> Fastener:
+def _fastener(fields: Mapping[str, Any]) -> Fastener:
     return Fastener(
-        part=one["part"],
-        kind=one["kind"],
-        axis=_vector(one["axis"]),
-        point_m=_metres(one["point_mm"]),
-        diameter_m=one["diameter_mm"] / 1000,
-        length_m=one["length_mm"] / 1000,
-        joins=tuple(one["joins"]),
-        threaded_in=tuple(one["threaded_in"]),
-        by=tuple(one["by"]),
+        part=fields["part"],
+        kind=fields["kind"],
+        axis=_vector(fields["axis"]),
+        point_m=_metres(fields["point_mm"]),
+        diameter_m=fields["diameter_mm"] / 1000,
+        length_m=fields["length_mm"] / 1000,
+        joins=tuple(fields["joins"]),
+        threaded_in=tuple(fields["threaded_in"]),
+        by=tuple(fields["by"]),
     )
 
 
 def _rounded(value: float, digits: int) -> float:
-    """Return a number without the digits that mean nothing, and zero without a sign."""
+    """Return a number without insignificant digits, and zero without a sign."""
     return round(float(value), digits) + 0.0
 
 
@@ -202,15 +206,15 @@ def _mm(value_m: float) -> float:
 
 
 def _mm3(point_m: Vector) -> list[float]:
-    return [_mm(one) for one in point_m]
+    return [_mm(value) for value in point_m]
 
 
 def _plain(vector: Vector) -> list[float]:
-    return [_rounded(one, 9) for one in vector]
+    return [_rounded(value, 9) for value in vector]
 
 
 def _vector(numbers: Any) -> Vector:
-    x, y, z = (float(one) for one in np.asarray(numbers, dtype=float))
+    x, y, z = (float(number) for number in np.asarray(numbers, dtype=float))
     return x, y, z
 
 

@@ -16,7 +16,7 @@ PLANNING = "Planning"
 _UPS = ("auto", "x", "y", "z", "-x", "-y", "-z")
 _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
-# Name of the plugin.
+# Entry point of the importer.
 _NAME = "cad"
 
 
@@ -25,8 +25,8 @@ def command(
         str,
         typer.Argument(
             metavar="FILE|FOLDER",
-            help="A STEP file (.step, .stp, also .gz), or a folder of STL, OBJ or PLY files in "
-            "one frame, one for each part.",
+            help="STEP file (.step or .stp, optionally .gz), or a folder of STL, OBJ or PLY files: "
+            "one per part, all in the same frame.",
             show_default=False,
         ),
     ],
@@ -35,7 +35,7 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="New or empty folder for the output.",
+            help="New or empty folder for the output files.",
             rich_help_panel=OUTPUT,
             show_default=False,
         ),
@@ -47,7 +47,8 @@ def command(
         typer.Option(
             "--unit",
             metavar="UNIT",
-            help="Unit of the meshes in a folder: um, mm, cm, m, inch or foot.",
+            help="Unit of the meshes in FOLDER: um, mm, cm, m, inch or foot. STEP files state "
+            "theirs.",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -57,8 +58,8 @@ def command(
             "--tolerance",
             parser=positive_number(),
             metavar="MM",
-            help="Lateral tolerance: two parts block each other if a disc of this radius is "
-            "blocked.",
+            help="Lateral tolerance. Parts block each other if their overlap along the direction "
+            "of motion contains a disc of this radius.",
             rich_help_panel=GEOMETRY,
         ),
     ] = 0.1,
@@ -68,7 +69,7 @@ def command(
             "--chord",
             parser=positive_number(),
             metavar="MM",
-            help="Maximum distance of triangles from curved faces of STEP. Default: half the "
+            help="Largest distance of triangles from the curved faces of STEP. Default: half the "
             "tolerance.",
             rich_help_panel=GEOMETRY,
         ),
@@ -79,8 +80,8 @@ def command(
             "--directions",
             parser=one_of(_DIRECTIONS),
             metavar="FROM",
-            help="Directions of motion: axes of the file; with axes of cylinders; with normals of "
-            "flat contacts.",
+            help="Directions of motion: axes (of the file), cylinders (also the axes of screws and "
+            "round fits), or contacts (also the normals and edges of flat contacts).",
             rich_help_panel=GEOMETRY,
         ),
     ] = "cylinders",
@@ -90,8 +91,8 @@ def command(
             "--threads",
             parser=one_of(_THREADS),
             metavar="HOW",
-            help="unscrew: a screw leaves its thread along its axis; solid: it blocks as drawn; "
-            "ignore: it and its threaded hole never block each other.",
+            help="Treatment of threads. unscrew: a screw leaves its thread along its axis; solid: "
+            "threads block as drawn; ignore: a screw and its mate never block each other.",
             rich_help_panel=GEOMETRY,
         ),
     ] = "unscrew",
@@ -99,7 +100,7 @@ def command(
         bool,
         typer.Option(
             "--split-bodies",
-            help="Treat each body of a part as a part of its own.",
+            help="Import each body of a multi-body part as a separate part.",
             rich_help_panel=GEOMETRY,
         ),
     ] = False,
@@ -109,7 +110,7 @@ def command(
             "--density",
             parser=positive_number(),
             metavar="KG/M3",
-            help="Density of all parts. Default: that of steel, 7850.",
+            help="Density of all parts. Default: 7850 (steel).",
             rich_help_panel=GEOMETRY,
         ),
     ] = None,
@@ -119,8 +120,8 @@ def command(
             "--up",
             parser=one_of(_UPS),
             metavar="AXIS",
-            help="Axis of the file that points up: x, y, z, -x, -y or -z. auto: z, or the axis "
-            "with more parts that stand without support.",
+            help="Axis of the file that points up: x, y, z, -x, -y, -z, or auto: z, unless more "
+            "parts stand by themselves with another axis.",
             rich_help_panel=PLANNING,
         ),
     ] = "auto",
@@ -129,7 +130,8 @@ def command(
         typer.Option(
             "--base",
             metavar="PART",
-            help="Part that carries the others. Default: chosen automatically, with the reason.",
+            help="Part to assemble the others onto. Default: chosen automatically; the output "
+            "gives the reason.",
             rich_help_panel=PLANNING,
         ),
     ] = None,
@@ -147,7 +149,7 @@ def command(
         bool,
         typer.Option(
             "--no-cache",
-            help="Neither read nor store stages on disk.",
+            help="Ignore cached stages, and cache none.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
@@ -157,18 +159,21 @@ def command(
             "--format",
             parser=one_of(("table", "json", "csv", "md")),
             metavar="FORMAT",
-            help="Output format: table, json, csv or md. json is the document of report.json.",
+            help="Output format: table, json, csv or md. json prints report.json.",
             rich_help_panel=OUTPUT,
         ),
     ] = "table",
 ) -> int:
-    """Find parts, screws and their blocking relation in the CAD of a product.
+    """Turn the CAD of a product into an assembly task.
 
-    Writes relation.json (which part, moved in which direction, is blocked by which others, and
-    where), report.json (parts, masses, assumptions, overlaps, the plan), and, unless a part is
-    stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm cannot put in
-    place are left out of it, and named with the reason. Stages that ran before with the same input
-    are not run again, also if --time-limit ended the command. Needs the plugin skillplan-cad.
+    Finds parts, contacts and screws, tests which part blocks which in each direction, and plans
+    the assembly. Writes relation.json (blockings), report.json (parts, masses, overlaps,
+    assumptions, plan), exploded.png (drawing) and product.yaml (a task that `skillplan check`
+    accepts) with its meshes. Parts that one arm cannot place are left out of the task; the report
+    gives the reasons. If a part is stuck, no task is written.
+
+    Each stage is cached, so an interrupted import continues where it stopped. Needs the plugin
+    skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
@@ -206,37 +211,30 @@ def command(
 
 
 def _importer() -> Callable[..., Any]:
-    """Return the importer of the plugin; raises PluginError if it is missing or broken."""
+    """Return the importer of the plugin; raises PluginError if it is absent or broken."""
     from skillplan.errors import PluginError
     from skillplan.plugins.blame import ends_program
     from skillplan.plugins.installed import importers
 
-    entry_points = [importer for importer in importers() if importer.name == _NAME]
-    if not entry_points:
+    registered = [importer for importer in importers() if importer.name == _NAME]
+    if not registered:
         raise PluginError(
             "import-cad is a command of the plugin skillplan-cad, which is not installed: "
             "pip install 'skillplan[cad]', or in a checkout "
             "pip install -c constraints.txt -e plugins/skillplan-cad."
         )
-    if len(entry_points) > 1:
+    if len(registered) > 1:
         owners = " and ".join(
-            sorted(
-                {
-                    entry_point.dist.name
-                    for entry_point in entry_points
-                    if entry_point.dist is not None
-                }
-            )
+            sorted({entry.dist.name for entry in registered if entry.dist is not None})
         )
         raise PluginError(f"import-cad is provided by {owners}. Uninstall one of them.")
     try:
-        loaded: Callable[..., Any] = entry_points[0].load()
+        loaded: Callable[..., Any] = registered[0].load()
     except BaseException as error:
         if ends_program(error):
             raise
-        words = f"{type(error).__name__}: {error}"
         raise PluginError(
-            f"import-cad cannot be imported ({entry_points[0].value}): {words}. "
-            "Install skillplan-cad anew."
+            f"import-cad cannot be imported ({registered[0].value}): {type(error).__name__}: "
+            f"{error}. Install skillplan-cad anew."
         ) from error
     return loaded

@@ -1,1 +1,1 @@
-"""Which part blocks which in which direction: rays decide, shrunk meshes confirm."""
+"""Test parts for blocking along directions, by rays; shrunk meshes confirm the answers."""

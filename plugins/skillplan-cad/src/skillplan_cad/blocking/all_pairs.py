@@ -1,4 +1,4 @@
-"""Blocking of all pairs of a product along all directions."""
+"""Test all pairs of a product for blocking, along all directions."""
 
 from __future__ import annotations
 
@@ -27,21 +27,19 @@ Answers = tuple[list[Blocking], list[Sensitive]]
 
 
 class BlockingTest:
-    """Rays through a product.
+    """Ray test of a product.
 
     Parameters
     ----------
-    product
-        The product.
     tolerance_m
-        Radius of the disc that has to be blocked before a pair is.
+        Smallest radius of a disc that counts as blocked [m].
 
     Attributes
     ----------
     meshes
-        Its parts as rays see them.
+        Ray meshes of the parts.
     middle_m
-        What is the origin of these.
+        Origin of these meshes.
     """
 
     def __init__(self, product: Product, tolerance_m: float) -> None:
@@ -54,18 +52,18 @@ class BlockingTest:
         self._edges = [mesh_edges(part.triangles) for part in product.parts]
 
     def along(self, direction: Vector, number: int, opposite: int) -> Answers:
-        """Return what is blocked along a direction and against it.
+        """Return the blockings along a direction and against it.
 
         Parameters
         ----------
         direction
             Unit vector.
         number, opposite
-            Of the direction and of the opposite one.
+            Numbers of the direction and of its opposite.
         """
         frame = frame_of(direction)
         sides = self._sides(frame)
-        found: list[Blocking] = []
+        blockings: list[Blocking] = []
         doubtful: list[Sensitive] = []
         for first, second in self._overlapping(sides):
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
@@ -75,31 +73,31 @@ class BlockingTest:
                     entries, unsure = self._entries(
                         (first, second), sides, sign, block, frame, (number, opposite)
                     )
-                    found += entries
+                    blockings += entries
                     doubtful += unsure
-        return found, doubtful
+        return blockings, doubtful
 
-    def blocked_along(self, direction: Vector, asked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return the pairs of which the first part is blocked by the second along a direction.
+    def blocked_along(self, direction: Vector, tested: NDArray[np.bool_]) -> list[tuple[int, int]]:
+        """Return the pairs whose first part is blocked by the second along a direction.
 
         Parameters
         ----------
         direction
             Unit vector.
-        asked
-            Whether such a pair is to be tested, shape (parts, parts).
+        tested
+            Mask of the pairs to test, shape (parts, parts).
         """
         sides = self._sides(frame_of(direction))
-        found = []
+        pairs = []
         for first, second in self._overlapping(sides):
             lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign, pair in ((1, (first, second)), (-1, (second, first))):
-                if not asked[pair]:
+                if not tested[pair]:
                     continue
                 block = lattice.block(sign, self._radii())
                 if block is not None and block.radius_mm > self._radii()[-1]:
-                    found.append(pair)
-        return found
+                    pairs.append(pair)
+        return pairs
 
     def _sides(self, frame: Floats) -> list[Side]:
         """Return all parts as seen along the last row of a frame."""
@@ -115,7 +113,7 @@ class BlockingTest:
         ]
 
     def _radii(self) -> tuple[float, ...]:
-        """Return the radii at double, whole and half the tolerance."""
+        """Return double, whole and half the tolerance [mm]."""
         return tuple(share * self._tolerance_mm for share in (2.0, 1.0, 0.5))
 
     def _overlapping(self, sides: Sequence[Side]) -> Iterator[tuple[int, int]]:
@@ -136,58 +134,64 @@ class BlockingTest:
         frame: Floats,
         numbers: tuple[int, int],
     ) -> Answers:
-        """Return both readings of a block: the one moved this way, or the other moved that way."""
+        """Return both entries of a block: one part moved forwards, or the other backwards."""
         number, opposite = numbers if sign > 0 else numbers[::-1]
-        names = [self._product.parts[one].name for one in pair]
+        names = [self._product.parts[part].name for part in pair]
         double, whole, half = self._radii()
         pairs = ((names[0], names[1], number), (names[1], names[0], opposite))
         if block.radius_mm == half:
-            return [], [Sensitive(*one, False, half / 1000) for one in pairs]
+            return [], [
+                Sensitive(*names_and_direction, False, half / 1000) for names_and_direction in pairs
+            ]
         sensitive = block.radius_mm == whole
         low, high = pair if sign > 0 else pair[::-1]
         distance, there, here = first_contact(
             sides[low].view, sides[high].view, block.points, frame
         )
-        # The part that lies lower along the frame is met there; the other one where it came from.
+        # The lower part is met at its own contact point, the upper one at its counterpart.
         met = (there, here) if sign > 0 else (here, there)
         entries = [
             Blocking(
-                *one,
+                *names_and_direction,
                 distance / 1000,
                 block.width_mm / 1000,
                 self._point_m(place),
                 sensitive,
             )
-            for one, place in zip(pairs, met, strict=True)
+            for names_and_direction, place in zip(pairs, met, strict=True)
         ]
-        return entries, [Sensitive(*one, True, double / 1000) for one in pairs if sensitive]
+        return entries, [
+            Sensitive(*names_and_direction, True, double / 1000)
+            for names_and_direction in pairs
+            if sensitive
+        ]
 
     def _point_m(self, point_mm: Floats) -> Vector:
-        x, y, z = (float(one) for one in point_mm / 1000 + self.middle_m)
+        x, y, z = (float(value) for value in point_mm / 1000 + self.middle_m)
         return x, y, z
 
 
 def frame_of(direction: Vector) -> Floats:
-    """Return two directions across a direction, and itself, one a row."""
-    way = np.asarray(direction, dtype=np.float64)
-    way = way / np.linalg.norm(way)
-    across = np.eye(3)[int(np.argmin(np.abs(way)))]
-    across = across - (across @ way) * way
+    """Return two directions across a direction, and the direction itself, one per row."""
+    along = np.asarray(direction, dtype=np.float64)
+    along = along / np.linalg.norm(along)
+    across = np.eye(3)[int(np.argmin(np.abs(along)))]
+    across = across - (across @ along) * along
     across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(way, across), way])
+    return np.stack([across, np.cross(along, across), along])
 
 
 def in_order(product: Product, answers: Iterable[Answers]) -> Answers:
-    """Return answers as one, sorted by direction, part and blocker."""
-    found: list[Blocking] = []
+    """Merge answers, sorted by direction, part and blocker."""
+    blockings: list[Blocking] = []
     doubtful: list[Sensitive] = []
     for entries, unsure in answers:
-        found += entries
+        blockings += entries
         doubtful += unsure
     order = {part.name: number for number, part in enumerate(product.parts)}
-    found.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
-    doubtful.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
-    return found, doubtful
+    blockings.sort(key=lambda entry: (entry.direction, order[entry.part], order[entry.by]))
+    doubtful.sort(key=lambda entry: (entry.direction, order[entry.part], order[entry.by]))
+    return blockings, doubtful
 
 
 _WHAT = "blocking"
@@ -198,23 +202,21 @@ Job = tuple[Vector, int, int]
 def answers_of(
     product: Product, tolerance_m: float, lines: Sequence[Job], jobs: int
 ) -> Iterator[Answers]:
-    """Yield what blocks what along each line and against it, as answers come.
+    """Yield the blockings along each line and against it, as answers arrive.
 
     Parameters
     ----------
-    product
-        The product.
     tolerance_m
-        Radius of the disc that has to be blocked.
+        Smallest radius of a disc that counts as blocked [m].
     lines
-        A direction of each, its number and that of the opposite one.
+        Direction, its number and that of its opposite.
     jobs
-        How many processes may be used; 1 for none but this one.
+        Number of processes; 1 to use this one.
 
     Raises
     ------
     BackEndError
-        If a process ended before it answered.
+        If a process dies without an answer.
     """
     if jobs == 1 or len(lines) == 1:
         test = BlockingTest(product, tolerance_m)
@@ -247,6 +249,6 @@ def answers_of(
 
 
 def _prepare(content: tuple[Product, float]) -> Callable[[Job], Answers]:
-    """Return what a process does with a line."""
+    """Return the job of a process, which tests one line."""
     test = BlockingTest(*content)
     return lambda line: test.along(*line)

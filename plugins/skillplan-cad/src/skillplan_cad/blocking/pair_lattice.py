@@ -1,8 +1,8 @@
-"""Whether one part blocks another along a direction: a lattice of rays over both of them.
+"""Decide whether one part blocks another along a direction, by a lattice of rays through both.
 
-A ray is blocked where material of the one lies ahead of material of the other. A pair is blocked
-where a whole disc of rays is, of the radius of the tolerance: parts that only touch, or whose
-tessellated walls cut into each other, block no disc.
+A ray is blocked if material of one part lies ahead of material of the other. A pair is blocked if a
+whole disc of rays is, with the tolerance as radius. Parts that only touch, or whose tessellated
+walls cut into each other, block no disc.
 """
 
 from __future__ import annotations
@@ -16,21 +16,19 @@ from scipy.ndimage import distance_transform_edt
 
 from skillplan_cad.blocking.ray_mesh import Floats, Heights, RayMesh, RayView
 
-# A face that faces a direction less than this stands along it.
+# Largest cosine between a direction and the normal of a face along it.
 _ALONG = 1e-6
 
 
 class Outline:
-    """Edges at which a part's surface turns from one side of a direction to the other.
+    """Silhouette edges of a part along a direction.
 
     Parameters
     ----------
-    mesh
-        The part.
     view
-        The part as rays along the direction see it.
+        The part along the direction.
     edges
-        Of the mesh: ends of each edge and its two triangles, as `mesh_edges` has them.
+        Vertices and triangles of each edge, as in `mesh_edges`.
     """
 
     def __init__(self, mesh: RayMesh, view: RayView, edges: NDArray[np.int64]) -> None:
@@ -61,11 +59,11 @@ class Outline:
         Parameters
         ----------
         inset
-            How far inside.
+            Distance from the outline [mm].
         low, high
-            Corners of the rectangle that they must lie in.
+            Corners of the rectangle of interest.
         most
-            How many at most, spread by the edges' lengths.
+            Largest number of points, spread by edge length.
         """
         near = (np.minimum(self.start, self.end) <= high + inset).all(axis=1) & (
             np.maximum(self.start, self.end) >= low - inset
@@ -73,7 +71,7 @@ class Outline:
         if not near.any():
             return np.zeros((0, 2))
         start, end, inwards = self.start[near], self.end[near], self.inwards[near]
-        # Only what lies in the rectangle of an edge counts.
+        # Only edges that meet the rectangle count.
         length = self.length[near]
         ends = np.cumsum(length)
         count = min(most, max(len(length), 16))
@@ -86,7 +84,7 @@ class Outline:
 
 
 def mesh_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return every edge once: its two vertices and two triangles that share it."""
+    """Return each edge once: its two vertices and its two triangles."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
@@ -94,9 +92,9 @@ def mesh_edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.column_stack([edges[order[same]], owner[order[same]], owner[order[same + 1]]])
 
 
-# Rays a side: first few, then many; beyond the lattice, points inside outlines, so many a part.
+# Rays per side, first few, then many; outline points per part.
 _COARSE, _FINE, _OUTLINE_POINTS = 16, 64, 192
-# Keeps rays off edges and diagonals, which lie at round shares of a part.
+# Keeps rays off edges and diagonals, which lie at round fractions of a part.
 _OFF = 0.5 + 0.0137
 _RING, _GROWN = 8, 12
 _ABOVE_MM = 1e-4
@@ -104,14 +102,14 @@ _CHUNKS = (4, 20, 160, 1 << 30)
 
 
 class Side(NamedTuple):
-    """One part of a pair along one direction.
+    """One part of a pair along a direction.
 
     Parameters
     ----------
     view
-        The part as rays see it.
+        The part along the direction.
     outline
-        Seen along the direction.
+        Its silhouette.
     low, high
         Corners of its rectangle across the direction.
     """
@@ -124,16 +122,16 @@ class Side(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """What blocks a pair.
+    """A blocked disc.
 
     Parameters
     ----------
     radius_mm
-        Largest of the radii asked for of which a disc is blocked.
+        Largest of the requested radii with a blocked disc.
     points
-        Points across the direction that are blocked: first the middle of the disc.
+        Blocked points across the direction, the centre of the disc first.
     width_mm
-        Diameter of the largest disc that was found.
+        Diameter of the largest disc found.
     """
 
     radius_mm: float
@@ -142,14 +140,12 @@ class Block:
 
 
 class PairLattice:
-    """The rays through a pair along a direction and against it.
+    """Rays through a pair of parts, along a direction and against it.
 
     Parameters
     ----------
-    first, second
-        The parts.
     chord_mm
-        How far triangles may lie from the surfaces that they stand for.
+        Greatest distance of triangles from the true surfaces.
     """
 
     def __init__(self, first: Side, second: Side, chord_mm: float) -> None:
@@ -158,39 +154,39 @@ class PairLattice:
         self.low = np.maximum(first.low, second.low)
         self.high = np.minimum(first.high, second.high)
         self._grids: dict[int, tuple[Floats, Heights, Heights]] = {}
-        # Whether any ray of a lattice is blocked by the smallest disc, by sign and side.
+        # True if any ray of a lattice is blocked by the smallest disc, by sign and side.
         self._hopes: dict[tuple[int, int], bool] = {}
 
     def block(self, sign: int, radii_mm: tuple[float, ...]) -> Block | None:
-        """Return what blocks the first part along the direction, or against it.
+        """Return the disc that blocks the first part along the direction or against it, or None.
 
         Parameters
         ----------
         sign
-            1 for along, -1 for against.
+            1 along the direction, -1 against it.
         radii_mm
-            Of discs, from large to small; the first that is blocked ends the search.
+            Radii of discs, descending; the first blocked one ends the search.
         """
         mover, other = (self._first, self._second)[::sign]
         if mover.view.bottom >= other.view.top - _ABOVE_MM:
-            # It moves away from what lies behind it.
+            # The other part lies behind.
             return None
-        fitting = [one for one in radii_mm if ((self.high - self.low) >= 2 * one).all()]
-        found = None
+        fitting = [radius for radius in radii_mm if ((self.high - self.low) >= 2 * radius).all()]
+        block = None
         for radius in fitting:
             for side in (_COARSE, _FINE):
-                if found is None and self._is_hopeful(sign, fitting[-1], side):
-                    found = self._on_lattice(sign, radius, side)
-            if found is not None:
+                if block is None and self._is_hopeful(sign, fitting[-1], side):
+                    block = self._on_lattice(sign, radius, side)
+            if block is not None:
                 break
-        # A disc along an outline is sought for where the lattice found none as large.
+        # Outlines may have larger blocked discs than the lattice.
         for radius in reversed(fitting):
-            if found is None or radius > found.radius_mm:
+            if block is None or radius > block.radius_mm:
                 wider = self._on_outlines(sign, radius)
                 if wider is None:
                     break
-                found = wider
-        return found
+                block = wider
+        return block
 
     def _grid(self, side: int) -> tuple[Floats, Heights, Heights]:
         if side not in self._grids:
@@ -201,12 +197,12 @@ class PairLattice:
             self._grids[side] = (points, *self._heights(points))
         return self._grids[side]
 
-    def _is_hopeful(self, sign: int, least: float, side: int) -> bool:
-        """Whether any ray of a lattice is blocked; no more are, the larger a disc is."""
+    def _is_hopeful(self, sign: int, radius: float, side: int) -> bool:
+        """Return whether any ray of a lattice is blocked; larger discs block no more rays."""
         key = (sign, side)
         if key not in self._hopes:
             _, first, second = self._grid(side)
-            self._hopes[key] = bool(self._blocked(sign, least, first, second).any())
+            self._hopes[key] = bool(self._blocked(sign, radius, first, second).any())
         return self._hopes[key]
 
     def _heights(self, points: Floats) -> tuple[Heights, Heights]:
@@ -214,9 +210,9 @@ class PairLattice:
         hit = np.isfinite(first.low)
         if hit.all():
             return first, self._second.view.heights(points)
-        # Where the one is missed the other does not matter.
+        # Rays that miss one part need no heights of the other.
         some = self._second.view.heights(points[hit])
-        return first, Heights(*(_spread(one, hit) for one in _values(some)))
+        return first, Heights(*(_spread(value, hit) for value in _values(some)))
 
     def _on_lattice(self, sign: int, radius: float, side: int) -> Block | None:
         points, first, second = self._grid(side)
@@ -233,9 +229,9 @@ class PairLattice:
         if centre is None:
             return None
         inner = order[depth[order] >= radius][:40]
-        found = np.concatenate([centre[None], points[inner]])
+        shown = np.concatenate([centre[None], points[inner]])
         width = max(self._width(sign, radius, centre), 2 * float(depth.max() - step.max()))
-        return Block(radius, found, width)
+        return Block(radius, shown, width)
 
     def _on_outlines(self, sign: int, radius: float) -> Block | None:
         for side in (self._first, self._second):
@@ -247,7 +243,7 @@ class PairLattice:
         return None
 
     def _width(self, sign: int, radius: float, centre: Floats) -> float:
-        """Return the diameter of the largest disc about a point that is blocked, from below."""
+        """Return a lower bound on the diameter of the largest blocked disc around a point."""
         largest = float((self.high - self.low).min()) / 2
         if largest <= radius:
             return 2 * radius
@@ -261,7 +257,7 @@ class PairLattice:
     def _disc(
         self, sign: int, radius: float, centres: Floats, *, are_blocked: bool = False
     ) -> Floats | None:
-        """Return the first of some points round which a whole disc is blocked."""
+        """Return the first of the points with a blocked disc around it, or None."""
         begin = 0
         ring = radius * _ring(_RING)
         for size in _CHUNKS:
@@ -282,7 +278,7 @@ class PairLattice:
     def _blocked(
         self, sign: int, radius: float, first: Heights, second: Heights
     ) -> NDArray[np.bool_]:
-        """Return which rays are blocked, by more than the tolerance square to the surfaces."""
+        """Return a mask of the rays blocked by more than the tolerance, square to the surfaces."""
         mover, other = (first, second) if sign > 0 else (second, first)
         deep = max(radius, 2 * self._chord)
         slope = np.minimum(mover.low_slope, other.high_slope)
@@ -295,21 +291,21 @@ class PairLattice:
 def first_contact(
     mover: RayView, other: RayView, points: Floats, frame: Floats
 ) -> tuple[float, Floats, Floats]:
-    """Return how far a part moves along a direction until it meets the other, and where.
+    """Return the distance of a part's move until it meets the other, and the contact points.
 
     Parameters
     ----------
     mover, other
         The parts.
     points
-        Points across the direction, all of them blocked.
+        Points across the direction, all blocked.
     frame
-        Two directions across and the direction, one a row.
+        Two directions across and the direction itself, one per row.
 
     Returns
     -------
     tuple
-        The distance [mm], the point of the other part, and that of the moving one.
+        Distance [mm], point of the other part, and point of the moving part.
     """
     entries, _ = other.crossings(points)
     _, exits = mover.crossings(points)
@@ -329,7 +325,7 @@ def first_contact(
 
 
 def _ring(count: int) -> Floats:
-    """Return points of the unit circle."""
+    """Return points on the unit circle."""
     turn = 2 * np.pi * (np.arange(count) + 0.137) / count
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
@@ -339,6 +335,6 @@ def _values(heights: Heights) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _spread(values: Floats, where: NDArray[np.bool_]) -> Floats:
-    found = np.full(len(where), np.nan)
-    found[where] = values
-    return found
+    spread = np.full(len(where), np.nan)
+    spread[where] = values
+    return spread

@@ -1,7 +1,7 @@
-"""Rays along a direction against one part: where they enter it first and leave it last.
+"""Trace rays along a direction against one part: first entry and last exit.
 
-embree works in single precision, so that lengths here are millimetres about the product's middle;
-it names the triangle that is hit, and where is worked out in double precision.
+Embree works in single precision, so lengths here are millimetres around the product's centre. It
+reports the triangle; the position on it is computed in double precision.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from skillplan_cad.product import Part
 
 Floats = NDArray[np.float64]
 
-# Hits of one ray that are told apart at most, and how far apart they are.
+# Largest number of hits per ray, and the distance between distinct hits.
 _MOST_HITS, _STEP_MM = 64, 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heights:
-    """Where rays enter a part first and leave it last along a direction.
+    """First entry and last exit of rays through a part.
 
     Parameters
     ----------
     low, high
-        Heights along the direction [mm]; not-a-number for rays that miss.
+        Heights along the direction [mm]; nan for rays that miss.
     low_slope, high_slope
-        How much the surface there faces the direction, from 0 to 1.
+        Absolute cosine between surface normal and direction, 0 to 1.
     """
 
     low: Floats
@@ -41,10 +41,10 @@ class Heights:
 
 @cache
 def _embree_device() -> Any:
-    """Return the Embree device of this process, which all scenes share.
+    """Return the Embree device of this process, shared by all scenes.
 
-    Each device takes a key of thread-local storage, and a process has 1,024 of these. Embree may
-    use one device from several threads.
+    Each device takes one of the process's 1,024 keys of thread-local storage. Embree allows several
+    threads on one device.
     """
     from embreex.rtcore import EmbreeDevice
 
@@ -52,21 +52,19 @@ def _embree_device() -> Any:
 
 
 class RayMesh:
-    """One part as rays see it.
+    """A part as a ray-traced mesh.
 
     Parameters
     ----------
-    part
-        The part.
     middle_m
-        What becomes the origin.
+        New origin.
 
     Attributes
     ----------
     points_mm, triangles, normals
-        Its mesh.
+        The mesh.
     reach_mm
-        Beyond it nothing of the part lies.
+        Radius of a sphere around the origin that contains the part.
     """
 
     def __init__(self, part: Part, middle_m: Floats) -> None:
@@ -88,49 +86,47 @@ class RayMesh:
         )
         self.reach_mm = float(np.linalg.norm(self.points_mm, axis=1).max()) + 1.0
 
-    def meets(self, origins: Floats, ways: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """Return the triangles that rays of their own directions meet first, and how far off.
+    def meets(self, origins: Floats, directions: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Return the first triangle hit by each ray, and its distance.
 
-        A ray that meets none has -1 and infinity.
+        Rays that miss have triangle -1 and infinite distance.
         """
-        hit = self.first_hits(origins, ways)
+        hit = self.first_hits(origins, directions)
         distance = np.full(len(hit), np.inf)
         struck = np.flatnonzero(hit >= 0)
         normals = self.normals[hit[struck]]
-        facing = np.einsum("ij,ij->i", normals, ways[struck])
-        apart = np.einsum("ij,ij->i", self._corner[hit[struck]] - origins[struck], normals)
-        distance[struck] = apart / np.where(np.abs(facing) > 1e-12, facing, 1.0)
+        facing = np.einsum("ij,ij->i", normals, directions[struck])
+        offset = np.einsum("ij,ij->i", self._corner[hit[struck]] - origins[struck], normals)
+        distance[struck] = offset / np.where(np.abs(facing) > 1e-12, facing, 1.0)
         return hit, distance
 
-    def first_hits(self, origins: NDArray[Any], ways: NDArray[Any]) -> NDArray[np.int64]:
-        """Return the triangles that rays meet first; -1 for none."""
+    def first_hits(self, origins: NDArray[Any], directions: NDArray[Any]) -> NDArray[np.int64]:
+        """Return the first triangle hit by each ray; -1 for a miss."""
         if not len(origins):
             return np.zeros(0, dtype=np.int64)
-        found = self._scene.run(
+        hits = self._scene.run(
             np.ascontiguousarray(origins, dtype=np.float32),
-            np.ascontiguousarray(ways, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
         )
-        return np.asarray(found, dtype=np.int64)
+        return np.asarray(hits, dtype=np.int64)
 
 
 class RayView:
-    """A part as rays along one direction see it.
+    """A part seen along one direction.
 
     Parameters
     ----------
-    mesh
-        The part.
     frame
-        Two directions across and the direction of the rays, one a row.
+        Two directions across and the direction of the rays, one per row.
 
     Attributes
     ----------
     flat
-        Its corners, seen along the direction.
+        Vertices projected along the direction.
     bottom, top
-        Where it begins and ends along the direction.
+        Extent along the direction.
     facing
-        How much each triangle looks along the direction, from -1 to 1.
+        Cosine between each triangle's normal and the direction, -1 to 1.
     """
 
     def __init__(self, mesh: RayMesh, frame: Floats) -> None:
@@ -140,41 +136,41 @@ class RayView:
         self.bottom, self.top = float(placed[:, 2].min()), float(placed[:, 2].max())
         normals = mesh.normals @ frame.T
         self.facing = normals[:, 2]
-        # A triangle that stands along the direction has no one height; it is clipped to its own.
+        # A triangle along the direction has no unique height: clip heights to its extent.
         safe = np.where(np.abs(self.facing) <= 1e-12, 1.0, self.facing)
         corner = placed[mesh.triangles]
         away = np.einsum("ij,ij->i", normals, corner[:, 0])
         planes = np.stack([away, -normals[:, 0], -normals[:, 1]], axis=1) / safe[:, None]
         low, high = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
-        # Of each triangle; the last row is for rays that miss, as -1 is the last.
+        # One row per triangle; the last row serves rays that miss, with index -1.
         self._planes = np.vstack([planes, np.full(3, np.nan)])
         self._low, self._high = np.append(low, np.nan), np.append(high, np.nan)
         self._slope = np.append(np.abs(self.facing), 0.0)
 
     def heights(self, flat: Floats) -> Heights:
-        """Return where rays through points (n, 2) across enter first and leave last."""
+        """Return the heights of first entry and last exit of rays through points (n, 2)."""
         count, reach = len(flat), self._mesh.reach_mm
         base = flat @ self._frame[:2]
         origins = np.empty((2 * count, 3), dtype=np.float32)
         origins[:count] = base - reach * self._frame[2]
         origins[count:] = base + reach * self._frame[2]
-        ways = np.empty((2 * count, 3), dtype=np.float32)
-        ways[:count], ways[count:] = self._frame[2], -self._frame[2]
-        hit = self._mesh.first_hits(origins, ways)
+        directions = np.empty((2 * count, 3), dtype=np.float32)
+        directions[:count], directions[count:] = self._frame[2], -self._frame[2]
+        hit = self._mesh.first_hits(origins, directions)
         height, slope = self._at(hit, np.concatenate([flat, flat]))
         return Heights(height[:count], height[count:], slope[:count], slope[count:])
 
     def crossings(self, flat: Floats) -> tuple[Floats, Floats]:
-        """Return the heights at which each ray enters and leaves, padded by infinity."""
+        """Return the heights of all entries and exits of each ray, padded with infinity."""
         base = flat @ self._frame[:2]
         at = np.full(len(base), -self._mesh.reach_mm)
         live = np.arange(len(base))
         entries: list[Floats] = []
         exits: list[Floats] = []
-        ways = np.repeat(self._frame[2][None], len(base), axis=0)
+        directions = np.repeat(self._frame[2][None], len(base), axis=0)
         for _ in range(_MOST_HITS):
             origins = base[live] + at[live, None] * self._frame[2]
-            hit = self._mesh.first_hits(origins, ways[live])
+            hit = self._mesh.first_hits(origins, directions[live])
             live, hit = live[hit >= 0], hit[hit >= 0]
             if not len(live):
                 break
@@ -190,7 +186,7 @@ class RayView:
         return np.array(entries or none).T, np.array(exits or none).T
 
     def _at(self, hit: NDArray[np.int64], flat: Floats) -> tuple[Floats, Floats]:
-        """Return heights and slopes at the triangles that were hit, not-a-number and 0 at -1."""
+        """Return heights and slopes at the hit triangles; nan and 0 for index -1."""
         terms = self._planes[hit]
         value = terms[:, 0] + terms[:, 1] * flat[:, 0] + terms[:, 2] * flat[:, 1]
         return np.minimum(np.maximum(value, self._low[hit]), self._high[hit]), self._slope[hit]

@@ -1,1 +1,1 @@
-"""`skillplan import-cad`: its stages, what is kept of them, and what is written."""
+"""The command `skillplan import-cad`: its stages, their cache, and its output files."""

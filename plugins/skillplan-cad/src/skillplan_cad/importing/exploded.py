@@ -1,4 +1,4 @@
-"""The product taken apart along the ways of its plan, for whoever draws it."""
+"""Place the parts of a plan for an exploded drawing."""
 
 from __future__ import annotations
 
@@ -13,40 +13,34 @@ from skillplan_cad.product import Part, Product
 from skillplan_cad.writing.top_grasp import Upright, standing
 
 Added = tuple[Body, Pose, Point3]
-"""A body, where it belongs, and the unit vector in which it comes."""
+"""A body, its goal pose, and the unit vector of its final move."""
 
 Draw = Callable[[str, Sequence[Added]], bytes]
-"""Draws bodies, in the order in which they are added, under the name of a product."""
+"""Draws bodies in order of assembly, titled with the product's name."""
 
 _STUCK = "stuck"
 
 
 def added_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
-    """Return the parts of a product in the order of its plan; what is stuck is one with the base.
-
-    Parameters
-    ----------
-    product, plan
-        What was read and found.
-    """
+    """Return the parts in order of the plan; stuck parts are one body with the base."""
     upright = standing(product, plan.up, (0.0, 0.0))
-    stuck = [one.part for one in plan.stuck if one.part != plan.base]
+    stuck = [entry.part for entry in plan.stuck if entry.part != plan.base]
     name = f"{plan.base} with {', '.join(stuck)} ({_STUCK})" if stuck else plan.base
-    found = [(*_placed(product, upright, name, (plan.base, *stuck)), DOWN)]
+    bodies = [(*_placed(product, upright, name, (plan.base, *stuck)), DOWN)]
     taken = {plan.base, *stuck}
     for step in plan.steps:
         for part in step.parts:
             if part not in taken:
                 taken.add(part)
                 placed = _placed(product, upright, part, (part,))
-                found.append((*placed, upright.vector(step.along)))
-    return found
+                bodies.append((*placed, upright.vector(step.along)))
+    return bodies
 
 
 def _placed(
     product: Product, upright: Upright, title: str, names: Sequence[str]
 ) -> tuple[Body, Pose]:
-    """Return some parts as one body, and where it is."""
+    """Return some parts as one body, and its pose."""
     parts = [product.parts[product.index(name)] for name in names]
     bottom = upright.bottom(parts[0])
     meshes = [_mesh(part, upright, bottom) for part in parts]

@@ -1,4 +1,4 @@
-"""What is found in a product, stage by stage: read, joints, blocking, confirmation."""
+"""Analyse a product in stages: reading, joints, blocking, confirmation."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import MOST_BYTES as STEP_BYTES
 from skillplan_cad.relation import Blocking, Contact, Fastener, Relation, Sensitive
 
-# A blocked pair is tried so far beyond the first contact, in insets; a free one at so many places.
+# Distances beyond the first contact at which blocked pairs are tested, in insets; number of places
 _BEYOND = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
 _PLACES = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """A pair of which rays and meshes say different things.
+    """A pair for which rays and shrunk meshes disagree.
 
     Parameters
     ----------
     part, by, direction
-        As of `Blocking`.
+        As in `Blocking`.
     rays_say_blocked
-        What the relation has; meshes say the opposite.
+        Answer of the rays, as in the relation; meshes give the opposite.
     """
 
     part: str
@@ -54,14 +54,12 @@ class Doubt:
 
 
 class Confirmation:
-    """Shrunk meshes of a product.
+    """Tests blockings with shrunk meshes.
 
     Parameters
     ----------
-    product
-        The product.
     tolerance_m
-        A blocked disc has this radius; meshes are shrunk by half of it each.
+        Radius of a blocked disc; each mesh is shrunk by half of it [m].
     """
 
     def __init__(self, product: Product, tolerance_m: float) -> None:
@@ -75,51 +73,54 @@ class Confirmation:
         touching: Iterable[tuple[str, str]],
         directions: Sequence[Vector],
     ) -> tuple[Doubt, ...]:
-        """Return where meshes contradict rays, in the order of what is tried.
+        """Return the pairs for which meshes contradict rays, in order of the tests.
 
         Parameters
         ----------
         entries
-            Blocked pairs; of the two readings of one block only the first is tried.
+            Blocked pairs; of the two entries for one block only the first is tested.
         touching
-            Pairs that touch: where these do not block each other, a narrow edge may still.
+            Pairs in contact; if they do not block each other, narrow edges still may.
         directions
-            That entries refer to, each next to its opposite.
+            Directions that entries refer to, each next to its opposite.
         """
-        found: list[Doubt] = []
+        doubts: list[Doubt] = []
         blocked: set[tuple[str, str, int]] = set()
-        for one in entries:
-            if (one.by, one.part, one.direction ^ 1) not in blocked:
-                way = np.asarray(directions[one.direction])
-                places = (one.distance_m + share * self._inset_m for share in _BEYOND)
-                if not any(self._collide(one.part, one.by, place * way) for place in places):
-                    found.append(Doubt(one.part, one.by, one.direction, True))
-            blocked.add((one.part, one.by, one.direction))
+        for entry in entries:
+            if (entry.by, entry.part, entry.direction ^ 1) not in blocked:
+                direction_vector = np.asarray(directions[entry.direction])
+                places = (entry.distance_m + share * self._inset_m for share in _BEYOND)
+                if not any(
+                    self._collide(entry.part, entry.by, place * direction_vector)
+                    for place in places
+                ):
+                    doubts.append(Doubt(entry.part, entry.by, entry.direction, True))
+            blocked.add((entry.part, entry.by, entry.direction))
         for part, by in touching:
             for number, direction in enumerate(directions):
                 if (part, by, number) not in blocked and self._meets(part, by, direction):
-                    found.append(Doubt(part, by, number, False))
-        return tuple(found)
+                    doubts.append(Doubt(part, by, number, False))
+        return tuple(doubts)
 
     def _meets(self, part: str, by: str, direction: Vector) -> bool:
-        """Whether a part meets another at any of some places on its way past it."""
-        way = np.asarray(direction)
-        moving, standing = (self._tree(name).vertices_m @ way for name in (part, by))
+        """Return whether a part collides with another at some places of its move past it."""
+        along = np.asarray(direction)
+        moving, standing = (self._tree(name).vertices_m @ along for name in (part, by))
         end = max(float(standing.max() - moving.min()), 0.0)
-        # Most of what is in the way is near.
+        # Most obstacles are near.
         places = end * np.linspace(0.0, 1.0, _PLACES + 1)[1:] ** 2
-        return any(self._collide(part, by, place * way) for place in places)
+        return any(self._collide(part, by, place * along) for place in places)
 
     def _collide(self, part: str, by: str, offset_m: NDArray[np.float64]) -> bool:
-        one, other = self._tree(part), self._tree(by)
-        if (one.low_m + offset_m > other.high_m).any() or (
-            one.high_m + offset_m < other.low_m
+        mover, other = self._tree(part), self._tree(by)
+        if (mover.low_m + offset_m > other.high_m).any() or (
+            mover.high_m + offset_m < other.low_m
         ).any():
             return False
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         moved, still = coal.Transform3s(), coal.Transform3s()
         moved.setTranslation(offset_m)
-        coal.collide(one.tree, moved, other.tree, still, request, result)
+        coal.collide(mover.tree, moved, other.tree, still, request, result)
         return bool(result.isCollision())
 
     def _tree(self, name: str) -> MeshTree:
@@ -131,42 +132,42 @@ class Confirmation:
 
 
 def joints_bytes(joints: Joints) -> bytes:
-    """Return joints as a document."""
+    """Serialize joints."""
     return json.dumps(asdict(joints)).encode()
 
 
 def joints_from(content: bytes) -> Joints:
-    """Return the joints that `joints_bytes` wrote."""
+    """Restore joints from `joints_bytes`."""
     document = json.loads(content)
     return Joints(
-        tuple(Contact(**_tuples(one)) for one in document["contacts"]),
-        tuple(Fastener(**_tuples(one)) for one in document["fasteners"]),
-        tuple(_tuple(one) for one in document["directions"]),
+        tuple(Contact(**_tuples(contact)) for contact in document["contacts"]),
+        tuple(Fastener(**_tuples(fastener)) for fastener in document["fasteners"]),
+        tuple(_tuple(direction) for direction in document["directions"]),
     )
 
 
 def blocked_bytes(blocked: Blocked) -> bytes:
-    """Return blockings as a document."""
+    """Serialize blockings."""
     return json.dumps(asdict(blocked)).encode()
 
 
 def blocked_from(content: bytes) -> Blocked:
-    """Return the blockings that `blocked_bytes` wrote."""
+    """Restore blockings from `blocked_bytes`."""
     document = json.loads(content)
     return Blocked(
-        tuple(Blocking(**_tuples(one)) for one in document["entries"]),
-        tuple(Sensitive(**_tuples(one)) for one in document["sensitive"]),
+        tuple(Blocking(**_tuples(entry)) for entry in document["entries"]),
+        tuple(Sensitive(**_tuples(entry)) for entry in document["sensitive"]),
     )
 
 
 def doubts_bytes(doubts: Sequence[Doubt]) -> bytes:
-    """Return doubts as a document."""
-    return json.dumps([asdict(one) for one in doubts]).encode()
+    """Serialize doubts."""
+    return json.dumps([asdict(doubt) for doubt in doubts]).encode()
 
 
 def doubts_from(content: bytes) -> tuple[Doubt, ...]:
-    """Return the doubts that `doubts_bytes` wrote."""
-    return tuple(Doubt(**one) for one in json.loads(content))
+    """Restore doubts from `doubts_bytes`."""
+    return tuple(Doubt(**doubt) for doubt in json.loads(content))
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:
@@ -174,11 +175,11 @@ def _tuples(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _tuple(value: Any) -> Any:
-    return tuple(_tuple(one) for one in value) if isinstance(value, list) else value
+    return tuple(_tuple(item) for item in value) if isinstance(value, list) else value
 
 
 def product_bytes(product: Product) -> bytes:
-    """Return a product as arrays and one document, without any object."""
+    """Serialize a product as arrays and one JSON document, without pickled objects."""
     tensors: dict[str, NDArray[Any]] = {}
     parts = []
     for number, part in enumerate(product.parts):
@@ -217,31 +218,31 @@ def product_bytes(product: Product) -> bytes:
 
 
 def product_of(content: bytes) -> Product:
-    """Return the product that `product_bytes` wrote.
+    """Restore a product from `product_bytes`.
 
     Raises
     ------
     ValueError
-        If it is no such content.
+        If the content is invalid.
     """
     tensors = load(content)
     about = json.loads(tensors["about"].tobytes())
     parts = []
-    for number, one in enumerate(about["parts"]):
+    for number, fields in enumerate(about["parts"]):
         joined, start, faces = tensors[f"{number}.faces"], 0, []
-        for face in one.pop("faces"):
+        for face in fields.pop("faces"):
             count = face.pop("count")
             for name in ("origin_m", "axis", "extent_m"):
                 face[name] = tuple(face[name])
             faces.append(Face(triangles=joined[start : start + count], **face))
             start += count
-        one["path"], one["centre_m"] = tuple(one["path"]), tuple(one["centre_m"])
+        fields["path"], fields["centre_m"] = tuple(fields["path"]), tuple(fields["centre_m"])
         parts.append(
             Part(
                 vertices_m=tensors[f"{number}.vertices"],
                 triangles=tensors[f"{number}.triangles"],
                 faces=tuple(faces),
-                **one,
+                **fields,
             )
         )
     return Product(
@@ -254,14 +255,14 @@ _HASH_BYTES = 32
 
 
 class KeptStages:
-    """Stages of an import.
+    """Runs the stages of an import, and caches their results on disk.
 
     Parameters
     ----------
     keep
-        Whether anything is read from disk or kept there.
+        True to read and write the cache.
     tell
-        Told what is done, a line each.
+        Called with each line of progress.
     """
 
     def __init__(self, keep: bool, tell: Callable[[str], None]) -> None:
@@ -271,16 +272,14 @@ class KeptStages:
     def run(
         self, name: str, made_from: Mapping[str, Any], make: Callable[[], bytes]
     ) -> tuple[bytes, str]:
-        """Return what a stage makes, and a hash of it.
+        """Return the result of a stage and its hash.
 
         Parameters
         ----------
-        name
-            Of the stage.
         made_from
-            All that it depends on; hashes of the stages before it among it.
+            All inputs of the stage, such as hashes of earlier stages.
         make
-            Makes it.
+            Computes the result if it is not cached.
         """
         key = hashlib.sha256(
             json.dumps([name, __version__, dict(made_from)], sort_keys=True).encode()
@@ -291,7 +290,7 @@ class KeptStages:
             self._tell(f"{name} ...")
             content = make()
             if path is not None:
-                # What cannot be kept is made again.
+                # A result that cannot be cached is computed again next time.
                 with suppress(OSError):
                     path.parent.mkdir(parents=True, exist_ok=True)
                     write_whole(path, hashlib.sha256(content).digest() + content)
@@ -301,7 +300,7 @@ class KeptStages:
 
 
 def _kept(path: Path) -> bytes | None:
-    """Return what is kept, or None if it is not there or not as it was written."""
+    """Return a cached result, or None if it is missing or damaged."""
     try:
         content = read_bytes(path, _MOST_BYTES)
     except OSError:
@@ -310,23 +309,21 @@ def _kept(path: Path) -> bytes | None:
     return whole if hashlib.sha256(whole).digest() == content[:_HASH_BYTES] else None
 
 
-# Extent of a product, in tolerances: single precision resolves a sixteenth of one there.
+# Largest extent of a product, in tolerances; single precision resolves 1/16 tolerance there.
 MOST_TOLERANCES = 1_000_000
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What is known of a product before it is planned.
+    """Results of all stages before planning.
 
     Parameters
     ----------
-    product, joints, blocked, doubts, relation
-        As the stages made them.
     stages
-        Where they are kept.
+        Cache of the stages.
     read_hash
-        Of the product.
+        Hash of the product.
     """
 
     product: Product
@@ -339,7 +336,7 @@ class Findings:
 
 
 def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
-    """Return what is found in a file or folder; stages that ran before are not run again."""
+    """Analyse a file or folder; stages with unchanged input come from the cache."""
     stages = KeptStages(settings.keep, tell)
     reading, tolerance_m = settings.reading, settings.tolerance_mm / 1000
     content, read_hash = stages.run(
@@ -375,7 +372,7 @@ def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
         ),
     )
     blocked = blocked_from(content)
-    touching = [one.parts for one in joints.contacts if one.kind != "thread"]
+    touching = [contact.parts for contact in joints.contacts if contact.kind != "thread"]
     content, _ = stages.run(
         "confirming",
         {**about, "blocked": blocked_hash, "touching": touching},
@@ -389,7 +386,7 @@ def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
 
 
 def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:
-    """Refuse a tolerance that single precision, in which rays are traced, does not resolve."""
+    """Refuse a tolerance below the single precision of the rays."""
     bounds = np.stack([part.bounds_m for part in product.parts])
     # Meshes of STEP are in single precision about the origin of the file as well.
     span = bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)
@@ -410,7 +407,7 @@ def _refuse_fine(path: Path, product: Product, tolerance_m: float) -> None:
 def _content_hash(path: Path) -> str:
     """Return a hash of a file, or of the meshes of a folder with their names.
 
-    It is empty for a file that cannot be read; reading it says why.
+    An unreadable file has an empty hash; reading it later reports the error.
     """
     folder = is_folder(path)
     files = mesh_files(path) if folder else [path]
@@ -428,7 +425,7 @@ def _content_hash(path: Path) -> str:
 def _progress(tell: Tell, product: Product) -> Callable[[int, int], None]:
     count = len(product)
 
-    def told(done: int, of: int) -> None:
+    def report(done: int, of: int) -> None:
         tell(f"blocking: {count} parts along {done} of {of} lines")
 
-    return told
+    return report

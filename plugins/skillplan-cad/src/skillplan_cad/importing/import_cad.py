@@ -1,4 +1,4 @@
-"""What `skillplan import-cad` runs: read, find joints, test what blocks what, write."""
+"""Run `skillplan import-cad`: read, find joints, test blocking, plan, write."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Contact, Relation
 from skillplan_cad.relation_file import relation_text
 
-# Doubts that are told one by one.
+# Largest number of doubts printed one by one.
 _NAMED = 4
 
 
@@ -31,7 +31,7 @@ def report_document(
     settings: ImportSettings,
     source: str,
 ) -> dict[str, Any]:
-    """Return the report without the name of its schema; lengths are millimetres."""
+    """Return the report without its schema; lengths in millimetres."""
     product, relation = findings.product, findings.relation
     return {
         "product": product.name,
@@ -50,7 +50,7 @@ def report_document(
                 "mass_kg": known.mass_kg,
                 "volume_mm3": round(part.volume_m3 * 1e9, 3),
                 "centre_mm": _mm3(part.centre_m),
-                "size_mm": [_mm(float(one)) for one in part.bounds_m[1] - part.bounds_m[0]],
+                "size_mm": [_mm(float(extent)) for extent in part.bounds_m[1] - part.bounds_m[0]],
                 "triangles": len(part.triangles),
                 "bodies": part.bodies,
                 "free": [
@@ -63,22 +63,22 @@ def report_document(
         ],
         "interference": [
             {
-                "parts": list(one.parts),
-                "overlap_mm3": round(one.overlap_m3 * 1e9, 3),
-                "allowed_mm3": round(one.overlap_allowed_m3 * 1e9, 3),
-                "point_mm": _mm3(one.overlap_point_m or (0.0, 0.0, 0.0)),
+                "parts": list(interference.parts),
+                "overlap_mm3": round(interference.overlap_m3 * 1e9, 3),
+                "allowed_mm3": round(interference.overlap_allowed_m3 * 1e9, 3),
+                "point_mm": _mm3(interference.overlap_point_m or (0.0, 0.0, 0.0)),
             }
-            for one in interferences(relation)
+            for interference in interferences(relation)
         ],
         "untouched": untouched(relation),
         "doubts": [
             {
-                "part": one.part,
-                "by": one.by,
-                "direction": list(relation.directions[one.direction]),
-                "rays_say_blocked": one.rays_say_blocked,
+                "part": doubt.part,
+                "by": doubt.by,
+                "direction": list(relation.directions[doubt.direction]),
+                "rays_say_blocked": doubt.rays_say_blocked,
             }
-            for one in findings.doubts
+            for doubt in findings.doubts
         ],
         "waived_threads": [
             {"part": part, "by": by, "direction": list(relation.directions[number])}
@@ -88,57 +88,57 @@ def report_document(
 
 
 def interferences(relation: Relation) -> list[Contact]:
-    """Return the contacts that overlap by more than is allowed, the largest first."""
-    found = [one for one in relation.contacts if one.interferes]
-    return sorted(found, key=lambda one: (-one.overlap_m3, one.parts))
+    """Return the contacts with more overlap than allowed, the largest first."""
+    overlapping = [contact for contact in relation.contacts if contact.interferes]
+    return sorted(overlapping, key=lambda contact: (-contact.overlap_m3, contact.parts))
 
 
 def untouched(relation: Relation) -> list[str]:
-    """Return the parts that touch no other."""
-    touched = {name for one in relation.contacts for name in one.parts}
+    """Return the parts without contact."""
+    touched = {name for contact in relation.contacts for name in contact.parts}
     return [name for name in relation.names if name not in touched]
 
 
 def warnings(findings: Findings) -> list[str]:
-    """Return what a user should know of a product, a sentence each."""
+    """Return the warnings about a product, one sentence each."""
     product, relation = findings.product, findings.relation
-    found = []
-    for one in interferences(relation):
-        at = ", ".join(f"{value * 1000:.4g}" for value in one.overlap_point_m or ())
+    messages = []
+    for interference in interferences(relation):
+        at = ", ".join(f"{value * 1000:.4g}" for value in interference.overlap_point_m or ())
         why = (
-            f"of which chords explain {one.overlap_allowed_m3 * 1e9:.3g}"
+            f"of which chords explain {interference.overlap_allowed_m3 * 1e9:.3g}"
             if product.chord_m
             else "and meshes state no chord that would explain it"
         )
-        found.append(
-            f"{one.parts[0]} and {one.parts[1]} overlap by {one.overlap_m3 * 1e9:.4g} mm3 round "
-            f"[{at}] mm, {why}. If it is no press fit, mend it in CAD."
+        messages.append(
+            f"{' and '.join(interference.parts)} overlap by "
+            f"{interference.overlap_m3 * 1e9:.4g} mm3 round [{at}] mm, {why}. Unless this is a "
+            "press fit, correct it in CAD."
         )
     loose = untouched(relation)
     if loose:
-        found.append(
+        messages.append(
             f"{', '.join(loose)}: touch{'es' if len(loose) == 1 else ''} no other part; nothing "
             "holds what floats."
         )
     if relation.sensitive:
-        pairs = sorted({f"{one.part} by {one.by}" for one in relation.sensitive})
+        pairs = sorted({f"{answer.part} by {answer.by}" for answer in relation.sensitive})
         shown = "; ".join(pairs[:6]) + (f"; and {len(pairs) - 6} more" if len(pairs) > 6 else "")
-        found.append(
-            f"half or double the tolerance says otherwise of {len(relation.sensitive)} blockings: "
-            f"{shown}"
+        messages.append(
+            f"half or double the tolerance changes {len(relation.sensitive)} blockings: {shown}"
         )
     for doubt in findings.doubts[:_NAMED]:
         way = ", ".join(f"{value:.4g}" for value in relation.directions[doubt.direction])
         rays, meshes = (
             ("blocks", "lets pass") if doubt.rays_say_blocked else ("lets pass", "blocks")
         )
-        found.append(
+        messages.append(
             f"{doubt.by} {rays} {doubt.part} along [{way}] by rays, which decide, and {meshes} it "
             "by shrunk meshes; try another --tolerance."
         )
     if len(findings.doubts) > _NAMED:
-        found.append(f"{len(findings.doubts) - _NAMED} more such doubts stand in report.json")
-    return found
+        messages.append(f"{len(findings.doubts) - _NAMED} more such doubts stand in report.json")
+    return messages
 
 
 def _mm(value_m: float) -> float:
@@ -146,23 +146,23 @@ def _mm(value_m: float) -> float:
 
 
 def _mm3(point_m: Vector) -> list[float]:
-    return [_mm(one) for one in point_m]
+    return [_mm(value) for value in point_m]
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What a command prints.
+    """The output of the command.
 
     Parameters
     ----------
     document
-        Of `report.json`, without the name of its schema.
+        Fields of `report.json`, without its schema.
     lines
-        What was found, in words.
+        Findings in words.
     warnings
-        What a user should know.
+        Warnings in words.
     complete
-        Whether all parts come together by the moves that were searched.
+        True if the searched moves assemble all parts.
     """
 
     document: dict[str, Any]
@@ -179,20 +179,20 @@ def import_cad(
     Parameters
     ----------
     source
-        A STEP file, or a folder of meshes.
+        STEP file, or folder of meshes.
     out
-        A new folder, or an empty one.
+        New or empty folder.
     given
         Options by name; None for the default.
     tell
-        Told of progress, a line each.
+        Called with each line of progress.
     draw
         Draws `exploded.png`; None for no picture.
 
     Raises
     ------
     OptionError
-        If anything given is wrong; nothing is written.
+        If an input is invalid; no file is written then.
     """
     settings = settings_of(given)
     path, folder = Path(source), check_output_folder("--out", out)
@@ -200,40 +200,42 @@ def import_cad(
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_no_base(settings.base, relation))
-    made = planned(path, findings, settings, draw)
-    relation = made.relation
+    plan = planned(path, findings, settings, draw)
+    relation = plan.relation
     waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
     document = report_document(findings, waived, settings, path.name)
-    document |= made.document
+    document |= plan.document
     files = {
         "relation.json": relation_text(relation),
         "report.json": format_document(IMPORT, document) + "\n",
-        **made.files,
+        **plan.files,
     }
     write(folder, files)
-    lines = (*_lines(product, relation), *made.lines)
-    told = (*warnings(findings), *made.warnings)
-    return Imported(document, lines, told, made.complete)
+    lines = (*_lines(product, relation), *plan.lines)
+    messages = (*warnings(findings), *plan.warnings)
+    return Imported(document, lines, messages, plan.complete)
 
 
 def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
-    """Write files into a folder that is new or empty: all of them, or none.
+    """Write all files into a new or empty folder, or none.
 
     Raises
     ------
     OptionError
-        If they cannot be written.
+        If writing fails.
     """
     with report_write_errors("--out", folder):
         within = {(folder / name).parent for name in files}
-        made = [one for one in sorted({folder, *within}) if not one.exists()]
-        for one in made:
-            one.mkdir()
+        new_folders = [
+            new_folder for new_folder in sorted({folder, *within}) if not new_folder.exists()
+        ]
+        for new_folder in new_folders:
+            new_folder.mkdir()
         try:
             write_as_one(folder, files, within=folder)
         except BaseException:
-            for one in reversed(made):
-                one.rmdir()
+            for new_folder in reversed(new_folders):
+                new_folder.rmdir()
             raise
 
 

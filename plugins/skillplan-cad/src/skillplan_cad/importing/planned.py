@@ -1,4 +1,4 @@
-"""What `skillplan import-cad` makes of a relation: a plan, its replay, and a task."""
+"""Plan a product, replay the plan, and write its task."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from skillplan_cad.writing.top_grasp import Upright
 
 
 def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
-    """Return a plan as JSON; lengths are millimetres, vectors in the file's frame."""
+    """Return a plan as JSON; lengths in millimetres, vectors in the file's frame."""
     return {
         "base": plan.base,
         "why_base": plan.why_base,
@@ -37,12 +37,12 @@ def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict
         "cheapest": plan.cheapest,
         "cost": plan.cost,
         "steps": [_step(step) for step in plan.steps],
-        "subassemblies": [list(one) for one in plan.subassemblies],
-        "stuck": [_stuck(one, relation) for one in plan.stuck],
+        "subassemblies": [list(subassembly) for subassembly in plan.subassemblies],
+        "stuck": [_stuck(stuck, relation) for stuck in plan.stuck],
         "locks": [
             {
                 "parts": [relation.names[part] for part in members(lock.parts)],
-                "rounds": [[relation.names[part] for part in one] for one in lock.rounds],
+                "rounds": [[relation.names[part] for part in walk] for walk in lock.rounds],
             }
             for lock in plan.locks
         ],
@@ -51,12 +51,12 @@ def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict
                 {
                     "directions": [
                         list(relation.directions[direction])
-                        for direction in one.directions
+                        for direction in alternative.directions
                         if direction < len(relation.directions)
                     ],
-                    "absent": [relation.names[part] for part in members(one.blockers)],
+                    "absent": [relation.names[part] for part in members(alternative.blockers)],
                 }
-                for one in plan.precedence.minimal(number)
+                for alternative in plan.precedence.minimal(number)
             ]
             for number, name in enumerate(relation.names)
         },
@@ -124,31 +124,31 @@ def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
 
 
 def placement_document(upright: Upright) -> dict[str, Any]:
-    """Return as JSON how the product of the file stands in the world of the task."""
+    """Return the pose of the product in the world of the task as JSON."""
     return {
-        "turn": [[round(float(one), 9) + 0.0 for one in row] for row in upright.matrix],
-        "offset_mm": [round(float(one) * 1000, 6) + 0.0 for one in upright.offset_m],
+        "turn": [[round(float(value), 9) + 0.0 for value in row] for row in upright.matrix],
+        "offset_mm": [round(float(value) * 1000, 6) + 0.0 for value in upright.offset_m],
     }
 
 
 def pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
-    """Return as JSON of how many convex pieces parts are, and which pairs these block wrongly."""
+    """Return the number of convex pieces and the pairs that they block wrongly as JSON."""
     return {
-        "counts": {name: sum(map(len, made)) for name, made in proved.pieces.items()},
+        "counts": {name: sum(map(len, pieces)) for name, pieces in proved.pieces.items()},
         "cut_back": list(proved.cut_back),
         "differences": [
             {
-                "part": one.part,
-                "by": one.by,
-                "direction": list(relation.directions[one.direction]),
+                "part": difference.part,
+                "by": difference.by,
+                "direction": list(relation.directions[difference.direction]),
             }
-            for one in proved.differences
+            for difference in proved.differences
         ],
     }
 
 
 def _mm3(point_m: Vector) -> list[float]:
-    return [_mm(one) for one in point_m]
+    return [_mm(value) for value in point_m]
 
 
 def _mm(value_m: float) -> float:
@@ -159,14 +159,14 @@ AUTO = "auto"
 
 
 def attitude(product: Product, relation: Relation, up: str) -> Bearing:
-    """Return what bears the parts with an axis of the file up, or with that which bears most."""
+    """Return the supports with an axis of the file up, or with the best of them for `auto`."""
     if up == AUTO:
         return best_bearing(product, relation)
     return bearing_of(product, relation, ATTITUDES[up])
 
 
 def attitude_document(bearing: Bearing) -> dict[str, Any]:
-    """Return as JSON what is up and what stands on what."""
+    """Return the up axis and the supports of each part as JSON."""
     return {
         "up": axis_of(bearing),
         "stands": [{"part": name, "on": list(bearing.on[name])} for name in bearing.order],
@@ -174,33 +174,33 @@ def attitude_document(bearing: Bearing) -> dict[str, Any]:
 
 
 def attitude_warnings(
-    product: Product, relation: Relation, bearing: Bearing, asked: str
+    product: Product, relation: Relation, bearing: Bearing, requested: str
 ) -> list[str]:
-    """Return what a user should know of the side that is up, a sentence each."""
+    """Return warnings about the side that is up, one sentence each."""
     count = len(bearing.order) + len(bearing.why_not)
     up, stand = axis_of(bearing), len(bearing.order)
-    found = []
-    if asked == AUTO and up != next(iter(ATTITUDES)):
-        found.append(
+    warnings = []
+    if requested == AUTO and up != next(iter(ATTITUDES)):
+        warnings.append(
             f"{up} points up, as then {stand} of {count} parts stand by themselves, more than with "
-            "any other axis; --up asks for another."
+            "any other axis; --up sets another."
         )
-    best = bearing if asked == AUTO else best_bearing(product, relation)
+    best = bearing if requested == AUTO else best_bearing(product, relation)
     if len(best.order) > stand:
-        found.append(
+        warnings.append(
             f"with {up} up {stand} of {count} parts stand by themselves; with --up "
             f"{axis_of(best)} it would be {len(best.order)}."
         )
     if not stand:
-        found.append(
+        warnings.append(
             f"with {up} up no part stands on a level face. All are in product.yaml, and no order "
             "of them is feasible until a nest holds the first."
         )
-    return found
+    return warnings
 
 
 def axis_of(bearing: Bearing) -> str:
-    """Return the axis of the file that points up, as ``--up`` names it."""
+    """Return the up axis as ``--up`` names it."""
     return next(name for name, up in ATTITUDES.items() if up == bearing.up)
 
 
@@ -208,46 +208,46 @@ _PLAN, _REPLAY = TypeAdapter(AssemblyPlan), TypeAdapter(Replay)
 
 
 def plan_bytes(plan: AssemblyPlan) -> bytes:
-    """Return a plan as a document."""
+    """Serialize a plan."""
     return _PLAN.dump_json(plan)
 
 
 def plan_from(content: bytes) -> AssemblyPlan:
-    """Return the plan that `plan_bytes` wrote."""
+    """Restore a plan from `plan_bytes`."""
     return _PLAN.validate_json(content)
 
 
 def replay_bytes(again: Replay) -> bytes:
-    """Return a replay as a document."""
+    """Serialize a replay."""
     return _REPLAY.dump_json(again)
 
 
 def replay_from(content: bytes) -> Replay:
-    """Return the replay that `replay_bytes` wrote."""
+    """Restore a replay from `replay_bytes`."""
     return _REPLAY.validate_json(content)
 
 
-# Of the chord and the tolerance of the plan, what its replay takes.
+# Factor on the plan's chord and tolerance for the replay.
 _FINER = 0.4
 _SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan with all that is told and written about it.
+    """A plan with its documents, files and messages.
 
     Parameters
     ----------
     relation
-        With sub-assemblies and stuck parts.
+        Relation with sub-assemblies and stuck parts.
     complete
-        Whether all parts come together.
+        True if all parts are assembled.
     document
-        What `report.json` says about it.
+        Fields of `report.json` about the plan.
     files
-        Contents of `product.yaml` and the meshes; none where parts are stuck.
+        Contents of `product.yaml` and the meshes; empty if parts are stuck.
     lines, warnings
-        For people.
+        Messages for people.
     """
 
     relation: Relation
@@ -261,16 +261,12 @@ class Planned:
 def planned(
     path: Path, findings: Findings, settings: ImportSettings, draw: Draw | None = None
 ) -> Planned:
-    """Return the plan of a product.
+    """Plan a product and write its task.
 
     Parameters
     ----------
     path
-        What it was read from, to be read again for the replay.
-    findings
-        What was found.
-    settings
-        What was asked for.
+        Source of the product; read again for the replay.
     draw
         Draws `exploded.png`; None for no picture.
     """
@@ -281,22 +277,24 @@ def planned(
     files: dict[str, str | bytes] = {}
     if draw is not None:
         files["exploded.png"] = draw(product.name, added_bodies(product, plan))
-    told = []
+    warnings = []
     if plan.complete:
         document["attitude"] = attitude_document(bearing)
-        told += attitude_warnings(product, relation, bearing, settings.up)
+        warnings += attitude_warnings(product, relation, bearing, settings.up)
         task = task_of(product, relation, plan, settings.robot, bearing)
         document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
-        told += [f"{name} is left out: it {words}." for name, words in document["left_out"].items()]
+        warnings += [
+            f"{name} is left out: it {words}." for name, words in document["left_out"].items()
+        ]
         if task is None:
-            told.append("No part is left that one arm could place: no product.yaml is written.")
+            warnings.append("No part is left that one arm could place: no product.yaml is written.")
         else:
             files |= task.files
             document["task_names"] = dict(task.names)
             document["placement"] = placement_document(task.upright)
             document["pieces"] = pieces_document(task.pieces, relation)
             document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
-            told += [f"check refuses product.yaml: {words}" for words in task.faults]
+            warnings += [f"check refuses product.yaml: {words}" for words in task.faults]
     limits = document.get("limits", {})
     return Planned(
         with_groups(relation, plan),
@@ -306,7 +304,7 @@ def planned(
         tuple(_lines(plan, again)),
         (
             *_warnings(plan, again),
-            *told,
+            *warnings,
             *_limit_lines(limits),
             *_piece_lines(document.get("pieces", {})),
         ),
@@ -316,7 +314,7 @@ def planned(
 def _plan_and_replay(
     path: Path, findings: Findings, settings: ImportSettings, bearing: Bearing
 ) -> tuple[AssemblyPlan, Replay]:
-    """Return a plan, and what other meshes say of it; neither is made again from the same."""
+    """Return a plan and its replay with other meshes, from the cache if possible."""
     product, relation = findings.product, findings.relation
     tolerance_m = settings.tolerance_mm / 1000
     grounded = [name for name in bearing.order if not bearing.on[name]]
@@ -350,7 +348,7 @@ def _plan_and_replay(
 
 
 def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
-    """Return the product of another tessellation, where it can have one."""
+    """Return the product with a finer tessellation, or the same product for meshes."""
     if path.suffix.lower() in MESHES or not is_step(path):
         return product
     reading = settings.reading
@@ -360,23 +358,23 @@ def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
 def _lines(plan: AssemblyPlan, again: Replay) -> list[str]:
     order = [" with ".join(step.parts) for step in plan.steps]
     turns = sum(step.turn for step in plan.steps)
-    found = [f"base {plan.base}: {plan.why_base}"]
+    lines = [f"base {plan.base}: {plan.why_base}"]
     if order:
-        found.append(f"order: {plan.base}, {', '.join(order)}")
-        found.append(
+        lines.append(f"order: {plan.base}, {', '.join(order)}")
+        lines.append(
             f"{turns} turn{'' if turns == 1 else 's'} of the product; "
-            + ("no order costs less" if plan.cheapest else "the best of those looked at")
+            + ("no order costs less" if plan.cheapest else "the best order of those searched")
             + (
-                f"; solids that were taken apart again in {again.samples} placements agree"
+                f"; a replay of exact solids in {again.samples} placements agrees"
                 if again.agrees
                 else ""
             )
         )
-    return found
+    return lines
 
 
 def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
-    found = []
+    warnings = []
     for stuck in plan.stuck:
         where = "; ".join(
             f"{met.part} at [{', '.join(f'{value * 1000:.4g}' for value in met.point_m)}] mm"
@@ -386,24 +384,26 @@ def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
             "closed": "no straight move, path or turn that was searched leads out",
             "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
         }[stuck.search.outcome]
-        found.append(
+        warnings.append(
             f"{stuck.part} is stuck among {', '.join(stuck.among[:_SHOWN])}: {words}. In its way: "
-            f"{where or 'nothing but where it stands'}."
+            f"{where or 'no other part'}."
         )
     for fault in again.faults[:_SHOWN]:
-        found.append(
+        warnings.append(
             f"the replay disagrees: {fault.part} and {fault.by} share "
             f"{fault.thickness_m * 1000:.3g} mm round [{_words(fault.point_m)}] mm in step "
             f"{fault.step}."
         )
-    for one in plan.subassemblies:
-        found.append(f"{' and '.join(one)} are put together apart, as nothing else is possible.")
-    return found
+    for subassembly in plan.subassemblies:
+        warnings.append(
+            f"{' and '.join(subassembly)} are assembled separately, as no other order is possible."
+        )
+    return warnings
 
 
 def _piece_lines(pieces: Mapping[str, Any]) -> list[str]:
     pairs = {
-        " and ".join(sorted((one["part"], one["by"]))) for one in pieces.get("differences", ())
+        " and ".join(sorted((pair["part"], pair["by"]))) for pair in pieces.get("differences", ())
     }
     if not pairs:
         return []

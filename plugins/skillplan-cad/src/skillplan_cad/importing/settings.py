@@ -1,4 +1,4 @@
-"""What `skillplan import-cad` was asked for, checked."""
+"""Options of `skillplan import-cad`, validated."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ _LEAST_MM, _MOST_MM = 0.001, 10.0
 
 @dataclass(frozen=True, slots=True)
 class ImportSettings:
-    """How a product is imported.
+    """Options of an import.
 
     Parameters
     ----------
     unit
-        Of meshes; None for STEP.
+        Unit of meshes; None for STEP.
     tolerance_mm
-        Lateral tolerance: radius of the disc that has to be blocked before a pair is.
+        Lateral tolerance: smallest radius of a disc that counts as blocked.
     chord_mm
-        How far triangles may lie from curved faces of STEP; None for half the tolerance.
+        Greatest distance of triangles from curved faces of STEP; None for half the tolerance.
     up
-        Axis of the file that points up; ``auto`` for z, or what bears more parts.
+        Axis of the file that points up; ``auto`` for z, or the axis that supports more parts.
     base
-        Part that the others are put on; None to have one chosen.
+        Part that the others are put on; None to choose one.
     robot
-        Name of the arm of the task that is written.
+        Arm of the written task.
     directions
-        Where directions come from.
+        Source of the directions.
     threads
-        Whether screws are unscrewed, block as they are drawn, or block nowhere.
+        Treatment of threads: screws turn out, block as drawn, or never block.
     split_bodies
-        Whether bodies of one part become parts.
+        True to make each body a part.
     density_kg_m3
-        Of all parts.
+        Density of all parts, 1 to 30,000.
     jobs
-        How many processes may be used.
+        Number of processes.
     keep
-        Whether stages are kept for the next run.
+        True to cache stages on disk.
     """
 
     unit: str | None = None
@@ -81,13 +81,13 @@ class ImportSettings:
 
     @property
     def reading(self) -> ReadOptions:
-        """How the file is read."""
+        """Options of the reader."""
         chord = self.chord_mm if self.chord_mm is not None else self.tolerance_mm / 2
         return ReadOptions(self.unit, chord / 1000, self.split_bodies, self.density_kg_m3)
 
 
 def settings_of(given: dict[str, Any]) -> ImportSettings:
-    """Return settings from what the command line gave; what is None keeps its default.
+    """Return settings from command-line options; None keeps a default.
 
     Raises
     ------
@@ -98,4 +98,4 @@ def settings_of(given: dict[str, Any]) -> ImportSettings:
     for name in given:
         if name not in known:
             raise OptionError(f"import-cad has no option {name!r}. {name_hint(name, known)}")
-    return ImportSettings(**{name: one for name, one in given.items() if one is not None})
+    return ImportSettings(**{name: value for name, value in given.items() if value is not None})

@@ -1,1 +1,1 @@
-"""How parts meet: contacts, overlaps, fasteners, and the directions that these suggest."""
+"""Find contacts, overlaps and fasteners, and the directions that they suggest."""

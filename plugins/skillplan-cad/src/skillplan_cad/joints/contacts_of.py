@@ -1,4 +1,4 @@
-"""The contacts of a product: what touches, as what, and by how much it overlaps."""
+"""Find the contacts of a product: kind, area and overlap."""
 
 from __future__ import annotations
 
@@ -16,35 +16,23 @@ from skillplan_cad.joints.cylinder_fits import CylinderFit
 from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Contact, ContactKind
 
-# Less than this is rounding [mm3].
+# Smallest overlap that is not a rounding error [mm3].
 _NOISE_MM3 = 1e-3
 
 
 class Overlaps:
-    """Intersections of a product's parts.
-
-    Parameters
-    ----------
-    product
-        The product.
-    """
+    """Intersections of a product's parts."""
 
     def __init__(self, product: Product) -> None:
         self._product = product
         self._solids: dict[int, Any] = {}
 
     def between(self, first: int, second: int) -> tuple[float, float, Floats] | None:
-        """Return the volume [mm3], the surface [mm2] and the middle [mm] of an overlap, or None.
-
-        Parameters
-        ----------
-        first, second
-            Numbers of the parts.
-        """
-        one, two = self._solid(first), self._solid(second)
-        if one is None or two is None:
+        """Return volume [mm3], surface [mm2] and centre [mm] of the parts' overlap, or None."""
+        solid, other = self._solid(first), self._solid(second)
+        if solid is None or other is None:
             return None
-        shared = one ^ two
+        shared = solid ^ other
         volume = float(shared.volume())
         if volume < _NOISE_MM3:
             return None
@@ -58,25 +46,25 @@ class Overlaps:
 
 
 def _solid(part: Part) -> Any:
-    """Return a part as manifold3d has it, or None where it takes it for no solid."""
+    """Return a part as a manifold3d solid, or None if it is not a solid."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(part.vertices_m * 1000),
         tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
     )
-    made = manifold3d.Manifold(mesh)
-    return None if made.is_empty() else made
+    manifold = manifold3d.Manifold(mesh)
+    return None if manifold.is_empty() else manifold
 
 
-# Points on a part's surface, and how squarely surfaces look at each other where they touch.
+# Sample points per part; largest cosine between the normals of touching surfaces.
 _SAMPLES, _FACING = 4000, -0.7
 _NORMALS, _NORMAL_RAD, _POINTS = 24, 0.1, 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Points on the surface of a part, about the product's middle [mm]."""
+    """Sample points on the surface of a part, relative to the product's centre [mm]."""
 
     points_mm: Floats
     normals: Floats
@@ -86,18 +74,18 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """Where the first part of a pair touches the second.
+    """The contact area of a pair, on the first part.
 
     Parameters
     ----------
     area_mm2
-        Of the surface that lies on the other part.
+        Area in contact.
     normals
-        Distinct normals out of the first part, the largest area first.
+        Distinct outward normals of the first part, the largest area first.
     points_mm
-        Points of it, spread.
+        Points spread over the area.
     flat_share
-        How much of it is flat on both sides, from 0 to 1.
+        Share of the area that is flat on both parts, 0 to 1.
     """
 
     area_mm2: float
@@ -107,18 +95,16 @@ class Touch:
 
 
 class TouchTest:
-    """Looks for touching surfaces of a product's parts.
+    """Finds the touching surfaces of a product's parts.
 
     Parameters
     ----------
-    product
-        The product.
     meshes
-        Its parts as rays see them.
+        Ray meshes of the parts.
     middle_m
-        What is the origin of these.
+        Origin of these meshes.
     reach_m
-        How far apart touching surfaces may be.
+        Largest distance between touching surfaces [m].
     """
 
     def __init__(
@@ -131,7 +117,7 @@ class TouchTest:
         self._high = np.stack([mesh.points_mm.max(axis=0) for mesh in meshes]) + self._reach_mm
 
     def near(self) -> list[tuple[int, int]]:
-        """Return the pairs whose boxes meet."""
+        """Return the pairs whose bounding boxes meet."""
         count = len(self._meshes)
         return [
             (first, second)
@@ -142,7 +128,7 @@ class TouchTest:
         ]
 
     def touch(self, first: int, second: int) -> Touch | None:
-        """Return where two parts touch, or None; asked from both sides, for small parts."""
+        """Return the contact area of two parts, or None; sampled on both for small parts."""
         there = self._onto(first, second)
         back = self._onto(second, first)
         area = max(there[3], back[3])
@@ -179,7 +165,7 @@ def _samples(part: Part, mesh: RayMesh) -> Samples:
     count = np.maximum(1, np.round(_SAMPLES * area / max(total, 1e-30)).astype(np.int64))
     which = np.repeat(np.arange(len(area)), count)
     order = np.arange(len(which))
-    # Additive recurrence of the plastic number: evenly spread, the same on every run.
+    # Additive recurrence with the plastic number: evenly spread and reproducible.
     u, v = (order * 0.7548776662466927 + 0.5) % 1, (order * 0.5698402909980532 + 0.5) % 1
     over = u + v > 1
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
@@ -188,30 +174,30 @@ def _samples(part: Part, mesh: RayMesh) -> Samples:
 
 
 def _flat_triangles(part: Part) -> NDArray[np.bool_]:
-    found = np.zeros(len(part.triangles), dtype=np.bool_)
+    is_flat = np.zeros(len(part.triangles), dtype=np.bool_)
     for face in part.faces:
         if face.kind == "plane":
-            found[face.triangles] = True
-    return found
+            is_flat[face.triangles] = True
+    return is_flat
 
 
 def _distinct(normals: Floats, areas: Floats) -> Floats:
-    """Return the distinct directions among normals, those of most area first."""
+    """Return the distinct directions among normals, the largest area first."""
     left = np.arange(len(normals))
-    found: list[Floats] = []
+    directions: list[Floats] = []
     weights: list[float] = []
-    while len(left) and len(found) < 4 * _NORMALS:
+    while len(left) and len(directions) < 4 * _NORMALS:
         close = normals[left] @ normals[left[0]] > np.cos(_NORMAL_RAD)
         mean = (normals[left[close]] * areas[left[close], None]).sum(axis=0)
-        found.append(mean / np.linalg.norm(mean))
+        directions.append(mean / np.linalg.norm(mean))
         weights.append(float(areas[left[close]].sum()))
         left = left[~close]
     order = np.argsort(-np.round(weights, 6), kind="stable")[:_NORMALS]
-    return np.array(found)[order]
+    return np.array(directions)[order]
 
 
 def _spread(points: Floats) -> Floats:
-    """Return some of the points that lie far from each other, corners of the contact first."""
+    """Return some points far from each other, corners of the contact first."""
     if len(points) <= _POINTS:
         return points
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
@@ -222,7 +208,7 @@ def _spread(points: Floats) -> Floats:
     return points[chosen]
 
 
-# A contact is flat where this share of its area is.
+# Smallest share of flat area in a flat contact.
 _FLAT_SHARE = 0.5
 
 
@@ -233,21 +219,19 @@ def contacts_of(
 
     Parameters
     ----------
-    product
-        The product.
     test
-        Its parts as rays see them.
+        Ray test of the product.
     fits
         Cylinders in holes.
     tolerance_m
-        How far apart surfaces may be that touch.
+        Largest distance between touching surfaces [m].
     """
     touching = TouchTest(product, test.meshes, test.middle_m, max(tolerance_m, 2 * product.chord_m))
     overlaps = Overlaps(product)
     by_pair: dict[tuple[int, int], list[CylinderFit]] = defaultdict(list)
     for fit in fits:
         by_pair[min(fit.inner, fit.outer), max(fit.inner, fit.outer)].append(fit)
-    found = []
+    contacts = []
     for first, second in touching.near():
         touch = touching.touch(first, second)
         shared = overlaps.between(first, second)
@@ -258,8 +242,8 @@ def contacts_of(
         ]
         if touch is None and shared is None and not inside:
             continue
-        found.append(_contact(product, (first, second), touch, shared, inside, test.middle_m))
-    return tuple(found)
+        contacts.append(_contact(product, (first, second), touch, shared, inside, test.middle_m))
+    return tuple(contacts)
 
 
 def _contact(
@@ -271,7 +255,9 @@ def _contact(
     middle_m: Floats,
 ) -> Contact:
     kind: ContactKind = "free"
-    fit = max(fits, key=lambda one: one.length_m * one.shaft.radius_m, default=None)
+    fit = max(
+        fits, key=lambda candidate: candidate.length_m * candidate.shaft.radius_m, default=None
+    )
     if fit is not None:
         kind = "cylinder"
     elif touch is not None and touch.flat_share >= _FLAT_SHARE:
@@ -281,14 +267,14 @@ def _contact(
         parts=(product.parts[pair[0]].name, product.parts[pair[1]].name),
         kind=kind,
         area_m2=touch.area_mm2 / 1e6 if touch is not None else 0.0,
-        normals=tuple(_vector(one) for one in touch.normals) if touch is not None else (),
+        normals=tuple(_vector(normal) for normal in touch.normals) if touch is not None else (),
         axis=fit.shaft.axis if fit is not None else None,
         axis_point_m=_middle_of(fit) if fit is not None else None,
         radius_m=fit.shaft.radius_m if fit is not None else None,
         radius_difference_m=fit.radius_difference_m if fit is not None else None,
         points_m=()
         if touch is None
-        else tuple(_vector(one) for one in touch.points_mm / 1000 + middle_m),
+        else tuple(_vector(point) for point in touch.points_mm / 1000 + middle_m),
         overlap_m3=volume / 1e9,
         overlap_surface_m2=surface / 1e6,
         # Both sides of the overlap may each be off by a chord.
@@ -303,5 +289,5 @@ def _middle_of(fit: CylinderFit) -> Vector:
 
 
 def _vector(numbers: Floats) -> Vector:
-    x, y, z = (float(one) for one in numbers)
+    x, y, z = (float(number) for number in numbers)
     return x, y, z

@@ -1,4 +1,4 @@
-"""Cylinders that stand in cylinders of other parts."""
+"""Find cylinders that fit into holes of other parts."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from skillplan_cad.product import Face, Part, Product
 
-# Axes of one line differ by less than this [rad]; a hole is wider by this share of its radius or
-# by this length, and narrower, as a tapped hole's core or a press fit, by that share.
+# Largest angle between coincident axes [rad]; largest clearance of a hole, in radii and in metres;
+# largest interference, as of a tapped hole's core or a press fit, in radii.
 _PARALLEL_RAD, _WIDER, _WIDER_M, _NARROWER = 0.01, 0.2, 1e-3, 0.25
 
 
@@ -20,11 +20,11 @@ class CylinderFit:
     Parameters
     ----------
     inner, outer
-        Numbers of the part with the cylinder and of the one with the hole.
+        Numbers of the parts with the cylinder and with the hole.
     shaft, hole
         The faces.
     shared_m
-        Stretch of the shaft's axis that both have, from the shaft's origin on.
+        Interval of the shaft's axis covered by both, from the shaft's origin.
     """
 
     inner: int
@@ -35,12 +35,12 @@ class CylinderFit:
 
     @property
     def radius_difference_m(self) -> float:
-        """The hole's radius minus the shaft's."""
+        """Radius of the hole minus that of the shaft."""
         return self.hole.radius_m - self.shaft.radius_m
 
     @property
     def length_m(self) -> float:
-        """How long the stretch is."""
+        """Length of the shared interval."""
         return self.shared_m[1] - self.shared_m[0]
 
 
@@ -48,7 +48,7 @@ def cylinder_fits(product: Product) -> list[CylinderFit]:
     """Return all cylinders in holes of other parts, in the order of the parts."""
     shafts = [_cylinders(part, hollow=False) for part in product.parts]
     holes = [_cylinders(part, hollow=True) for part in product.parts]
-    found = []
+    fits = []
     for inner, own in enumerate(shafts):
         for outer, others in enumerate(holes):
             if inner == outer:
@@ -57,19 +57,19 @@ def cylinder_fits(product: Product) -> list[CylinderFit]:
                 for hole in others:
                     shared = _shared_m(shaft, hole)
                     if shared is not None:
-                        found.append(CylinderFit(inner, outer, shaft, hole, shared))
-    return found
+                        fits.append(CylinderFit(inner, outer, shaft, hole, shared))
+    return fits
 
 
 def _cylinders(part: Part, *, hollow: bool) -> list[Face]:
-    """Return the cylinders of a part; halves of one, as CAD splits them, are one."""
-    found: list[Face] = []
+    """Return the cylinders of a part; the halves that CAD splits count once."""
+    cylinders: list[Face] = []
     for face in part.faces:
         if face.kind != "cylinder" or face.hollow != hollow or face.radius_m <= 0:
             continue
-        if not any(_same(face, other) for other in found):
-            found.append(face)
-    return found
+        if not any(_same(face, other) for other in cylinders):
+            cylinders.append(face)
+    return cylinders
 
 
 def _same(first: Face, second: Face) -> bool:
@@ -82,7 +82,7 @@ def _same(first: Face, second: Face) -> bool:
 
 
 def _shared_m(shaft: Face, hole: Face) -> tuple[float, float] | None:
-    """Return the stretch of the axis on which a shaft stands in a hole, or None."""
+    """Return the interval of the axis on which a shaft is in a hole, or None."""
     if np.linalg.norm(np.cross(shaft.axis, hole.axis)) > _PARALLEL_RAD:
         return None
     difference = hole.radius_m - shaft.radius_m
@@ -96,12 +96,12 @@ def _shared_m(shaft: Face, hole: Face) -> tuple[float, float] | None:
 
 
 def _offset_m(first: Face, second: Face) -> float:
-    apart = np.subtract(second.origin_m, first.origin_m)
-    return float(np.linalg.norm(apart - (apart @ first.axis) * np.asarray(first.axis)))
+    offset = np.subtract(second.origin_m, first.origin_m)
+    return float(np.linalg.norm(offset - (offset @ first.axis) * np.asarray(first.axis)))
 
 
 def _stretch_m(first: Face, second: Face) -> tuple[float, float]:
-    """Return where the second face begins and ends along the axis of the first."""
+    """Return the interval of the second face along the axis of the first."""
     start = float(np.subtract(second.origin_m, first.origin_m) @ np.asarray(first.axis))
-    way = float(np.sign(np.dot(first.axis, second.axis)))
-    return start + way * second.extent_m[0], start + way * second.extent_m[1]
+    sign = float(np.sign(np.dot(first.axis, second.axis)))
+    return start + sign * second.extent_m[0], start + sign * second.extent_m[1]

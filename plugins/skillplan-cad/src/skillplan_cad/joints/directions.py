@@ -1,4 +1,4 @@
-"""Directions along which parts are moved: the file's axes, those of cylinders, and of contacts."""
+"""Choose the directions of motion: axes of the file, of cylinders, and of contacts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skillplan_cad.relation import Contact, Fastener
 Floats = NDArray[np.float64]
 Source = Literal["axes", "cylinders", "contacts"]
 
-# Lines that differ by less are one [rad]; so many besides the axes at most.
+# Smallest angle between distinct lines [rad]; largest number of lines in addition to the axes.
 _ONE_LINE_RAD, _MOST = 2e-3, 24
 
 
@@ -25,35 +25,37 @@ def directions_of(
     fasteners: Sequence[Fastener],
     contacts: Sequence[Contact],
 ) -> tuple[Vector, ...]:
-    """Return unit vectors, each followed by its opposite; first those of the file's axes.
+    """Return unit vectors, each followed by its opposite, the axes of the file first.
 
     Parameters
     ----------
     source
-        ``axes`` are those of the file; ``cylinders`` adds axes of fasteners and of cylinders in
-        holes, and of these a frame where it is not the file's; ``contacts`` adds normals of flat
-        contacts and the edges between two of them, along which a part slides on both.
+        ``axes``: axes of the file; ``cylinders``: also axes of fasteners and of cylinders in holes,
+        with a frame about the first; ``contacts``: also normals of flat contacts and edges between
+        two of them, along which a part slides on both.
     fits, fasteners, contacts
-        Of the product.
+        Joints of the product.
     """
     lines: list[Floats] = list(np.eye(3))
     if source != "axes":
         weights: list[tuple[float, Vector]] = [
             (fit.shaft.radius_m * fit.length_m, fit.shaft.axis) for fit in fits
         ]
-        weights += [(one.diameter_m * one.length_m, one.axis) for one in fasteners]
-        found = _by_weight(weights)
-        _add(lines, found)
+        weights += [
+            (fastener.diameter_m * fastener.length_m, fastener.axis) for fastener in fasteners
+        ]
+        by_weight = _by_weight(weights)
+        _add(lines, by_weight)
         _add(lines, _frame(lines[3:]))
     if source == "contacts":
-        flat = [one for one in contacts if one.kind == "plane"]
-        _add(lines, _by_weight([(one.area_m2, n) for one in flat for n in one.normals[:3]]))
+        flat = [contact for contact in contacts if contact.kind == "plane"]
+        _add(lines, _by_weight([(face.area_m2, n) for face in flat for n in face.normals[:3]]))
         _add(lines, _edges(contacts))
     return tuple(sign for line in lines for sign in (_vector(line), _vector(-line)))
 
 
 def _by_weight(weighted: Iterable[tuple[float, Vector]]) -> list[Floats]:
-    """Return the distinct lines among vectors, that of most weight first."""
+    """Return the distinct lines among vectors, the largest weight first."""
     lines: list[Floats] = []
     weights: list[float] = []
     for weight, vector in weighted:
@@ -77,12 +79,12 @@ def _add(lines: list[Floats], more: Iterable[Floats]) -> None:
             lines.append(line)
 
 
-def _frame(found: Sequence[Floats]) -> list[Floats]:
-    """Return two lines across the first of those found, along others where these are square."""
-    if not found:
+def _frame(lines: Sequence[Floats]) -> list[Floats]:
+    """Return two lines across the first line, along other lines if those are perpendicular."""
+    if not lines:
         return []
-    first = found[0]
-    square = [one for one in found[1:] if abs(one @ first) < _ONE_LINE_RAD]
+    first = lines[0]
+    square = [line for line in lines[1:] if abs(line @ first) < _ONE_LINE_RAD]
     across = square[0] if square else np.eye(3)[int(np.argmin(np.abs(first)))]
     across = across - (across @ first) * first
     across = across / np.linalg.norm(across)
@@ -99,10 +101,10 @@ def _edges(contacts: Sequence[Contact]) -> list[Floats]:
                 own += [(contact.area_m2, normal) for normal in contact.normals[:3]]
     crossed: list[tuple[float, Vector]] = []
     for own in normals.values():
-        largest = sorted(own, key=lambda one: -one[0])[:6]
-        for number, (area, one) in enumerate(largest):
-            for other_area, other in largest[number + 1 :]:
-                line = np.cross(one, other)
+        largest = sorted(own, key=lambda normal_a: -normal_a[0])[:6]
+        for number, (area, normal_a) in enumerate(largest):
+            for other_area, normal_b in largest[number + 1 :]:
+                line = np.cross(normal_a, normal_b)
                 length = float(np.linalg.norm(line))
                 if length > 0.05:
                     crossed.append((min(area, other_area), _vector(line / length)))
@@ -110,12 +112,12 @@ def _edges(contacts: Sequence[Contact]) -> list[Floats]:
 
 
 def _canonical(line: Floats) -> Floats:
-    """Return a line's unit vector whose first component of any size is positive."""
+    """Return the unit vector of a line, with a positive first significant component."""
     unit = line / np.linalg.norm(line)
     leading = unit[int(np.argmax(np.abs(unit) > 1e-6))]
     return unit if leading > 0 else -unit
 
 
 def _vector(numbers: Floats) -> Vector:
-    x, y, z = (round(float(one), 9) + 0.0 for one in numbers)
+    x, y, z = (round(float(number), 9) + 0.0 for number in numbers)
     return x, y, z

@@ -1,14 +1,16 @@
-"""Screws, nuts, washers and pins of a product: by name, or by what they are made like.
+"""Recognise screws, nuts, washers and pins, by name or by features.
 
-A cylinder in a hole is not enough: shafts, plugs and sleeves are that, too. Without a name, a
-screw has a head or a tapped hole, and a drive or a thread besides.
+Attributes
+----------
+cylinder in a hole is not sufficient
+    shafts, plugs and sleeves match it, too. Without a telling
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +31,9 @@ _WORDS: tuple[tuple[PartKind, str], ...] = (
      r"m\d+(\.\d+)?( ?x ?\d+(\.\d+)?)+|din ?(84|912|913|916|931|933|963|965|7984|7991)|"
      r"iso ?(1207|2009|4014|4017|4026|4029|4762|7045|7046|7380|10642)"),
 )  # fmt: skip
-# A head is wider than the shank by this, and no more than that; a shank is as long as this share
-# of its diameter at least.
+# Head width by shank width, lowest and highest; shortest shank, in diameters.
 _HEAD, _WIDEST_HEAD, _LEAST_SHANK = 1.25, 3.5, 0.8
-# A hole grips a shank that is wider than itself by this share of the radius at least.
+# Smallest excess of a shank over its tapped hole, in radii.
 _TAPPED = 0.02
 _THIN_WASHER = 1.0
 _FLAT = 0.999
@@ -57,37 +58,37 @@ def fasteners_of(
 
     Parameters
     ----------
-    product
-        The product.
     fits
         Cylinders in holes.
     contacts
-        What touches.
+        Contacts of the product.
     tolerance_m
-        How much wider a hole may be that still grips.
+        Largest clearance of a hole that still grips [m].
     """
     candidates = []
     for number, part in enumerate(product.parts):
         shape = turned_shape(part)
         if shape is not None:
-            own = tuple(one for one in fits if one.inner == number)
+            own = tuple(fit for fit in fits if fit.inner == number)
             candidates.append(_Candidate(number, part, shape, _named(part), own))
-    made: dict[int, Fastener] = {}
-    for one in candidates:
-        by = _screw_by(one)
+    fasteners: dict[int, Fastener] = {}
+    for candidate in candidates:
+        by = _screw_by(candidate)
         if by:
-            made[one.number] = _screw(product, one, contacts, by, tolerance_m)
-    screws = dict(made)
-    for one in candidates:
-        if one.number not in made:
-            other = _ring(product, one, screws, contacts)
-            if other is not None:
-                made[one.number] = other
-    return tuple(_with_nuts(product, made[number], made, contacts) for number in sorted(made))
+            fasteners[candidate.number] = _screw(product, candidate, contacts, by, tolerance_m)
+    screws = dict(fasteners)
+    for candidate in candidates:
+        if candidate.number not in fasteners:
+            ring = _ring(product, candidate, screws, contacts)
+            if ring is not None:
+                fasteners[candidate.number] = ring
+    return tuple(
+        _with_nuts(product, fasteners[number], fasteners, contacts) for number in sorted(fasteners)
+    )
 
 
 def _named(part: Part) -> PartKind | None:
-    """Return what a part is by its own name or that of its design."""
+    """Return the kind that a part's own name or its design's name implies, or None."""
     for text in (part.name.rpartition("/")[2], part.design):
         words = re.sub(r"([a-z])([A-Z])|[_\-]+", r"\1 \2", text)
         for kind, pattern in _WORDS:
@@ -96,13 +97,13 @@ def _named(part: Part) -> PartKind | None:
     return None
 
 
-def _screw_by(one: _Candidate) -> tuple[str, ...]:
-    """Return by what a candidate is a screw or pin; empty if it is none."""
-    shape = one.shape
-    if one.named in ("screw", "pin"):
+def _screw_by(candidate: _Candidate) -> tuple[str, ...]:
+    """Return the features that make a candidate a screw or pin; empty if it is neither."""
+    shape = candidate.shape
+    if candidate.named in ("screw", "pin"):
         return ("name",)
     if (
-        one.named is not None
+        candidate.named is not None
         or shape.is_ring
         or shape.shank_length_m < _LEAST_SHANK * 2 * shape.shank.radius_m
     ):
@@ -112,10 +113,10 @@ def _screw_by(one: _Candidate) -> tuple[str, ...]:
     tapped = any(
         fit.radius_difference_m < -_TAPPED * fit.shaft.radius_m
         and _same_line(shape, np.asarray(fit.shaft.axis), np.asarray(fit.shaft.origin_m))
-        for fit in one.fits
+        for fit in candidate.fits
     )
-    threaded = _is_threaded(one.part, shape)
-    found = tuple(
+    threaded = _is_threaded(candidate.part, shape)
+    features = tuple(
         word
         for word, holds in (
             ("head", head),
@@ -126,19 +127,19 @@ def _screw_by(one: _Candidate) -> tuple[str, ...]:
         if holds
     )
     enough = (head and (drive or threaded or tapped)) or (drive and (threaded or tapped))
-    gripped = any(_same_line_fit(shape, fit) for fit in one.fits) or threaded
-    return found if enough and gripped else ()
+    gripped = any(_same_line_fit(shape, fit) for fit in candidate.fits) or threaded
+    return features if enough and gripped else ()
 
 
 def _is_threaded(part: Part, shape: TurnedShape) -> bool:
-    """Whether much of the surface about the axis is neither flat nor a cylinder, as a helix is."""
+    """Return whether most of the shank surface is neither flat nor cylindrical, like a helix."""
     area = free = 0.0
     corners = part.vertices_m[part.triangles]
     areas = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    apart = corners.mean(axis=1) - shape.origin_m
-    along = apart @ shape.axis
+    offsets = corners.mean(axis=1) - shape.origin_m
+    along = offsets @ shape.axis
     on_shank = along < shape.low_m + shape.shank_length_m
     for face in part.faces:
         own = face.triangles[on_shank[face.triangles]]
@@ -150,15 +151,15 @@ def _is_threaded(part: Part, shape: TurnedShape) -> bool:
 
 def _screw(
     product: Product,
-    one: _Candidate,
+    candidate: _Candidate,
     contacts: Sequence[Contact],
     by: tuple[str, ...],
     tolerance_m: float,
 ) -> Fastener:
-    shape, name = one.shape, one.part.name
+    shape, name = candidate.shape, candidate.part.name
     places: dict[str, float] = {}
     gripping: dict[str, float] = {}
-    for fit in one.fits:
+    for fit in candidate.fits:
         if not _same_line_fit(shape, fit):
             continue
         other = product.parts[fit.outer].name
@@ -173,33 +174,33 @@ def _screw(
             other = contact.parts[1 - contact.parts.index(name)]
             along = (np.asarray(contact.points_m) - shape.origin_m) @ shape.axis
             places.setdefault(other, float(np.median(along)))
-    if not gripping and one.named != "pin" and "thread" in (*by, _threaded_word(one)):
+    if not gripping and candidate.named != "pin" and "thread" in (*by, _threaded_word(candidate)):
         gripping = _deepest_touched(shape, name, contacts)
     joins = tuple(sorted(places, key=lambda other: (-places[other], other)))
-    # Where CAD draws all holes as wide as the shank, the thread is in the last.
+    # If CAD draws all holes as wide as the shank, the last one has the thread.
     threaded = (min(gripping, key=lambda other: (gripping[other], other)),) if gripping else ()
     return Fastener(
         part=name,
-        kind="pin" if one.named == "pin" else "screw",
+        kind="pin" if candidate.named == "pin" else "screw",
         axis=_vector(shape.axis),
         point_m=_vector(shape.origin_m + shape.high_m * shape.axis),
         diameter_m=2 * shape.shank.radius_m,
         length_m=shape.shank_length_m,
         joins=joins,
-        threaded_in=() if one.named == "pin" else threaded,
+        threaded_in=() if candidate.named == "pin" else threaded,
         by=by,
     )
 
 
-def _threaded_word(one: _Candidate) -> str:
-    return "thread" if _is_threaded(one.part, one.shape) else ""
+def _threaded_word(candidate: _Candidate) -> str:
+    return "thread" if _is_threaded(candidate.part, candidate.shape) else ""
 
 
 def _deepest_touched(
     shape: TurnedShape, name: str, contacts: Sequence[Contact]
 ) -> dict[str, float]:
-    """Return what the shank touches or overlaps, with where: modelled threads are no cylinders."""
-    found: dict[str, float] = {}
+    """Return the positions of parts that touch the shank, for modelled threads."""
+    positions: dict[str, float] = {}
     for contact in contacts:
         if name not in contact.parts:
             continue
@@ -207,78 +208,81 @@ def _deepest_touched(
         points = np.asarray(contact.points_m).reshape(-1, 3)
         along = (points - shape.origin_m) @ shape.axis
         if len(along) and np.median(along) < shape.low_m + shape.shank_length_m:
-            found[other] = float(np.median(along))
-    return found
+            positions[other] = float(np.median(along))
+    return positions
 
 
 def _ring(
     product: Product,
-    one: _Candidate,
+    candidate: _Candidate,
     screws: dict[int, Fastener],
     contacts: Sequence[Contact],
 ) -> Fastener | None:
-    """Return a nut or washer: by name, or a ring on the axis of a screw."""
-    shape, bore = one.shape, one.shape.bore
+    """Return a nut or washer, by name or as a ring on the axis of a screw, or None."""
+    shape, bore = candidate.shape, candidate.shape.bore
     on = [
         (number, screw)
         for number, screw in screws.items()
         if _same_line(shape, np.asarray(screw.axis), np.asarray(screw.point_m))
         and _within(shape, product.parts[number])
     ]
-    kind = one.named if one.named in ("nut", "washer") else None
+    kind = candidate.named if candidate.named in ("nut", "washer") else None
     by: tuple[str, ...] = ("name",)
     if kind is None and bore is not None and on:
         flat = shape.length_m <= _THIN_WASHER * bore.radius_m and shape.outer_planes == 0
         ring = 1.3 <= shape.head_radius_m / bore.radius_m <= 4
-        plain = sum(face.kind != "plane" for face in one.part.faces) <= 4
+        plain = sum(face.kind != "plane" for face in candidate.part.faces) <= 4
         if shape.outer_planes == 6 and ring:
             kind, by = "nut", ("hexagon", "on a screw")
-        elif flat and ring and plain and len(one.part.faces) <= 8:
+        elif flat and ring and plain and len(candidate.part.faces) <= 8:
             kind, by = "washer", ("flat ring", "on a screw")
     if kind is None:
         return None
     axis = np.asarray(on[0][1].axis) if on else shape.axis
     # A nut comes off the end of the screw.
     axis = -axis if kind == "nut" else axis
-    end = max(np.dot(one.part.vertices_m - shape.origin_m, axis))
+    end = max(np.dot(candidate.part.vertices_m - shape.origin_m, axis))
     own = tuple(screw.part for _, screw in on)
     return Fastener(
-        part=one.part.name,
+        part=candidate.part.name,
         kind=kind,
         axis=_vector(axis),
         point_m=_vector(shape.origin_m + end * axis),
         diameter_m=2 * (bore.radius_m if bore is not None else shape.shank.radius_m),
         length_m=shape.length_m,
-        joins=(*own, *(_pressed(one.part.name, axis, contacts) if kind == "nut" and on else ())),
+        joins=(
+            *own,
+            *(_pressed(candidate.part.name, axis, contacts) if kind == "nut" and on else ()),
+        ),
         threaded_in=own if kind == "nut" else (),
         by=by,
     )
 
 
 def _pressed(name: str, axis: Floats, contacts: Sequence[Contact]) -> tuple[str, ...]:
-    """Return what a nut lies flat on: its axis looks away from that."""
-    found = set()
+    """Return the parts that a nut lies flat on; its axis points away from them."""
+    parts = set()
     for contact in contacts:
         if contact.kind == "plane" and name in contact.parts:
             sign = 1 if contact.parts[0] == name else -1
             if any(sign * float(np.dot(normal, axis)) < -_FLAT for normal in contact.normals):
-                found.add(contact.parts[1 - contact.parts.index(name)])
-    return tuple(sorted(found))
+                parts.add(contact.parts[1 - contact.parts.index(name)])
+    return tuple(sorted(parts))
 
 
 def _with_nuts(
-    product: Product, one: Fastener, made: dict[int, Fastener], contacts: Sequence[Contact]
+    product: Product,
+    fastener: Fastener,
+    fasteners: dict[int, Fastener],
+    contacts: Sequence[Contact],
 ) -> Fastener:
-    """Return a screw that is also threaded in the nuts on it, and not in what only guides it."""
-    if one.kind != "screw":
-        return one
-    nuts = tuple(other.part for other in made.values() if one.part in other.threaded_in)
+    """Return a screw as threaded in its nuts instead of the parts that only guide it."""
+    if fastener.kind != "screw":
+        return fastener
+    nuts = tuple(other.part for other in fasteners.values() if fastener.part in other.threaded_in)
     if not nuts:
-        return one
-    return Fastener(
-        one.part, one.kind, one.axis, one.point_m, one.diameter_m, one.length_m,
-        one.joins, nuts, one.by,
-    )  # fmt: skip
+        return fastener
+    return replace(fastener, threaded_in=nuts)
 
 
 def _same_line_fit(shape: TurnedShape, fit: CylinderFit) -> bool:
@@ -286,19 +290,19 @@ def _same_line_fit(shape: TurnedShape, fit: CylinderFit) -> bool:
 
 
 def _same_line(shape: TurnedShape, axis: Floats, point_m: Floats) -> bool:
-    apart = point_m - shape.origin_m
-    off = float(np.linalg.norm(apart - (apart @ shape.axis) * shape.axis))
+    offset = point_m - shape.origin_m
+    off = float(np.linalg.norm(offset - (offset @ shape.axis) * shape.axis))
     return bool(
         np.linalg.norm(np.cross(shape.axis, axis)) < 0.02 and off < 0.2 * shape.shank.radius_m
     )
 
 
 def _within(shape: TurnedShape, screw: Part) -> bool:
-    """Whether a screw passes through, or under, what lies about its axis."""
+    """Return whether a screw passes through, or below, the parts on its axis."""
     along = (screw.vertices_m - shape.origin_m) @ shape.axis
     return bool(along.min() <= shape.high_m + 1e-4 and along.max() >= shape.low_m - 1e-4)
 
 
 def _vector(numbers: Floats) -> Vector:
-    x, y, z = (float(one) + 0.0 for one in numbers)
+    x, y, z = (float(number) + 0.0 for number in numbers)
     return x, y, z

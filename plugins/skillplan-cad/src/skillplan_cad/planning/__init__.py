@@ -1,1 +1,1 @@
-"""From what blocks what to an order: precedence, sub-assemblies, paths out, sequence, replay."""
+"""Plan the assembly: precedence, sub-assemblies, removal paths, order, replay."""

@@ -1,4 +1,4 @@
-"""A plan of assembly for a whole product: base, steps, sub-assemblies, and what cannot be done."""
+"""Plan the assembly of a product: base, steps, sub-assemblies and stuck parts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from skillplan_cad.relation import Relation
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """A set of parts that goes off as one.
+    """A set of parts that leaves the rest as one.
 
     Parameters
     ----------
     moved, left
         The two sets, as bits.
     direction
-        Number of the direction in which it goes.
+        Number of the direction of the move.
     """
 
     moved: int
@@ -40,15 +40,15 @@ class Split:
 
 @dataclass(frozen=True, slots=True)
 class Lock:
-    """Why a set of parts comes apart by no straight move.
+    """Proof that a set of parts has no straight move.
 
     Parameters
     ----------
     parts
         The set, as bits.
     rounds
-        For each direction a closed walk through all of the set, every part of it blocked by the
-        next: whichever moves, all have to. In the order of the directions.
+        For each direction a closed walk through the set in which each part is blocked by the next,
+        so a move of any part moves all.
     """
 
     parts: int
@@ -57,16 +57,16 @@ class Lock:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """How what does not come apart part by part comes apart.
+    """Sub-assemblies and locks among the parts that do not come off one at a time.
 
     Parameters
     ----------
     core
-        What is left once every part has gone that can by itself, as bits; 0 where nothing is.
+        Parts that remain after every part that can leave alone has left, as bits; 0 if none.
     splits
-        Moves of sub-assemblies that take it apart further.
+        Moves of sub-assemblies that break up the core.
     locks
-        Sets that no straight move takes apart, each with the proof.
+        Sets without a straight move, each with its proof.
     """
 
     core: int
@@ -75,21 +75,21 @@ class Groups:
 
     @property
     def subassemblies(self) -> tuple[int, ...]:
-        """Sets of two or more parts that have to be put together apart from the rest."""
-        return tuple(one.moved for one in self.splits if one.moved & (one.moved - 1))
+        """Sets of two or more parts that must be assembled separately."""
+        return tuple(split.moved for split in self.splits if split.moved & (split.moved - 1))
 
 
 def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Groups:
-    """Return the sub-assemblies of a product, and what of it is locked.
+    """Return the sub-assemblies and the locked sets of a product.
 
     Parameters
     ----------
     relation
-        What blocks what.
+        Blocking relation.
     precedence
-        The same as alternatives; what was found to get past others is left out there.
+        Alternatives of the relation, including those by paths.
     fixed
-        A part that is never moved, the base, as bits.
+        The base, which never moves, as a bit.
     """
     core = precedence.core(fixed=fixed)
     blocked = _blocked_by(relation, precedence)
@@ -111,11 +111,11 @@ def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Gro
 
 
 def holds(lock: Lock, relation: Relation) -> bool:
-    """Return whether a proof is one: each round is closed, through all parts, along blockings."""
-    wanted = set(members(lock.parts))
+    """Return whether a lock's rounds are closed walks through all its parts along blockings."""
+    parts = set(members(lock.parts))
     matrix = relation.matrix
     return len(lock.rounds) == len(relation.directions) and all(
-        set(walk) == wanted
+        set(walk) == parts
         and all(
             matrix[direction, part, by] for part, by in zip(walk, (*walk[1:], walk[0]), strict=True)
         )
@@ -124,33 +124,33 @@ def holds(lock: Lock, relation: Relation) -> bool:
 
 
 def _blocked_by(relation: Relation, precedence: Precedence) -> list[list[int]]:
-    """Return for each direction and part the set of its blockers."""
-    found = [[0] * len(relation.parts) for _ in relation.directions]
+    """Return the set of blockers for each direction and part."""
+    blockers_of = [[0] * len(relation.parts) for _ in relation.directions]
     for part, alternatives in enumerate(precedence.alternatives):
-        for one in alternatives:
-            for direction in one.directions:
-                if direction < len(found):  # those beyond are paths
-                    found[direction][part] = one.blockers
-    return found
+        for alternative in alternatives:
+            for direction in alternative.directions:
+                if direction < len(blockers_of):  # numbers above are paths
+                    blockers_of[direction][part] = alternative.blockers
+    return blockers_of
 
 
 def split_of(relation: Relation, precedence: Precedence, parts: int, fixed: int) -> Split | None:
-    """Return the smallest set of some parts that goes off the others as one, or None.
+    """Return the smallest part set that can leave the others as one, or None.
 
     Parameters
     ----------
     relation, precedence
         As for `groups_of`.
     parts
-        The set to take apart, as bits.
+        The set to split, as bits.
     fixed
-        Parts that are not moved, as bits.
+        Parts that do not move, as bits.
     """
     return _smallest_split(parts, _blocked_by(relation, precedence), fixed)
 
 
 def _smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split | None:
-    """Return the smallest set that can go off the rest; the first direction among equals."""
+    """Return the smallest set that can leave the rest; ties go to the first direction."""
     best: Split | None = None
     for direction, blockers in enumerate(blocked):
         for part in members(parts):
@@ -163,19 +163,19 @@ def _smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split |
 
 
 def _closure(part: int, parts: int, blockers: list[int]) -> int:
-    """Return all that has to move where one part moves."""
+    """Return all parts that must move together with a part."""
     moved = frontier = 1 << part
     while frontier:
         met = 0
-        for one in members(frontier):
-            met |= blockers[one]
+        for member in members(frontier):
+            met |= blockers[member]
         frontier = met & parts & ~moved
         moved |= frontier
     return moved
 
 
 def _rounds(parts: int, blocked: list[list[int]]) -> tuple[tuple[int, ...], ...]:
-    """Return a closed walk through all of a set for each direction."""
+    """Return a closed walk through the whole set for each direction."""
     return tuple(_round(parts, blockers) for blockers in blocked)
 
 
@@ -195,8 +195,8 @@ def _round(parts: int, blockers: list[int]) -> tuple[int, ...]:
     return tuple(walk)
 
 
-def _way(start: int, wanted: int, parts: int, blockers: list[int]) -> list[int]:
-    """Return the shortest way from a part to any of those wanted, without the first."""
+def _way(start: int, targets: int, parts: int, blockers: list[int]) -> list[int]:
+    """Return the shortest walk from a part to any target, without the start."""
     came: dict[int, int] = {start: start}
     queue = [start]
     for part in queue:
@@ -204,11 +204,11 @@ def _way(start: int, wanted: int, parts: int, blockers: list[int]) -> list[int]:
             if by in came:
                 continue
             came[by] = part
-            if wanted >> by & 1:
-                way = [by]
-                while came[way[-1]] != start:
-                    way.append(came[way[-1]])
-                return way[::-1]
+            if targets >> by & 1:
+                walk = [by]
+                while came[walk[-1]] != start:
+                    walk.append(came[walk[-1]])
+                return walk[::-1]
             queue.append(by)
     raise ValueError("the set is not strongly connected")
 
@@ -224,30 +224,30 @@ _MOST_FOR_ALL_FORCES = 60
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of putting together.
+    """A step of the assembly.
 
     Parameters
     ----------
     parts
-        Names of what comes: one part, or a sub-assembly that was put together before.
+        Names of the parts that come: one part, or a sub-assembly built before.
     onto
-        Name of the base of what it comes to.
+        Name of the base they are added to.
     along
-        Unit vector in which it comes at the end, in the product's frame.
+        Unit vector of the final move, in the product's frame.
     path
-        Moves by which it goes off again, where no straight one does; empty else.
+        Moves of the removal if no straight move works; empty otherwise.
     up
-        What points up then.
+        Vector that points up during the step.
     tool
-        That brings it.
+        Name of the tool that brings the parts.
     turn
-        Whether what is together is turned over before it.
+        True if the product is turned over before the step.
     held
-        Names of parts that do not stay by themselves afterwards, and must be held.
+        Names of parts that are unstable afterwards and must be held.
     tips
-        Whether what is together would tip over.
+        True if the product would tip over.
     connected
-        Whether what was together before hangs together.
+        True if the product was in one piece before the step.
     """
 
     parts: tuple[str, ...]
@@ -264,16 +264,16 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Stuck:
-    """A part for which no way out was found.
+    """A part without a known way out.
 
     Parameters
     ----------
     part
-        Its name.
+        Name of the part.
     among
-        Names of the parts that were there.
+        Names of the parts that were present.
     search
-        What the search for a path came to, with what is in the way.
+        Result of the path search, with the parts in the way.
     """
 
     part: str
@@ -283,26 +283,26 @@ class Stuck:
 
 @dataclass(frozen=True, slots=True)
 class AssemblyPlan:
-    """How a product is put together.
+    """A plan of how to assemble a product.
 
     Parameters
     ----------
     base, why_base
-        The part that everything else comes to, and why it was chosen.
+        The part that all others are added to, and the reason for the choice.
     steps
-        In order of assembly; a sub-assembly's own come before it comes.
+        Steps in order of assembly; a sub-assembly's own steps come first.
     subassemblies
-        Sets of parts that are put together apart, each with its base first.
+        Sets of parts that are assembled separately, each with its base first.
     stuck
-        Parts that no motion that was searched frees.
+        Parts that no searched motion frees.
     locks
-        Sets that no straight move takes apart, with the proof.
+        Sets without a straight move, with proof.
     precedence
-        All alternatives, those by paths included.
+        All alternatives, including paths.
     cost
-        What the order costs, without unit.
+        Cost of the order [-].
     cheapest
-        Whether no order costs less.
+        True if the order is proved optimal.
     """
 
     base: str
@@ -317,19 +317,19 @@ class AssemblyPlan:
 
     @property
     def complete(self) -> bool:
-        """Whether all parts come together."""
+        """True if all parts are assembled."""
         return not self.stuck
 
     @property
     def up(self) -> Vector:
-        """What points up in most steps, in the product's frame."""
+        """Vector that points up in most steps, in the product's frame."""
         ups = [step.up for step in self.steps]
         return max(dict.fromkeys(ups), key=ups.count, default=(0.0, 0.0, 1.0))
 
 
 @dataclass
 class _Work:
-    """What a plan is made of, while it is."""
+    """Intermediate results of planning."""
 
     precedence: Precedence
     directions: list[Vector]
@@ -343,16 +343,14 @@ class _Work:
 
 
 class Planner:
-    """Makes plans of a product.
+    """Plans the assembly of a product.
 
     Parameters
     ----------
-    product, relation
-        Its parts, and what blocks what.
     tolerance_m
-        By which meshes are shrunk in searches for paths.
+        Distance by which meshes are shrunk for path searches [m].
     budget
-        The most iterations of one such search.
+        Iteration limit of each path search.
     """
 
     def __init__(
@@ -374,24 +372,24 @@ class Planner:
         up: Vector = (0.0, 0.0, 1.0),
         grounded: Collection[str] = (),
     ) -> AssemblyPlan:
-        """Return the plan for a base, by name; left out, one is chosen.
+        """Plan the assembly onto a base.
 
         Parameters
         ----------
         base
-            The part that everything comes to.
+            Name of the base; None to choose it.
         up
-            What points up in the finished product.
+            Vector that points up in the finished product.
         grounded
-            Names of the parts that stand on the table by themselves, of which the base is one if
-            all others come off any of them.
+            Names of the parts that stand on the table by themselves. The base is chosen among them
+            if all others come off one of them.
         """
         precedence = precedence_of(self._relation)
         number, why = self._base(precedence, base, grounded)
         locks = groups_of(self._relation, precedence, 1 << number).locks
         work = _Work(precedence, list(self._relation.directions))
         self._take_apart(work, precedence.everything, number, up)
-        steps = tuple(self._step(work, *one) for one in reversed(work.removed))
+        steps = tuple(self._step(work, *removed) for removed in reversed(work.removed))
         return AssemblyPlan(
             self._relation.names[number],
             why,
@@ -405,15 +403,15 @@ class Planner:
         )
 
     def _base(
-        self, precedence: Precedence, asked: str | None, grounded: Collection[str]
+        self, precedence: Precedence, requested: str | None, grounded: Collection[str]
     ) -> tuple[int, str]:
-        """Return the base and why it is."""
-        if asked is not None:
-            return self._product.index(asked), "It was asked for."
+        """Return the base and the reason for it."""
+        if requested is not None:
+            return self._product.index(requested), "It was asked for."
         masses = np.array([part.mass_kg for part in self._product])
         others = max(1, len(masses) - 1)
         shares = masses / masses.sum()
-        touched = np.array([each.bit_count() for each in self._touches]) / others
+        touched = np.array([touched_parts.bit_count() for touched_parts in self._touches]) / others
         names = self._relation.names
         order = sorted(range(len(masses)), key=lambda n: (-(shares[n] + touched[n]), n))
         free = [n for n in order if precedence.core(fixed=1 << n) == 1 << n]
@@ -426,7 +424,7 @@ class Planner:
         return best, why
 
     def _take_apart(self, work: _Work, present: int, base: int, up: Vector) -> None:
-        """Remove what can be from a set until the base is left, and note what cannot."""
+        """Remove parts until only the base remains; record the stuck parts."""
         while present != 1 << base:
             sequencer = Sequencer(
                 work.precedence,
@@ -435,13 +433,13 @@ class Planner:
                 self._stability,
                 self._tools,
             )
-            found = sequencer.sequence(present, base, up)
-            for removal in found.removals:
+            sequence = sequencer.sequence(present, base, up)
+            for removal in sequence.removals:
                 work.removed.append((1 << removal.part, removal, present, base))
                 present &= ~(1 << removal.part)
                 up = removal.up
-            work.cost += found.cost
-            work.cheapest = work.cheapest and found.cheapest
+            work.cost += sequence.cost
+            work.cheapest = work.cheapest and sequence.cheapest
             if present == 1 << base:
                 return
             split = split_of(self._relation, work.precedence, present, 1 << base)
@@ -455,7 +453,7 @@ class Planner:
     def _take_off(
         self, work: _Work, moved: int, direction: int, present: int, base: int, up: Vector
     ) -> None:
-        """Remove a sub-assembly as one, and take it apart by itself."""
+        """Remove a sub-assembly as one, then disassemble it."""
         vector = work.directions[direction]
         above = up if float(np.dot(up, vector)) > -1e-3 else vector
         first = next(members(moved))
@@ -468,7 +466,7 @@ class Planner:
         self._take_apart(work, moved, inner, above)
 
     def _find_path(self, work: _Work, present: int, base: int) -> bool:
-        """Look for a path for any of the parts that are left, the smallest first."""
+        """Search a path for one of the remaining parts, the smallest first."""
         parts = self._product.parts
         for part in sorted(members(present & ~(1 << base)), key=lambda n: (parts[n].volume_m3, n)):
             if (part, present) in work.searched:
@@ -484,8 +482,8 @@ class Planner:
                 number = len(work.directions)
                 offset = np.asarray(path.moves[-1].offset_m)
                 length = float(np.linalg.norm(offset))
-                way = offset / length if length else np.array([0.0, 0.0, 1.0])
-                work.directions.append((float(way[0]), float(way[1]), float(way[2])))
+                along = offset / length if length else np.array([0.0, 0.0, 1.0])
+                work.directions.append((float(along[0]), float(along[1]), float(along[2])))
                 work.paths[number] = path
                 absent = work.precedence.everything & ~present
                 work.precedence = work.precedence.with_path(part, number, absent)
@@ -499,13 +497,13 @@ class Planner:
             work.stuck.append(Stuck(names[part], among, work.searched[part, present]))
 
     def _step(self, work: _Work, moved: int, removal: Removal, present: int, base: int) -> Step:
-        """Return a removal read backwards."""
+        """Return the assembly step that reverses a removal."""
         held: tuple[int, ...] = () if removal.stays else (removal.part,)
         if len(self._product) <= _MOST_FOR_ALL_FORCES:
             held = self._stability.must_be_held(present, base, removal.up)
         path = work.paths.get(removal.direction)
         vector = np.asarray(work.directions[removal.direction])
-        along = tuple(float(one) + 0.0 for one in -vector)
+        along = tuple(float(component) + 0.0 for component in -vector)
         names = work.precedence.names
         return Step(
             names_of(moved, work.precedence),
@@ -522,14 +520,14 @@ class Planner:
 
 
 def with_groups(relation: Relation, plan: AssemblyPlan) -> Relation:
-    """Return a relation with the sub-assemblies and the stuck parts of a plan."""
+    """Return a relation with the sub-assemblies and stuck parts of a plan."""
     groups = [names_of(lock.parts, plan.precedence) for lock in plan.locks]
-    groups += [tuple(sorted(one, key=relation.index)) for one in plan.subassemblies]
-    stuck = tuple(sorted((one.part for one in plan.stuck), key=relation.index))
+    groups += [tuple(sorted(subassembly, key=relation.index)) for subassembly in plan.subassemblies]
+    stuck = tuple(sorted((stuck_part.part for stuck_part in plan.stuck), key=relation.index))
     return replace(relation, groups=tuple(dict.fromkeys(groups)), stuck=stuck)
 
 
 def _tools(relation: Relation) -> Mapping[int, str]:
-    """Return which parts a screwdriver brings; all others are gripped."""
-    driven = {one.part for one in relation.fasteners if one.kind in ("screw", "nut")}
+    """Return the tool of each screw and nut; all other parts are gripped."""
+    driven = {fastener.part for fastener in relation.fasteners if fastener.kind in ("screw", "nut")}
     return {relation.index(name): DRIVER for name in driven}

@@ -1,8 +1,8 @@
-"""What bears each part once it is put in place: the table, or parts that came before it.
+"""Find the supports of each placed part: the table, or parts placed before.
 
-One arm lets go of what it has placed. So a part needs a level face beneath it, of the table or of a
-part that is borne itself, and its centre of mass over that. What its fit alone would hold, a round
-part in a hole or a cap on a shaft, needs a second hand, a press or a nest, which no task has.
+The arm releases a placed part, so it needs a level face below, of the table or a supported part,
+with its centre of mass above. Parts held by their fit alone, such as a pin in a hole or a cap on a
+shaft, need a second hand, a press or a nest, which tasks lack.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ ATTITUDES: Mapping[str, Vector] = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
-"""What may point up, in the file's frame; the first is taken where none bears more parts."""
+"""Vectors that may point up, in the file's frame; the first wins ties."""
 
-# How far what is level may be from it, as `check` has it for gaps; and points of one height.
+# Gap tolerance as in `check`, cosine of a level normal, and height tolerance of points.
 _TOUCH_M = 2e-4
 _LEVEL = 0.999
 _SAME_M = 1e-5
@@ -40,18 +40,18 @@ _ROUND = ("cylinder", "cone", "sphere", "torus")
 
 @dataclass(frozen=True, slots=True)
 class Bearing:
-    """Which parts of a product stand, one on the other, with one side up.
+    """Supports of the parts in one orientation.
 
     Parameters
     ----------
     up
-        What points up, in the product's frame.
+        Vector that points up, in the product's frame.
     order
-        Parts that are borne, each after those that bear it.
+        Supported parts, each after its supports.
     on
-        Of these parts what they stand on; nothing of what stands on the table alone.
+        Supports of these parts; empty for parts on the table alone.
     why_not
-        Of all other parts why they are not borne, in words that go after a name.
+        Reasons why the other parts lack support, as clauses that follow a name.
     """
 
     up: Vector
@@ -61,29 +61,29 @@ class Bearing:
 
 
 def bearing_of(product: Product, relation: Relation, up: Vector) -> Bearing:
-    """Return what bears each part that a hand brings, with one side up.
+    """Return the supports of each part that a hand brings, in one orientation.
 
-    Where more stand, in one group, without the lowest parts, as where a cap hangs below what it is
-    put on, those are left out.
+    The lowest parts are left out if more parts then stand in one group, such as above a cap that
+    hangs below its mate.
     """
     return _Standing(product, relation, up).best()
 
 
 def best_bearing(product: Product, relation: Relation) -> Bearing:
-    """Return the attitude that bears the most parts; the first of those that bear as many."""
-    found: Bearing | None = None
+    """Return the orientation that supports the most parts; the first wins ties."""
+    best: Bearing | None = None
     for up in ATTITUDES.values():
-        one = bearing_of(product, relation, up)
-        if found is None or len(one.order) > len(found.order):
-            found = one
-        if not found.why_not:
+        bearing = bearing_of(product, relation, up)
+        if best is None or len(bearing.order) > len(best.order):
+            best = bearing
+        if not best.why_not:
             break
-    assert found is not None
-    return found
+    assert best is not None
+    return best
 
 
 class _Standing:
-    """A product with one side up."""
+    """A product in one orientation."""
 
     def __init__(self, product: Product, relation: Relation, up: Vector) -> None:
         self._up, self._vector, self._plan = up, np.asarray(up), axes_across(up)
@@ -108,51 +108,53 @@ class _Standing:
         present = set(self._parts)
         best: dict[str, tuple[str, ...]] = {}
         while len(present) > len(best):
-            found = self._borne(present)
-            # What is left of a product without its base has to hang together.
-            whole = len(present) == len(self._parts) or self._hang_together(found)
-            if len(found) > len(best) and whole:
-                best = found
+            borne = self._borne(present)
+            # Without its base, the rest of the product must be in one piece.
+            whole = len(present) == len(self._parts) or self._hang_together(borne)
+            if len(borne) > len(best) and whole:
+                best = borne
             ground = min(self._lowest[name] for name in present)
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
         others = [name for name in self._parts if name not in best]
         return Bearing(self._up, tuple(best), best, {n: self._reason(n, best) for n in others})
 
     def _borne(self, present: Collection[str]) -> dict[str, tuple[str, ...]]:
-        """Return the parts that stand among some, in order, each with what it stands on."""
+        """Return the supported parts in order, each with its supports."""
         ground = min(self._lowest[name] for name in present)
-        found: dict[str, tuple[str, ...]] = {}
+        supports_of: dict[str, tuple[str, ...]] = {}
         waiting = [name for name in self._parts if name in present]
         while True:
             for name in waiting:
-                bearers = [one for one in self._beneath[name] if one in found]
-                corners = [self._beneath[name][one] for one in bearers]
+                bearers = [other for other in self._beneath[name] if other in supports_of]
+                corners = [self._beneath[name][bearer] for bearer in bearers]
                 if self._lowest[name] < ground + _TOUCH_M:
                     corners.append(self._foot(name))
                 if corners and is_over(self._centres[name], np.concatenate(corners)):
-                    found[name] = tuple(bearers)
+                    supports_of[name] = tuple(bearers)
                     waiting.remove(name)
                     break
             else:
-                return found
+                return supports_of
 
     def _hang_together(self, names: Collection[str]) -> bool:
-        """Return whether parts touch each other in one group."""
-        pairs = [one.parts for one in self._relation.contacts if set(one.parts) <= set(names)]
+        """Return whether contacts connect all parts."""
+        pairs = [
+            contact.parts for contact in self._relation.contacts if set(contact.parts) <= set(names)
+        ]
         reached = set(list(names)[:1])
         while more := {name for pair in pairs if reached & set(pair) for name in pair} - reached:
             reached |= more
         return len(reached) == len(names)
 
     def _foot(self, name: str) -> Array:
-        """Return the corners of the level faces on which a part stands, in plan."""
+        """Return the corners of the level faces that a part stands on, in plan view."""
         part = self._parts[name]
         corners = part.vertices_m[part.triangles]
         heights = corners @ self._vector
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         level = normals @ self._vector < -_LEVEL * np.linalg.norm(normals, axis=1)
         for face in part.faces:
-            # A chord of what is round is level, and does not keep it from rolling.
+            # A level chord of a round face does not prevent rolling.
             level[face.triangles] &= face.kind not in _ROUND
         low = (heights < self._lowest[name] + _TOUCH_M).all(axis=1)
         return np.asarray(corners[level & low].reshape(-1, 3) @ self._plan.T)
@@ -174,16 +176,16 @@ class _Standing:
                 yield upper, lower, self._at_one_height(points) @ self._plan.T
 
     def _at_one_height(self, points: Array) -> Array:
-        """Return the points of which several are as high: those on a level face."""
+        """Return the points that share their height with others: those on a level face."""
         heights = np.round(points @ self._vector / _SAME_M)
         _, which, counts = np.unique(heights, return_inverse=True, return_counts=True)
         level = counts[which] >= _FEWEST_POINTS
         return np.asarray(points[level] if level.any() else points)
 
     def _reason(self, name: str, borne: Collection[str]) -> str:
-        """Return why a part is not borne."""
+        """Return the reason why a part lacks support."""
         beneath = list(self._beneath[name])
-        there = [one for one in beneath if one in borne]
+        there = [other for other in beneath if other in borne]
         touched = [
             other
             for contact in self._relation.contacts
@@ -191,7 +193,7 @@ class _Standing:
             for other in contact.parts
             if other != name
         ]
-        ground = min((self._lowest[one] for one in borne), default=-np.inf)
+        ground = min((self._lowest[supported] for supported in borne), default=-np.inf)
         below = self._lowest[name] < ground - _TOUCH_M
         if below and is_over(self._centres[name], self._foot(name)):
             return "stands lower than all others, more of which stand without it"

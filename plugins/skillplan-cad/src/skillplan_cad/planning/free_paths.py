@@ -1,8 +1,8 @@
-"""Ways out for what no straight line frees: A* over translations, then over turns as well.
+"""Search removal paths that are not straight: A* over translations, then with turns.
 
-The answer is one of three words. *free*: a path was found, checked in small steps. *closed*:
-everything that can be reached on the lattice was looked at, and nothing leads out. *budget spent*:
-neither is known. The budget counts iterations, never time.
+There are three outcomes. *free*: a path was found and checked in small steps. *closed*: the search
+covered everything reachable on the lattice without a way out. *budget spent*: undecided. The budget
+counts iterations, never time.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from skillplan_cad.product import Part, Vector
 Outcome = Literal["free", "closed", "budget spent"]
 
 _INSET_SHARE = 0.9
-_TURN_STEPS = 24  # of a whole turn
-_BEND_SHARE = 0.1  # of the least extent of what moves: what a bend counts
-_COARSE_STEP = 4.0  # of the inset, between the placements that the search looks at
+_TURN_STEPS = 24  # per full turn
+_BEND_SHARE = 0.1  # cost of a bend, as a share of the smallest extent of the moving parts
+_COARSE_STEP = 4.0  # distance of the placements checked in the search, in insets
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +42,9 @@ class Move:
     Parameters
     ----------
     offset_m
-        How far it goes; zero of a turn.
+        Translation; zero for a turn.
     angle_rad, axis
-        How far it is turned, and about which line, as it lies with the part in place; 0 and None
-        of a straight move.
+        Rotation angle and axis, located with the part in place; 0 and None for a straight move.
     """
 
     offset_m: Vector
@@ -55,20 +54,18 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class FreePath:
-    """What was found out about taking parts out.
+    """Result of a path search.
 
     Parameters
     ----------
-    outcome
-        One of the three words.
     moves
-        From its place to beside all that stands; empty unless it is free.
+        Moves from the place in the product to the outside; empty unless the outcome is free.
     iterations
-        Spent on the search.
+        Number of iterations.
     turned
-        Whether turns were searched, too.
+        True if turns were searched.
     in_the_way
-        What was met, the nearest first: each part once, with a point.
+        Obstacles, the nearest first: each part once, with a point.
     """
 
     outcome: Outcome
@@ -85,33 +82,38 @@ def free_path(
     budget: int = 20_000,
     turns: bool = True,
 ) -> FreePath:
-    """Return a way out for parts that move as one: by translations, else by turns as well.
+    """Search a way out for parts that move as one: translations first, then turns.
 
     Parameters
     ----------
-    moving, standing
-        What moves, and what stays; that by which a thread is waived is left out of it.
+    moving
+        Parts that move.
+    standing
+        Parts that stay, except mates of a moving thread.
     tolerance_m
-        How far every face is moved inwards.
+        Distance by which every face is moved inwards [m].
     budget
-        The most iterations that either search may take.
+        Iteration limit of each of the two searches.
     turns
-        Whether to search turns where translations do not lead out.
+        True to search turns if translations fail.
     """
     space = _Space(moving, standing, tolerance_m)
     straight = _search(space, (), budget)
     if straight.outcome == "free" or not turns:
         return straight
     turning = _search(space, axes_of(moving), budget)
-    met = {one.part: one for one in (*turning.in_the_way, *straight.in_the_way)}
-    ordered = {one.part: met[one.part] for one in (*straight.in_the_way, *turning.in_the_way)}
+    met = {obstacle.part: obstacle for obstacle in (*turning.in_the_way, *straight.in_the_way)}
+    ordered = {
+        obstacle.part: met[obstacle.part]
+        for obstacle in (*straight.in_the_way, *turning.in_the_way)
+    }
     spent = straight.iterations + turning.iterations
     return FreePath(turning.outcome, turning.moves, spent, True, tuple(ordered.values()))
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class _Node:
-    """A placement: numbers of offsets along the axes, and of axis and angle."""
+    """A placement: numbers of the offsets on the axes, of the rotation axis and of the angle."""
 
     x: int
     y: int
@@ -121,19 +123,19 @@ class _Node:
 
 
 def _signs(here: _Node, there: _Node) -> tuple[int, ...]:
-    """Return which way a move goes, and whether it is a turn."""
-    ways = (there.x - here.x, there.y - here.y, there.z - here.z)
-    return (*((way > 0) - (way < 0) for way in ways), int(here.turn != there.turn))
+    """Return the signs of a move along the axes, and 1 for a turn."""
+    steps = (there.x - here.x, there.y - here.y, there.z - here.z)
+    return (*((step > 0) - (step < 0) for step in steps), int(here.turn != there.turn))
 
 
 class _Space:
-    """Placements, and what they meet."""
+    """Placements of the moving parts, and their collisions."""
 
     def __init__(
         self, moving: Sequence[Part], standing: Sequence[Part], tolerance_m: float
     ) -> None:
         self.fine_m = tolerance_m
-        # What overlaps by twice the tolerance still does.
+        # Parts that overlap by twice the tolerance still collide.
         inset_m = _INSET_SHARE * tolerance_m
         self.surroundings = Surroundings(mesh_trees(moving, inset_m), mesh_trees(standing, inset_m))
         self.offsets = stops(moving, standing, tolerance_m)
@@ -145,24 +147,24 @@ class _Space:
         self._boxes: dict[tuple[Axis | None, float], tuple[Array, Array]] = {}
 
     def start(self) -> _Node:
-        """Return the node at which nothing is moved."""
+        """Return the node of the place in the product."""
         x, y, z = (int(np.argmin(np.abs(offsets))) for offsets in self.offsets)
         return _Node(x, y, z)
 
     def offset(self, node: _Node) -> Array:
-        """Return how far a node is from the place in the product."""
+        """Return the offset of a node from the place in the product."""
         numbers = (node.x, node.y, node.z)
         return np.array([self.offsets[axis][number] for axis, number in enumerate(numbers)])
 
     def turn(self, axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
-        """Return a turn as matrix and offset; kept, as there are few."""
+        """Return a rotation as matrix and offset, from a cache."""
         key = (axis, angle_rad)
         if key not in self._turns:
             self._turns[key] = (np.eye(3), np.zeros(3)) if axis is None else turned(axis, angle_rad)
         return self._turns[key]
 
     def box(self, axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
-        """Return the box about what moves, turned and not yet moved."""
+        """Return the bounding box of the rotated, untranslated moving parts."""
         key = (axis, angle_rad)
         if key not in self._boxes:
             matrix, by = self.turn(axis, angle_rad)
@@ -171,17 +173,17 @@ class _Space:
         return self._boxes[key]
 
     def radius_m(self, axis: Axis) -> float:
-        """Return how far a point of what moves is from a line at most."""
+        """Return the greatest distance of the moving parts from a line."""
         if axis not in self._radii:
-            apart = self._points - np.asarray(axis.point_m)
-            across = np.cross(apart, np.asarray(axis.direction))
+            offsets = self._points - np.asarray(axis.point_m)
+            across = np.cross(offsets, np.asarray(axis.direction))
             self._radii[axis] = float(np.linalg.norm(across, axis=1).max())
         return self._radii[axis]
 
     def meets_between(
         self, axis: Axis | None, angles: tuple[float, float], ends: tuple[Array, Array], step: float
     ) -> Met | None:
-        """Return what is met between two placements, the first of them left out."""
+        """Return the first obstacle between two placements, without the first of them."""
         length = float(np.linalg.norm(ends[1] - ends[0]))
         if axis is not None and angles[0] != angles[1]:
             length += abs(angles[1] - angles[0]) * self.radius_m(axis)
@@ -202,8 +204,6 @@ def _fresh(axis: Axis | None, angle_rad: float) -> tuple[Array, Array]:
 
 
 class _Search:
-    """One A* search."""
-
     def __init__(self, space: _Space, axes: tuple[Axis, ...]) -> None:
         self.space, self.axes = space, axes
         self.came: dict[_Node, _Node] = {}
@@ -217,7 +217,7 @@ class _Search:
         return self.axes[node.axis], node.turn * 2 * np.pi / _TURN_STEPS
 
     def neighbours(self, node: _Node) -> Iterator[tuple[_Node, float]]:
-        """Yield where one move leads, and how far it is."""
+        """Yield the nodes one move away, with their distance."""
         here = (node.x, node.y, node.z)
         for axis in range(3):
             offsets = self.space.offsets[axis]
@@ -235,15 +235,15 @@ class _Search:
                 yield _Node(*here, number if wrapped else 0, wrapped), length
 
     def blocked(self, node: _Node, there: _Node) -> Met | None:
-        """Return what is met on one move."""
+        """Return the obstacle on a move, or None."""
         if there not in self._meets:
             matrix, by = self.space.turn(*self.pose(there))
             offset = by + self.space.offset(there)
             self._meets[there] = self.space.surroundings.meets(matrix, offset)
-        found = self._meets[there]
-        if found is None:
-            found = self._between(node, there, _COARSE_STEP * self.space.fine_m)
-        return found
+        met = self._meets[there]
+        if met is None:
+            met = self._between(node, there, _COARSE_STEP * self.space.fine_m)
+        return met
 
     def _between(self, node: _Node, there: _Node, step: float) -> Met | None:
         axis, angles = self._turn_between(node, there)
@@ -251,51 +251,53 @@ class _Search:
         return self.space.meets_between(axis, angles, ends, step)
 
     def _turn_between(self, node: _Node, there: _Node) -> tuple[Axis | None, tuple[float, float]]:
-        """Return about which line it is turned in one move, from and to which angle."""
-        (one, before), (other, after) = self.pose(node), self.pose(there)
+        """Return the rotation axis of a move, and its first and last angle."""
+        (first, before), (second, after) = self.pose(node), self.pose(there)
         if abs(after - before) > np.pi:  # through half a turn
             after += 2 * np.pi if after < before else -2 * np.pi
-        return one or other, (before, after)
+        return first or second, (before, after)
 
     def bend_m(self, node: _Node, there: _Node) -> float:
-        """Return what it counts to go on otherwise than before: few moves are easier to make."""
+        """Return the extra cost of a change of direction; paths with few moves are easier."""
         before = self.came.get(node)
         if before is None:
             return 0.0
         return 0.0 if _signs(before, node) == _signs(node, there) else self.space.bend_m
 
     def is_out(self, node: _Node) -> bool:
-        """Return whether all is beside what stands."""
+        """Return whether the moving parts are clear of the bounding box of the others."""
         low, high = self.space.box(*self.pose(node))
         offset = self.space.offset(node)
         return self.space.surroundings.is_out(low + offset, high + offset)
 
     def left_m(self, node: _Node) -> float:
-        """Return the least way to beside all that stands: no path is shorter."""
+        """Return a lower bound on the remaining distance to the outside."""
         low, high = self.space.box(*self.pose(node))
         offset = self.space.offset(node)
-        about = self.space.surroundings
-        ways = np.concatenate([high + offset - about.low_m, about.high_m - low - offset])
-        return max(0.0, float(ways.min()))
+        surroundings = self.space.surroundings
+        distances = np.concatenate(
+            [high + offset - surroundings.low_m, surroundings.high_m - low - offset]
+        )
+        return max(0.0, float(distances.min()))
 
     def moves(self, node: _Node) -> tuple[Move, ...] | None:
-        """Return the path to a node, or None if in small steps something is met after all."""
+        """Return the path to a node, or None if it collides in small steps."""
         path = [node]
         while path[-1] in self.came:
             path.append(self.came[path[-1]])
         path.reverse()
-        found: list[Move] = []
+        moves: list[Move] = []
         for here, there in itertools.pairwise(path):
             if self._between(here, there, self.space.fine_m) is not None:
                 return None
             axis, (before, after) = self._turn_between(here, there)
             offset = self.space.offset(there) - self.space.offset(here)
-            _append(found, offset, after - before, axis if before != after else None)
-        return tuple(found)
+            _append(moves, offset, after - before, axis if before != after else None)
+        return tuple(moves)
 
 
 def _append(moves: list[Move], offset: Array, angle: float, axis: Axis | None) -> None:
-    """Add a move to others, as part of the last one where it goes on in the same way."""
+    """Add a move, merged with the last one if it continues in the same direction."""
     new = Move((float(offset[0]), float(offset[1]), float(offset[2])), angle, axis)
     last = moves[-1] if moves else None
     if last is not None and last.axis == axis:
@@ -312,7 +314,7 @@ def _append(moves: list[Move], offset: Array, angle: float, axis: Axis | None) -
 
 
 def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
-    """Return what A* finds."""
+    """Run A* within an iteration budget."""
     search, start = _Search(space, axes), space.start()
     costs = {start: 0.0}
     heap = [(search.left_m(start), 0.0, start)]
@@ -346,7 +348,7 @@ def _search(space: _Space, axes: tuple[Axis, ...], budget: int) -> FreePath:
             costs[there] = spent
             search.came[there] = node
             heapq.heappush(heap, (spent + search.left_m(there), spent, there))
-    # A path that only large steps allow is no path, and no proof that there is none.
+    # A path that fails in small steps proves nothing either way.
     outcome: Outcome = "budget spent" if doubtful else "closed"
     return FreePath(outcome, (), iterations, bool(axes), _met(search))
 

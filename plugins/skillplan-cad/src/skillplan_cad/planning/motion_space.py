@@ -1,7 +1,7 @@
-"""Where a part may be on its way out: offsets on a lattice, turns about axes, and what it meets.
+"""The motion space of a part: offsets on a lattice, rotations about axes, and collisions.
 
-Offsets are those at which its faces come to faces of others, as CAD has most of its stops and
-slots there, and evenly spaced ones between them.
+The offsets bring faces into contact, which is where CAD has most stops and slots; evenly spaced
+ones fill the gaps.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _MOST_STOPS = 40
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A line that a part may be turned about.
+    """A rotation axis.
 
     Parameters
     ----------
     point_m, direction
-        In the product's frame, with the part in place.
+        Point and unit vector in the product's frame, with the part in place.
     """
 
     point_m: Vector
@@ -39,14 +39,14 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """A part that is met on a motion.
+    """A part that is hit on a motion.
 
     Parameters
     ----------
     part
-        Its name.
+        Name.
     point_m
-        Where they meet.
+        Point of the collision.
     """
 
     part: str
@@ -54,7 +54,7 @@ class Met:
 
 
 def turned(axis: Axis, angle_rad: float) -> tuple[Array, Array]:
-    """Return the rotation about a line, as a matrix and the offset that belongs to it."""
+    """Return the rotation about an axis, as matrix and offset."""
     x, y, z = axis.direction
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     matrix = np.eye(3) + np.sin(angle_rad) * across + (1 - np.cos(angle_rad)) * across @ across
@@ -63,94 +63,94 @@ def turned(axis: Axis, angle_rad: float) -> tuple[Array, Array]:
 
 
 class Surroundings:
-    """What stands about the parts that move, and whether these meet it.
+    """Collision test of the moving parts against the others.
 
     Parameters
     ----------
     moving
-        Shrunk meshes of what moves as one.
+        Shrunk meshes that move as one.
     standing
-        Shrunk meshes of what stands.
+        Shrunk meshes of the other parts.
     """
 
     def __init__(self, moving: Sequence[MeshTree], standing: Sequence[MeshTree]) -> None:
         self.moving, self.standing = tuple(moving), tuple(standing)
-        self._lows = np.array([one.low_m for one in standing]).reshape(-1, 3)
-        self._highs = np.array([one.high_m for one in standing]).reshape(-1, 3)
-        self._points = np.concatenate([one.vertices_m for one in moving])
+        self._lows = np.array([tree.low_m for tree in standing]).reshape(-1, 3)
+        self._highs = np.array([tree.high_m for tree in standing]).reshape(-1, 3)
+        self._points = np.concatenate([tree.vertices_m for tree in moving])
         self._request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
 
     @cached_property
     def low_m(self) -> Array:
-        """The least corner of the box about all that stands."""
+        """Lowest corner of the bounding box of the standing parts."""
         return np.asarray(self._lows.min(axis=0))
 
     @cached_property
     def high_m(self) -> Array:
-        """The greatest corner of it."""
+        """Highest corner of the bounding box of the standing parts."""
         return np.asarray(self._highs.max(axis=0))
 
     def box_of(self, matrix: Array) -> tuple[Array, Array]:
-        """Return the box about what moves, turned about the origin."""
+        """Return the bounding box of the moving parts, rotated about the origin."""
         points = self._points @ matrix.T
         return points.min(axis=0), points.max(axis=0)
 
     def meets(self, matrix: Array, offset_m: Array) -> Met | None:
-        """Return what a placement of the moving parts meets first in order, or None."""
+        """Return the first obstacle of a placement, or None."""
         at = coal.Transform3s(matrix, offset_m)
-        for one in self.moving:
-            centre = (one.low_m + one.high_m) / 2
-            half = np.abs(matrix) @ ((one.high_m - one.low_m) / 2)
+        for mover in self.moving:
+            centre = (mover.low_m + mover.high_m) / 2
+            half = np.abs(matrix) @ ((mover.high_m - mover.low_m) / 2)
             middle = matrix @ centre + offset_m
             near = ((self._lows < middle + half) & (self._highs > middle - half)).all(axis=1)
             for number in np.flatnonzero(near):
                 other = self.standing[number]
                 result = coal.CollisionResult()
-                if coal.collide(one.tree, at, other.tree, _STILL, self._request, result):
+                if coal.collide(mover.tree, at, other.tree, _STILL, self._request, result):
                     point = result.getContact(0).pos
                     return Met(other.name, (float(point[0]), float(point[1]), float(point[2])))
         return None
 
     def is_out(self, low_m: Array, high_m: Array) -> bool:
-        """Return whether a box is beside the box about all that stands."""
+        """Return whether a box is clear of the bounding box of the standing parts."""
         return bool(((high_m < self.low_m) | (low_m > self.high_m)).any())
 
 
 def stops(moving: Sequence[Part], standing: Sequence[Part], inset_m: float) -> list[Array]:
-    """Return for each axis the offsets to consider, ascending, with 0 and one beyond each end.
+    """Return the offsets to consider along each axis, ascending, with 0 and one beyond each end.
 
     Parameters
     ----------
-    moving, standing
-        What moves and what stands.
     inset_m
-        By how much less than the meshes collide; offsets closer than that are one.
+        Inset of the shrunk meshes; closer offsets are merged [m].
     """
     mine, theirs = _flats(moving), _flats(standing)
     low = np.min([part.bounds_m[0] for part in moving], axis=0)
     high = np.max([part.bounds_m[1] for part in moving], axis=0)
-    least = np.min([part.bounds_m[0] for part in standing], axis=0)
-    most = np.max([part.bounds_m[1] for part in standing], axis=0)
-    found = []
+    lowest = np.min([part.bounds_m[0] for part in standing], axis=0)
+    highest = np.max([part.bounds_m[1] for part in standing], axis=0)
+    offsets = []
     for axis in range(3):
-        begin, end = least[axis] - high[axis], most[axis] - low[axis]
+        begin, end = lowest[axis] - high[axis], highest[axis] - low[axis]
         beyond = 4 * inset_m
-        # A face comes to one that looks the other way.
+        # Contact is between faces of opposite normals.
         meeting = [
             stand - move
             for side in (0, 1)
             for move in mine[axis][side]
             for stand in theirs[axis][1 - side]
         ]
-        near = sorted({round(one, 7) for one in meeting if begin < one < end}, key=_by_size)
+        near = sorted(
+            {round(offset, 7) for offset in meeting if begin < offset < end}, key=_by_size
+        )
         spacing = (end - begin) / _EVEN_STEPS
         even = [k * spacing for k in range(-_EVEN_STEPS, _EVEN_STEPS + 1)]
         kept = [0.0, begin - beyond, end + beyond]
-        for one in (*near[:_MOST_STOPS], *(each for each in even if begin < each < end)):
-            if min(abs(one - other) for other in kept) > inset_m:
-                kept.append(one)
-        found.append(np.array(sorted(kept)))
-    return found
+        for offset in (*near[:_MOST_STOPS], *(step for step in even if begin < step < end)):
+            if min(abs(offset - other) for other in kept) > inset_m:
+                kept.append(offset)
+        offsets.append(np.array(sorted(kept)))
+    return offsets
 
 
 def _by_size(offset: float) -> tuple[float, float]:
@@ -158,45 +158,45 @@ def _by_size(offset: float) -> tuple[float, float]:
 
 
 def _flats(parts: Sequence[Part]) -> list[tuple[list[float], list[float]]]:
-    """Return for each axis where flat faces across it lie: those that look along it, and back."""
+    """Return the positions of flat faces across each axis, for both signs of the normal."""
     corners = np.concatenate([part.vertices_m[part.triangles] for part in parts])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     normals = normals / np.maximum(lengths, 1e-30)[:, None]
-    found = []
+    flats = []
     for axis in range(3):
         sides = []
         for sign in (1.0, -1.0):
             flat = (normals[:, axis] * sign > 1 - 1e-6) & (lengths > 0)
-            sides.append(sorted({round(float(one), 7) for one in corners[flat, 0, axis]}))
-        found.append((sides[0], sides[1]))
-    return found
+            sides.append(sorted({round(float(value), 7) for value in corners[flat, 0, axis]}))
+        flats.append((sides[0], sides[1]))
+    return flats
 
 
 def axes_of(moving: Sequence[Part], most: int = 3) -> tuple[Axis, ...]:
-    """Return the lines that parts may be turned about: of their round faces, the largest first.
+    """Return candidate rotation axes: the axes of round faces, the largest first.
 
-    What has none may be turned about lines through its middle.
+    Parts without round faces get the three axes through their centre.
     """
     faces = [face for part in moving for face in part.faces if face.kind == "cylinder"]
     faces.sort(key=lambda face: -face.radius_m * (face.extent_m[1] - face.extent_m[0]))
-    found: list[Axis] = []
+    axes: list[Axis] = []
     for face in faces:
         new = Axis(face.origin_m, face.axis)
-        if not any(_same_line(new, axis) for axis in found):
-            found.append(new)
-    if not found:
+        if not any(_same_line(new, axis) for axis in axes):
+            axes.append(new)
+    if not axes:
         corners = np.concatenate([part.bounds_m for part in moving])
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         point = (float(middle[0]), float(middle[1]), float(middle[2]))
         lines = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        found = [Axis(point, line) for line in lines]
-    return tuple(found[:most])
+        axes = [Axis(point, line) for line in lines]
+    return tuple(axes[:most])
 
 
-def _same_line(one: Axis, other: Axis) -> bool:
-    along = np.asarray(one.direction)
-    if abs(along @ np.asarray(other.direction)) < 1 - 1e-6:
+def _same_line(first: Axis, second: Axis) -> bool:
+    along = np.asarray(first.direction)
+    if abs(along @ np.asarray(second.direction)) < 1 - 1e-6:
         return False
-    apart = np.asarray(other.point_m) - np.asarray(one.point_m)
-    return bool(np.linalg.norm(np.cross(apart, along)) < 1e-5)
+    offset = np.asarray(second.point_m) - np.asarray(first.point_m)
+    return bool(np.linalg.norm(np.cross(offset, along)) < 1e-5)

@@ -1,8 +1,9 @@
-"""AND/OR precedence from a blocking relation: which parts have to be absent for one to go.
+"""AND/OR precedence: which parts must be absent for a part to leave.
 
-A part goes off in any direction whose blockers are all absent; so its condition is an OR over
-directions of an AND over blockers, and assembly is the same read backwards: a part comes before
-whatever blocks it in the direction in which it comes. Sets of parts are integers, a bit a part.
+Attributes
+----------
+part can leave in any direction whose blockers are all absent
+    an OR over directions of an AND
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from skillplan_cad.relation import Relation
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """One way for a part to go off.
+    """One possibility for a part to leave.
 
     Parameters
     ----------
     directions
-        Numbers of the directions in which it may go, all with the same blockers.
+        Numbers of the directions that share these blockers.
     blockers
-        The parts that have to be absent, as a set of bits.
+        Parts that must be absent, as bits.
     """
 
     directions: tuple[int, ...]
@@ -33,14 +34,14 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class Precedence:
-    """For each part its alternatives: all, and the minimal ones.
+    """The alternatives of each part.
 
     Parameters
     ----------
     names
-        Of the parts; the part of number n has the bit 1 << n.
+        Names of the parts; part n has the bit 1 << n.
     alternatives
-        Of each part all sets of blockers, each once, by their first direction.
+        All distinct sets of blockers for each part, by their first direction.
     """
 
     names: tuple[str, ...]
@@ -52,44 +53,45 @@ class Precedence:
         return (1 << len(self.names)) - 1
 
     def minimal(self, part: int) -> tuple[Alternative, ...]:
-        """Return the alternatives of which no other asks for a subset of the same blockers."""
+        """Return the alternatives whose blockers include no other alternative's blockers."""
         mine = self.alternatives[part]
         return tuple(
-            one
-            for one in mine
+            alternative
+            for alternative in mine
             if not any(
-                other.blockers != one.blockers and other.blockers & one.blockers == other.blockers
+                other.blockers != alternative.blockers
+                and other.blockers & alternative.blockers == other.blockers
                 for other in mine
             )
         )
 
     def free_directions(self, part: int, present: int) -> tuple[int, ...]:
-        """Return the directions in which a part can go off a set of parts, in their order."""
+        """Return the directions in which a part can leave a set of parts, ascending."""
         others = present & ~(1 << part)
-        found = [
+        directions = [
             direction
-            for one in self.alternatives[part]
-            if not one.blockers & others
-            for direction in one.directions
+            for alternative in self.alternatives[part]
+            if not alternative.blockers & others
+            for direction in alternative.directions
         ]
-        return tuple(sorted(found))
+        return tuple(sorted(directions))
 
     def is_free(self, part: int, present: int) -> bool:
-        """Return whether a part can go off a set of parts in any direction."""
+        """Return whether a part can leave a set of parts in any direction."""
         others = present & ~(1 << part)
-        return any(not one.blockers & others for one in self.alternatives[part])
+        return any(not alternative.blockers & others for alternative in self.alternatives[part])
 
     def core(self, present: int | None = None, fixed: int = 0) -> int:
-        """Return what is left once every part has gone that can, one at a time.
+        """Return the parts that remain after all others have left one at a time.
 
-        It depends on no order: what has become free stays so while others go.
+        The order does not matter: a free part stays free while others leave.
 
         Parameters
         ----------
         present
-            The parts to begin with; left out: all.
+            The parts to start from; None for all.
         fixed
-            Parts that never go.
+            Parts that never leave.
         """
         left = self.everything if present is None else present
         progress = True
@@ -102,28 +104,28 @@ class Precedence:
         return left
 
     def with_path(self, part: int, number: int, blockers: int) -> Precedence:
-        """Return this precedence with one more way for a part: a path that was found.
+        """Return this precedence with a path as an additional alternative of a part.
 
         Parameters
         ----------
         part
-            Which goes along it.
+            The part that leaves along the path.
         number
-            Of the path, as a direction's; greater than those of all directions.
+            Number of the path, above the numbers of all directions.
         blockers
-            Parts that have to be absent.
+            Parts that must be absent.
         """
         mine = (*self.alternatives[part], Alternative((number,), blockers))
         others = self.alternatives[:part], self.alternatives[part + 1 :]
         return Precedence(self.names, (*others[0], mine, *others[1]))
 
     def orders(self, may_stand: Callable[[int], bool] | None = None) -> int:
-        """Return in how many orders the parts come together, one at a time, exactly.
+        """Return the exact number of orders in which parts can be added one at a time.
 
         Parameters
         ----------
         may_stand
-            Whether a set of at least one part is allowed on the way; left out: any is.
+            Filter for the non-empty sets on the way; None to allow all.
         """
         counts = {self.everything: 1}
         for _ in range(len(self.names) - 1):
@@ -140,18 +142,18 @@ class Precedence:
 def precedence_of(
     relation: Relation, waived: frozenset[tuple[str, str]] = frozenset()
 ) -> Precedence:
-    """Return the precedence that a blocking relation means.
+    """Return the precedence that a blocking relation implies.
 
     Parameters
     ----------
     relation
-        What blocks what.
+        Blocking relation.
     waived
-        Pairs (part, by) that block each other in no direction, as a path was found past it.
+        Pairs (part, by) that never block each other because a path passes.
     """
     weights = [1 << number for number in range(len(relation.parts))]
     past = {(relation.index(a), relation.index(b)) for a, b in waived}
-    found = []
+    alternatives = []
     for part in range(len(relation.parts)):
         by_blockers: dict[int, list[int]] = {}
         for direction in range(len(relation.directions)):
@@ -159,8 +161,10 @@ def precedence_of(
             blockers = sum(weights[by] for by in row.tolist() if (part, by) not in past)
             by_blockers.setdefault(blockers, []).append(direction)
         ordered = sorted(by_blockers.items(), key=lambda item: item[1][0])
-        found.append(tuple(Alternative(tuple(way), blockers) for blockers, way in ordered))
-    return Precedence(relation.names, tuple(found))
+        alternatives.append(
+            tuple(Alternative(tuple(directions), blockers) for blockers, directions in ordered)
+        )
+    return Precedence(relation.names, tuple(alternatives))
 
 
 def members(parts: int) -> Iterator[int]:
@@ -177,17 +181,17 @@ def as_set(numbers: Sequence[int]) -> int:
 
 
 def touching(relation: Relation) -> tuple[int, ...]:
-    """Return for each part the set of those that it touches."""
-    found = [0] * len(relation.parts)
+    """Return the set of touched parts for each part."""
+    touched = [0] * len(relation.parts)
     for contact in relation.contacts:
         a, b = (relation.index(name) for name in contact.parts)
-        found[a] |= 1 << b
-        found[b] |= 1 << a
-    return tuple(found)
+        touched[a] |= 1 << b
+        touched[b] |= 1 << a
+    return tuple(touched)
 
 
 def is_connected(parts: int, touches: Sequence[int]) -> bool:
-    """Return whether all parts of a set hang together by contacts within it."""
+    """Return whether contacts connect all parts of a set."""
     if not parts:
         return True
     reached = frontier = parts & -parts

@@ -1,8 +1,8 @@
-"""A plan taken apart again by other means than it was found with: volumes of exact solids.
+"""Check a plan independently, by volumes of exact solids.
 
-The plan rests on rays and on trees of shrunk triangles. Here nothing is shrunk: solids are
-intersected where a part passes, and what they share may be no thicker than the tolerance. It is
-meant for meshes of another tessellation than the plan was made with.
+The plan rests on rays and shrunk meshes. The replay shrinks nothing: it intersects the solids along
+each move, and accepts overlaps up to the thickness of the tolerance. Use it with meshes of another
+tessellation than the plan.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from skillplan_cad.relation import Relation
 Array = NDArray[np.float64]
 _LEAST_SAMPLES, _MOST_SAMPLES = 24, 2_000
 _TURN_RAD = np.pi / 60
-_SAMPLE_SHARE = 0.1  # of the least extent of what moves
+_SAMPLE_SHARE = 0.1  # of the smallest extent of the moving parts
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Two parts that share room on the way.
+    """Two parts that overlap during a move.
 
     Parameters
     ----------
     step
-        Number of the step, from 0, in order of assembly.
+        Number of the step in order of assembly, from 0.
     part, by
-        What moves, and what it runs into.
+        Moving part and obstacle.
     offset_m
-        How far it is from its place there.
+        Offset of the moving part from its place.
     thickness_m
-        Of what they share: twice its volume by its surface.
+        Thickness of the overlap: twice its volume divided by its surface.
     point_m
-        The middle of it.
+        Centre of the overlap.
     """
 
     step: int
@@ -54,16 +54,16 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """What a replay found.
+    """Result of a replay.
 
     Parameters
     ----------
     samples
-        How many placements were looked at.
+        Number of tested placements.
     faults
-        The first of each pair in each step.
+        First fault of each pair in each step.
     not_solid
-        Parts whose meshes enclose no volume; nothing is known of these.
+        Parts whose meshes enclose no volume, which were not tested.
     """
 
     samples: int
@@ -72,25 +72,23 @@ class Replay:
 
     @property
     def agrees(self) -> bool:
-        """Whether the plan stands."""
+        """True if the replay confirms the plan."""
         return not self.faults and not self.not_solid
 
 
 def replay(
     product: Product, relation: Relation, plan: AssemblyPlan, tolerance_m: float = 1e-4
 ) -> Replay:
-    """Return what is met when a plan is taken apart, the last step first.
+    """Disassemble a plan's product, the last step first, and return the overlaps.
 
     Parameters
     ----------
     product
-        Its parts, with the names of the plan; best of another tessellation.
+        Parts named as in the plan; best of another tessellation.
     relation
-        Its fasteners: a thread is turned out of what it grips.
-    plan
-        The steps.
+        Relation with fasteners; threads may overlap.
     tolerance_m
-        How thick may be what two parts share, beside what chords of round faces explain.
+        Allowed thickness of overlaps, in addition to the chords of round faces [m].
     """
     solids = {part.name: _solid(part) for part in product}
     broken = tuple(name for name, solid in solids.items() if solid is None)
@@ -131,31 +129,31 @@ def _solid(part: Part) -> manifold3d.Manifold | None:
 
 
 def _together(plan: AssemblyPlan) -> list[tuple[str, ...]]:
-    """Return for each step what it comes to."""
-    found: list[tuple[str, ...]] = []
+    """Return the assembled parts before each step."""
+    assembled: list[tuple[str, ...]] = []
     groups: dict[str, list[str]] = {}
     for step in plan.steps:
         group = groups.setdefault(step.onto, [step.onto])
-        found.append(tuple(group))
+        assembled.append(tuple(group))
         group.extend(step.parts)
-    return found
+    return assembled
 
 
 def _screwed(relation: Relation, part: str, by: str) -> bool:
-    """Return whether one of two parts is a fastener whose thread the other grips."""
-    one, other = relation.fastener(part), relation.fastener(by)
-    return (one is not None and by in one.threaded_in) or (
-        other is not None and part in other.threaded_in
+    """Return whether one part is a fastener whose thread the other grips."""
+    first, second = relation.fastener(part), relation.fastener(by)
+    return (first is not None and by in first.threaded_in) or (
+        second is not None and part in second.threaded_in
     )
 
 
 def _placements(
     step: Step, moving: Sequence[Array], bounds: Mapping[str, Array], tolerance_m: float
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield rotations and offsets [mm] on the way out, the place itself left out."""
+    """Yield rotations and offsets [mm] of the removal, without the start."""
     low = np.min([box[0] for box in moving], axis=0)
     high = np.max([box[1] for box in moving], axis=0)
-    # Films thinner than the tolerance are allowed, so that finer steps could show no fault.
+    # Overlaps below the tolerance are allowed, so finer steps reveal no more faults.
     pace = max(_SAMPLE_SHARE * float((high - low).min()), tolerance_m)
     if not step.path:
         everything = np.stack(list(bounds.values()))
@@ -174,14 +172,14 @@ def _placements(
         by = np.asarray(move.offset_m)
         steps = max(float(np.linalg.norm(by)) / pace, abs(move.angle_rad) / _TURN_RAD)
         number = min(max(2, math.ceil(steps)), _MOST_SAMPLES)
-        begun = matrix, offset
+        start = matrix, offset
         for k in range(1, number + 1):
             share_done = k / number
             turn, shift = (np.eye(3), np.zeros(3))
             if move.axis is not None:
                 turn, shift = turned(move.axis, share_done * move.angle_rad)
-            matrix = begun[0] @ turn
-            offset = begun[0] @ shift + begun[1] + share_done * by
+            matrix = start[0] @ turn
+            offset = start[0] @ shift + start[1] + share_done * by
             yield matrix, offset * 1e3
 
 
@@ -201,7 +199,7 @@ def _shared(
     offset_mm: Array,
     allowed_m: float,
 ) -> Fault | None:
-    """Return the fault, where two solids share more than a film."""
+    """Return a fault if two solids overlap by more than a film."""
     both = moved ^ other
     if both.is_empty():
         return None
@@ -214,7 +212,7 @@ def _shared(
             thickest, place = thickness, (box[:3] + box[3:]) / 2e3
     if thickest <= allowed_m:
         return None
-    x, y, z = (float(one) / 1e3 for one in offset_mm)
+    x, y, z = (float(value) / 1e3 for value in offset_mm)
     return Fault(
         step, part, by, (x, y, z), thickest, (float(place[0]), float(place[1]), float(place[2]))
     )

@@ -1,9 +1,8 @@
-"""An order of removal, and with it of assembly: stable and connected where there is a choice.
+"""Find a cheap order of removal, and thereby of assembly.
 
-What counts: turns of the product, changes of direction and of tools, parts that must be held, and
-states in which what is together does not hang together. Layer by layer, a part at a time, the
-cheapest way to each set of parts is kept, so that the order is the cheapest of all unless a layer
-was cut down to its most promising.
+Costs count turns of the product, changes of direction and tool, held parts, and states in which the
+product falls into pieces. A layered search keeps the cheapest path to each set of parts; the order
+is optimal unless a layer was cut down to its most promising entries.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from skillplan_cad.planning.precedence import Precedence, is_connected, members
 from skillplan_cad.planning.stability import Stability
 from skillplan_cad.product import Vector
 
-# A cosine this near to 0 is level, to 0.06 degrees; this near to 1 it is up, to 2.6 degrees.
+# Cosines within this of 0 are level (0.06 degrees), within this of 1 up (2.6 degrees).
 _LEVEL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Prices:
-    """What counts how much; without unit."""
+    """Weights of the cost terms [-]."""
 
     turn: float = 10.0
     direction: float = 1.0
@@ -38,26 +37,26 @@ class Prices:
 
 @dataclass(frozen=True, slots=True)
 class Removal:
-    """One step of taking apart; backwards a step of putting together.
+    """A step of disassembly; reversed, a step of assembly.
 
     Parameters
     ----------
     part
-        Number of the part that goes off.
+        Number of the removed part.
     direction
-        Number of the direction, or of a path: those follow the directions.
+        Number of the direction, or of a path; paths are numbered after directions.
     up
-        What points up then, in the product's frame.
+        Vector that points up during the step, in the product's frame.
     tool
-        That takes it.
+        Name of the tool.
     turn
-        Whether the product is turned over before it.
+        True if the product is turned over before the step.
     stays
-        Whether the part, put there, stays by itself.
+        True if the placed part is stable.
     tips
-        Whether what is left, with the part, has its centre of mass beside its support.
+        True if the centre of mass lies outside the support, with the part in place.
     connected
-        Whether what is left hangs together.
+        True if the remaining parts are in one piece.
     """
 
     part: int
@@ -72,18 +71,18 @@ class Removal:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """An order in which parts go off.
+    """An order of removals.
 
     Parameters
     ----------
     removals
-        The first goes off first; assembly is the same backwards.
+        Removals in order; assembly is the reverse.
     left
-        What stays: the base, or what no single part leaves.
+        Remaining parts: the base, and parts that cannot leave alone.
     cost
-        Of all removals.
+        Total cost [-].
     cheapest
-        Whether no order costs less.
+        True if the order is proved optimal.
     """
 
     removals: tuple[Removal, ...]
@@ -93,17 +92,17 @@ class Sequence:
 
     @property
     def assembly(self) -> tuple[int, ...]:
-        """Parts in the order in which they come, after those that are left."""
-        return tuple(one.part for one in reversed(self.removals))
+        """Parts in order of assembly, without the remaining ones."""
+        return tuple(removal.part for removal in reversed(self.removals))
 
     @property
     def turns(self) -> int:
-        """How often the product is turned over."""
-        return sum(one.turn for one in self.removals)
+        """Number of times the product is turned over."""
+        return sum(removal.turn for removal in self.removals)
 
 
-class _Way(NamedTuple):
-    """The cheapest way to a set of parts, and how its last step is done, as `Removal` has it."""
+class _Path(NamedTuple):
+    """The cheapest path to a set of parts, with the fields of its last removal."""
 
     cost: float
     present: int
@@ -114,37 +113,31 @@ class _Way(NamedTuple):
     stays: bool = True
     tips: bool = False
     connected: bool = True
-    before: _Way | None = None
+    before: _Path | None = None
 
 
-_Layer = dict[tuple[int, int, int, int], _Way]
+_Layer = dict[tuple[int, int, int, int], _Path]
 
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """What holds of each direction while one vector points up."""
+    """Properties of each direction for one vector that points up."""
 
     up: tuple[int, ...]
     is_sideways: tuple[bool, ...]
 
 
 class Sequencer:
-    """Seeks the cheapest order.
+    """Searches the cheapest order.
 
     Parameters
     ----------
-    precedence
-        What may go when.
     directions
-        Unit vectors by number; for a path, along which its last move goes.
+        Unit vectors by number; for a path, that of its last move.
     touches
-        For each part the set of those it touches.
-    stability
-        Who stays.
+        Set of touched parts for each part.
     tools
-        Of each part, which tool handles it.
-    prices
-        What counts how much.
+        Tool of each part, by part number.
     """
 
     def __init__(
@@ -159,10 +152,12 @@ class Sequencer:
         self._precedence, self._touches, self._stability = precedence, touches, stability
         self._directions, self._tools, self._prices = directions, tools, prices
         self._connected: dict[int, bool] = {}
-        # Of each part what may block it at all, and where it may go by what of that is there.
+        # All potential blockers of each part, and its free directions by those present.
         self._blockers = [
-            functools.reduce(operator.or_, (one.blockers for one in ways), 0)
-            for ways in precedence.alternatives
+            functools.reduce(
+                operator.or_, (alternative.blockers for alternative in alternatives), 0
+            )
+            for alternatives in precedence.alternatives
         ]
         self._free: dict[tuple[int, int], tuple[int, ...]] = {}
         self._names = sorted({"gripper", *tools.values()})
@@ -172,55 +167,64 @@ class Sequencer:
         self._views: dict[int, _View] = {}
 
     def sequence(self, present: int, base: int, up: Vector) -> Sequence:
-        """Return the cheapest order that leaves the base, or what no single part leaves.
+        """Return the cheapest order that leaves the base and what cannot be removed.
 
         Parameters
         ----------
         present
-            The set to begin with.
+            The set to start from.
         base
             The part that stays.
         up
-            What points up in the finished product.
+            Vector that points up in the finished product.
         """
         left = self._precedence.core(present, fixed=1 << base)
         self._ups, self._views = sorted({up, *self._directions}), {}
-        layer = [_Way(0.0, present, self._ups.index(up))]
+        layer = [_Path(0.0, present, self._ups.index(up))]
         width, cheapest = _width(present.bit_count()), True
         for _ in range((present & ~left).bit_count()):
             best: _Layer = {}
-            for way in layer:
-                self._lengthen(way, left, best)
+            for path in layer:
+                self._lengthen(path, left, best)
             ordered = sorted(best.items(), key=lambda item: (item[1].cost, item[0]))
             cheapest = cheapest and len(ordered) <= width
-            layer = [way for _, way in ordered[:width]]
-        best_way = min(layer, key=lambda way: way.cost)
-        return Sequence(self._removals(best_way), left, round(best_way.cost, 6), cheapest)
+            layer = [path for _, path in ordered[:width]]
+        best_path = min(layer, key=lambda path: path.cost)
+        return Sequence(self._removals(best_path), left, round(best_path.cost, 6), cheapest)
 
-    def _lengthen(self, way: _Way, left: int, best: _Layer) -> None:
-        """Add each way that is longer by one part, unless one as far costs no more."""
-        view, prices = self._view(way.up), self._prices
+    def _lengthen(self, path: _Path, left: int, best: _Layer) -> None:
+        """Extend a path by each removable part; keep the cheapest path to each state."""
+        view, prices = self._view(path.up), self._prices
         tips: dict[int, bool] = {}
-        for part in members(way.present & ~left):
-            others, tool = way.present & ~(1 << part), self._tool_of[part]
+        for part in members(path.present & ~left):
+            others, tool = path.present & ~(1 << part), self._tool_of[part]
             stays: dict[int, bool] = {}
-            for direction in self._free_directions(part, way.present):
+            for direction in self._free_directions(part, path.present):
                 up = view.up[direction]
                 key = (others, direction, tool, up)
-                cost = way.cost + self._fixed_cost(way, direction, tool, up)
+                cost = path.cost + self._fixed_cost(path, direction, tool, up)
                 known = best.get(key)
                 if known is not None and cost >= known.cost:
                     continue
                 if up not in tips:
-                    tips[up] = self._stability.tips(way.present, self._ups[up])
+                    tips[up] = self._stability.tips(path.present, self._ups[up])
                 if up not in stays:
                     stays[up] = self._stability.stays(part, others, self._ups[up])
                 connected = self._hang_together(others)
                 cost += prices.held * (not stays[up]) + prices.held * tips[up]
                 cost += prices.apart * (not connected)
                 if known is None or cost < known.cost:
-                    best[key] = _Way(
-                        cost, others, up, part, direction, tool, stays[up], tips[up], connected, way
+                    best[key] = _Path(
+                        cost,
+                        others,
+                        up,
+                        part,
+                        direction,
+                        tool,
+                        stays[up],
+                        tips[up],
+                        connected,
+                        path,
                     )
 
     def _free_directions(self, part: int, present: int) -> tuple[int, ...]:
@@ -230,22 +234,22 @@ class Sequencer:
         return self._free[key]
 
     def _view(self, up: int) -> _View:
-        """Return what points up while a part goes each way: it never comes from below."""
+        """Return the up vector during a move in each direction: parts never come from below."""
         if up not in self._views:
-            cosines = [float(np.dot(way, self._ups[up])) for way in self._directions]
+            cosines = [float(np.dot(direction, self._ups[up])) for direction in self._directions]
             after = [
-                up if cosine > -_LEVEL else self._ups.index(way)
-                for cosine, way in zip(cosines, self._directions, strict=True)
+                up if cosine > -_LEVEL else self._ups.index(direction)
+                for cosine, direction in zip(cosines, self._directions, strict=True)
             ]
             flat = [
-                float(np.dot(way, self._ups[then])) < 1 - _LEVEL
-                for way, then in zip(self._directions, after, strict=True)
+                float(np.dot(direction, self._ups[then])) < 1 - _LEVEL
+                for direction, then in zip(self._directions, after, strict=True)
             ]
             self._views[up] = _View(tuple(after), tuple(flat))
         return self._views[up]
 
-    def _fixed_cost(self, before: _Way, direction: int, tool: int, up: int) -> float:
-        """Return what a removal costs, whatever it leaves."""
+    def _fixed_cost(self, before: _Path, direction: int, tool: int, up: int) -> float:
+        """Return the cost of a removal that does not depend on the remaining parts."""
         prices = self._prices
         cost = prices.turn * (before.up != up)
         if self._view(before.up).is_sideways[direction]:
@@ -260,28 +264,28 @@ class Sequencer:
             self._connected[parts] = is_connected(parts, self._touches)
         return self._connected[parts]
 
-    def _removals(self, way: _Way) -> tuple[Removal, ...]:
-        found: list[Removal] = []
-        while way.before is not None:
-            turn = way.up != way.before.up
-            found.append(
+    def _removals(self, path: _Path) -> tuple[Removal, ...]:
+        removals: list[Removal] = []
+        while path.before is not None:
+            turn = path.up != path.before.up
+            removals.append(
                 Removal(
-                    way.part,
-                    way.direction,
-                    self._ups[way.up],
-                    self._names[way.tool],
+                    path.part,
+                    path.direction,
+                    self._ups[path.up],
+                    self._names[path.tool],
                     turn,
-                    way.stays,
-                    way.tips,
-                    way.connected,
+                    path.stays,
+                    path.tips,
+                    path.connected,
                 )
             )
-            way = way.before
-        return tuple(reversed(found))
+            path = path.before
+        return tuple(reversed(removals))
 
 
 def _width(parts: int) -> int:
-    """Return how many ways a layer keeps: all of a small product."""
+    """Return the number of paths kept in a layer; small products keep all."""
     for most, width in ((12, 20_000), (24, 400), (60, 40)):
         if parts <= most:
             return width

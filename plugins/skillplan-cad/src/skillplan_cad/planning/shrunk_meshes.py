@@ -1,7 +1,7 @@
-"""Meshes whose faces are moved inwards, so that parts that touch do not collide.
+"""Shrink meshes by moving faces inwards, so that touching parts do not collide.
 
-They are surfaces without volume to coal, and a security margin on its trees of triangles is not
-to be trusted; so parts that only touch are told apart by what is taken off them beforehand.
+For coal, meshes are surfaces without volume, and its security margin is unreliable on triangle
+trees. Shrinking beforehand separates parts that only touch.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 
 from skillplan_cad.product import Part, Points, Triangles
 
-# A corner between faces that nearly lie against each other would go far away.
+# Limit for corners between almost opposite faces, which would move far away.
 _FARTHEST_OFFSETS = 4.0
 
 
 def shrunk(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
-    """Return vertices moved so that every face about them is an inset farther inside.
+    """Return vertices moved so that each face is an inset farther inside.
 
     Parameters
     ----------
     vertices_m, triangles
-        A closed mesh with merged vertices, triangles that look outwards.
+        Closed mesh with merged vertices and outward triangles.
     inset_m
-        How far faces move along their normals.
+        Distance of the faces' move along their normals [m].
     """
     corners = vertices_m[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -53,25 +53,25 @@ def shrunk(vertices_m: Points, triangles: Triangles, inset_m: float) -> Points:
 
 def _angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angle at each corner of triangles [rad]."""
-    found = np.empty(corners.shape[:2])
+    angles = np.empty(corners.shape[:2])
     for corner in range(3):
-        one = corners[:, (corner + 1) % 3] - corners[:, corner]
-        other = corners[:, (corner + 2) % 3] - corners[:, corner]
-        cosines = np.einsum("ij,ij->i", one, other)
-        sines = np.linalg.norm(np.cross(one, other), axis=1)
-        found[:, corner] = np.arctan2(sines, cosines)
-    return found
+        first = corners[:, (corner + 1) % 3] - corners[:, corner]
+        second = corners[:, (corner + 2) % 3] - corners[:, corner]
+        cosines = np.einsum("ij,ij->i", first, second)
+        sines = np.linalg.norm(np.cross(first, second), axis=1)
+        angles[:, corner] = np.arctan2(sines, cosines)
+    return angles
 
 
 class MeshTree:
-    """A mesh as a tree of triangles of coal, with the box about it.
+    """A mesh as a triangle tree of coal, with its bounding box.
 
     Parameters
     ----------
     name
-        Of its part.
+        Name of the part.
     vertices_m, triangles
-        The mesh, in the product's frame.
+        Mesh in the product's frame.
     """
 
     def __init__(self, name: str, vertices_m: Points, triangles: Triangles) -> None:

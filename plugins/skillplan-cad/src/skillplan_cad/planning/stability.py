@@ -1,8 +1,8 @@
-"""What stays where it is put, and what must be held: forces at contacts against weights.
+"""Find the parts that must be held: contact forces against weights.
 
-A part stays if forces at its contacts, within friction, balance its weight. Those forces are
-sought by a linear program, in which a hand may help every part, at a price: who needs it must be
-held. What stands on the table must also have its centre of mass over what it stands on.
+A part is stable if contact forces within friction balance its weight. A linear program searches
+them and allows priced help for each part; a part that needs help must be held. A product on the
+table also needs its centre of mass above its support.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ _PER_FORCE = 1e-9
 _SETTLED = highspy.HighsModelStatus.kOptimal
 
 
-def least_help(columns: Sequence[Column], wanted: Array, scale: Array) -> Array | None:
-    """Return the help that each row needs; None where the program has no solution.
+def least_help(columns: Sequence[Column], loads: Array, scale: Array) -> Array | None:
+    """Return the smallest help that each row needs; None if the program has no solution.
 
     Parameters
     ----------
     columns
-        Of each force, which may push but not pull, the rows that it acts on, and how much.
+        Rows that each force acts on, with coefficients; forces are >= 0.
     wanted
-        What forces and help have to add up to, shape (rows,).
+        Required sum of forces and help, shape (rows,).
     scale
-        What a help of 1 does to each row, in either direction, shape (rows,).
+        Effect of a help of 1 on each row, in either direction, shape (rows,).
 
     Returns
     -------
     numpy.ndarray or None
-        Shape (rows,), of no unit: shares of the scale.
+        Shares of the scale, shape (rows,) [-].
     """
-    rows, forces = len(wanted), len(columns)
+    rows, forces = len(loads), len(columns)
     helps = np.arange(rows)
     counts = [len(column) for column in columns]
     program = highspy.HighsLp()
@@ -54,12 +54,12 @@ def least_help(columns: Sequence[Column], wanted: Array, scale: Array) -> Array 
         np.zeros(forces + 2 * rows),
         np.full(forces + 2 * rows, _FAR),
     )
-    program.row_lower_ = program.row_upper_ = wanted
+    program.row_lower_ = program.row_upper_ = loads
     matrix = program.a_matrix_
     matrix.format_ = highspy.MatrixFormat.kColwise
     matrix.start_ = np.cumsum([0, *counts, *[1] * (2 * rows)])
-    matrix.index_ = np.concatenate([[row for one in columns for row, _ in one], helps, helps])
-    matrix.value_ = np.concatenate([[by for one in columns for _, by in one], scale, -scale])
+    matrix.index_ = np.concatenate([[row for column in columns for row, _ in column], helps, helps])
+    matrix.value_ = np.concatenate([[by for column in columns for _, by in column], scale, -scale])
     highs = highspy.Highs()
     for key, value in (
         ("output_flag", False),
@@ -73,50 +73,54 @@ def least_help(columns: Sequence[Column], wanted: Array, scale: Array) -> Array 
     highs.run()
     if highs.getModelStatus() != _SETTLED:
         return None
-    found = np.array(highs.getSolution().col_value[forces:])
-    return np.asarray(found.reshape(2, rows).sum(axis=0))
+    help_values = np.array(highs.getSolution().col_value[forces:])
+    return np.asarray(help_values.reshape(2, rows).sum(axis=0))
 
 
 FRICTION = 0.3
 _MOST_POINTS = 8
-_GROUND_M = 5e-4  # what is less above the lowest point stands, too
+_GROUND_M = 5e-4  # height above the lowest point that still touches the ground
 _TIPPING_M = 1e-4
-_HELD_SHARE = 0.02  # of its weight: less help than that is none
+_HELD_SHARE = 0.02  # share of the weight below which help is ignored
 
 
 class Stability:
-    """Whether parts of a product stay, for any set of those that are present.
+    """Decides which parts are stable, for any set of present parts.
 
     Parameters
     ----------
     product
         Parts with masses.
     relation
-        Their contacts and fasteners.
+        Contacts and fasteners.
     """
 
     def __init__(self, product: Product, relation: Relation) -> None:
         self._masses = np.array([part.mass_kg for part in product])
         self._centres = np.array([part.centre_m for part in product])
         self._product = product
-        joined = {(one.part, other) for one in relation.fasteners for other in one.threaded_in}
+        joined = {
+            (fastener.part, second)
+            for fastener in relation.fasteners
+            for second in fastener.threaded_in
+        }
         self._contacts: dict[tuple[int, int], list[tuple[Array, Array]]] = {}
         for contact in relation.contacts:
-            one, other = (product.index(name) for name in contact.parts)
+            first, second = (product.index(name) for name in contact.parts)
             pair = (contact.parts, contact.parts[::-1])
             firm = contact.kind == "thread" or any(names in joined for names in pair)
-            found = _forces(contact, firm)
-            if found:
-                self._contacts.setdefault((one, other), []).extend(found)
+            forces = _forces(contact, firm)
+            if forces:
+                self._contacts.setdefault((first, second), []).extend(forces)
         self._touched: dict[int, int] = {}
-        for one, other in self._contacts:
-            self._touched[one] = self._touched.get(one, 0) | 1 << other
-            self._touched[other] = self._touched.get(other, 0) | 1 << one
+        for first, second in self._contacts:
+            self._touched[first] = self._touched.get(first, 0) | 1 << second
+            self._touched[second] = self._touched.get(second, 0) | 1 << first
         self._known: dict[tuple[int, int, Vector], bool] = {}
         self._tipping: dict[tuple[int, Vector], bool] = {}
         self._feet: dict[tuple[int, Vector], tuple[float, Array]] = {}
         self._grounds: dict[tuple[tuple[int, ...], Vector], Array | None] = {}
-        # Of each part at a contact, what each force there does to it: forces, then torques.
+        # Effect of each contact force on each part: force, then torque.
         self._wrenches = {
             pair: [
                 [self._wrench(part, sign, *force) for force in forces]
@@ -126,7 +130,7 @@ class Stability:
         }
 
     def stays(self, part: int, others: int, up: Vector) -> bool:
-        """Return whether a part stays on others, taken to be firm."""
+        """Return whether a part is stable on others that are held firm."""
         touching = others & self._touched.get(part, 0)
         key = (part, touching, up)
         if key not in self._known:
@@ -139,7 +143,7 @@ class Stability:
         return self._held(loose, 1 << base, up)
 
     def tips(self, present: int, up: Vector) -> bool:
-        """Return whether the centre of mass of a set is beside what it stands on."""
+        """Return whether the centre of mass of a set lies outside its support."""
         key = (present, up)
         if key not in self._tipping:
             self._tipping[key] = self._tips(present, up)
@@ -158,7 +162,7 @@ class Stability:
         return not _is_within(axes_across(up) @ centre, ground)
 
     def _ground(self, parts: tuple[int, ...], up: Vector) -> Array | None:
-        """Return the lines about what some parts stand on, as `ConvexHull` has them, or None."""
+        """Return the hull lines of the support, as in `ConvexHull`, or None."""
         key = (parts, up)
         if key not in self._grounds:
             points = np.concatenate([self._foot(part, up)[1] for part in parts])
@@ -166,7 +170,7 @@ class Stability:
         return self._grounds[key]
 
     def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
-        """Return how low a part reaches, and its points down there."""
+        """Return the lowest height of a part, and its points there."""
         key = (part, up)
         if key not in self._feet:
             points = self._product.parts[part].vertices_m
@@ -176,55 +180,55 @@ class Stability:
         return self._feet[key]
 
     def _held(self, loose: Sequence[int], firm: int, up: Vector) -> tuple[int, ...]:
-        """Return which of the loose parts no contact forces hold against their weights."""
+        """Return the loose parts that no contact forces hold against their weights."""
         rows = {part: 6 * number for number, part in enumerate(loose)}
         columns = self._columns(rows, firm)
         if not columns:
             return tuple(loose)
-        # Help for each part: a force and a torque either way, at the price of its weight's share.
+        # Help for each part: force and torque in both directions, priced by weight.
         weights = self._masses[list(loose)] * 9.81
         reach = np.array([np.ptp(self._product.parts[p].vertices_m, axis=0).max() for p in loose])
         scale = np.repeat(weights, 6) * np.tile([1.0] * 3 + [0.0] * 3, len(loose))
         scale += np.repeat(weights * reach, 6) * np.tile([0.0] * 3 + [1.0] * 3, len(loose))
-        wanted = np.zeros(6 * len(loose))
+        loads = np.zeros(6 * len(loose))
         for number in range(len(loose)):
-            wanted[6 * number : 6 * number + 3] = weights[number] * np.asarray(up)
-        found = least_help(columns, wanted, scale)
-        if found is None:
+            loads[6 * number : 6 * number + 3] = weights[number] * np.asarray(up)
+        help_values = least_help(columns, loads, scale)
+        if help_values is None:
             return tuple(loose)
-        help_at = found.reshape(len(loose), 6).sum(axis=1)
+        help_at = help_values.reshape(len(loose), 6).sum(axis=1)
         return tuple(part for part, need in zip(loose, help_at, strict=True) if need > _HELD_SHARE)
 
     def _columns(self, rows: Mapping[int, int], firm: int) -> list[list[tuple[int, float]]]:
-        """Return for each force at a contact its entries: rows of forces and torques on parts."""
-        found = []
-        for (one, other), forces in self._contacts.items():
-            sides = [(part, sign) for part, sign in ((one, 1.0), (other, -1.0)) if part in rows]
-            whole = all(part in rows or firm >> part & 1 for part in (one, other))
+        """Return the column of each contact force: rows of forces and torques on parts."""
+        columns = []
+        for (first, second), forces in self._contacts.items():
+            sides = [(part, sign) for part, sign in ((first, 1.0), (second, -1.0)) if part in rows]
+            whole = all(part in rows or firm >> part & 1 for part in (first, second))
             if not sides or not whole:
                 continue
-            wrenches = self._wrenches[one, other]
+            wrenches = self._wrenches[first, second]
             for number in range(len(forces)):
                 entries = []
                 for part, sign in sides:
                     wrench = wrenches[0 if sign > 0 else 1][number]
                     entries += [(rows[part] + k, wrench[k]) for k in range(6)]
-                found.append(entries)
-        return found
+                columns.append(entries)
+        return columns
 
     def _wrench(self, part: int, sign: float, point: Array, force: Array) -> list[float]:
         """Return the force on a part and the torque about its centre of mass."""
         x, y, z = (point - self._centres[part]).tolist()
         a, b, c = force.tolist()
         torque = (y * c - z * b, z * a - x * c, x * b - y * a)
-        return [sign * one for one in (a, b, c, *torque)]
+        return [sign * value for value in (a, b, c, *torque)]
 
 
 def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
-    """Return (point, force on the first part) of which the forces of a contact are sums."""
+    """Return (point, force on the first part) pairs that span the forces of a contact."""
     points = _spread(np.array(contact.points_m).reshape(-1, 3))
     if firm and not len(points) and contact.axis_point_m is not None:
-        # A thread that is drawn as an overlap has no surface at which parts touch.
+        # A thread drawn as an overlap has no contact surface.
         points = np.array([contact.axis_point_m])
     if not len(points):
         return []
@@ -232,34 +236,34 @@ def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
         axes = np.concatenate([np.eye(3), -np.eye(3)])
         points = np.concatenate([points[:1] + 1e-3 * np.vstack([axes, np.zeros(3)]), points])
         return [(point, axis) for point in points for axis in axes]
-    found = []
+    forces = []
     for point in points:
         for normal in _normals(contact, point):
             across = axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
             # The second part pushes the first one back, against its outward normal.
             for sideways in (across[0], -across[0], across[1], -across[1]):
-                found.append((point, -normal + FRICTION * sideways))
-    return found
+                forces.append((point, -normal + FRICTION * sideways))
+    return forces
 
 
 def _normals(contact: Contact, point: Array) -> list[Array]:
     """Return the outward normals of a contact's first part at a point."""
-    listed = [np.asarray(one) for one in contact.normals]
+    listed = [np.asarray(normal) for normal in contact.normals]
     if contact.kind != "cylinder" or contact.axis is None or contact.axis_point_m is None:
         return listed
     axis = np.asarray(contact.axis)
-    apart = point - np.asarray(contact.axis_point_m)
-    radial = apart - (apart @ axis) * axis
+    offset = point - np.asarray(contact.axis_point_m)
+    radial = offset - (offset @ axis) * axis
     length = np.linalg.norm(radial)
     if length < 1e-9:
         return listed
     radial = radial / length
-    nearest = max(listed, key=lambda one: abs(float(one @ radial)), default=radial)
+    nearest = max(listed, key=lambda normal: abs(float(normal @ radial)), default=radial)
     return [radial if float(nearest @ radial) > 0 else -radial]
 
 
 def _spread(points: Array) -> Array:
-    """Return a few points that are far from each other."""
+    """Return a few points far from each other."""
     if len(points) <= _MOST_POINTS:
         return points
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
@@ -272,16 +276,16 @@ def _spread(points: Array) -> Array:
 
 @lru_cache(maxsize=1024)
 def axes_across(up: Vector) -> Array:
-    """Return two unit vectors across a third, which with it are right-handed."""
+    """Return two unit vectors that form a right-handed frame with a third."""
     along = np.asarray(up)
-    least = np.eye(3)[int(np.argmin(np.abs(along)))]
-    one = np.cross(along, least)
-    one = one / np.linalg.norm(one)
-    return np.stack([one, np.cross(along, one)])
+    smallest = np.eye(3)[int(np.argmin(np.abs(along)))]
+    first = np.cross(along, smallest)
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(along, first)])
 
 
 def _outline(corners: Array) -> Array | None:
-    """Return the lines of the hull of points of the plane; None where there is no area."""
+    """Return the hull lines of points in the plane; None without area."""
     if len(corners) < 3:
         return None
     try:
@@ -291,7 +295,7 @@ def _outline(corners: Array) -> Array | None:
 
 
 def is_over(point: Array, corners: Array) -> bool:
-    """Return whether a point of the plane is within the hull of others."""
+    """Return whether a point of the plane lies in the hull of others."""
     outline = _outline(corners)
     return outline is not None and _is_within(point, outline)
 

@@ -1,1 +1,1 @@
-"""From a file or a folder to a product: one file a format, and what every mesh goes through."""
+"""Read a product: one module per format, and the repair of meshes."""

@@ -1,4 +1,4 @@
-"""The meshes of a binary glTF that cascadio made of a STEP file, with the faces of CAD."""
+"""Read the meshes and CAD faces of the binary glTF that cascadio creates from STEP."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 from skillplan_cad.product import Face, FaceKind, Vector
 from skillplan_cad.reading.raw_part import MOST_PARTS, RawPart
 
-# Characters of a part's name and those of the assemblies above it.
+# Largest number of characters in a part's path.
 MOST_PATH = 10_000
-NOT_FINITE = "has coordinates that are no finite numbers"
+NOT_FINITE = "has coordinates that are not finite"
 
 _HEADER_BYTES, _CHUNK_HEAD_BYTES = 12, 8
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-# What exporters write where an instance has no name.
+# Labels that exporters give to instances without a name.
 _LABEL = re.compile(r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*")
 _FACES = "TM_brep_faces"
 _KINDS: tuple[FaceKind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
 
 
 def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
-    """Return the name of the root and the meshes in the order of the tree.
+    """Return the name of the root, and the meshes in the order of the tree.
 
     Raises
     ------
     ValueError
-        If the content is no binary glTF, has a number that is not finite, more than `MOST_PARTS`
+        If the content is not binary glTF, has numbers that are not finite, more than `MOST_PARTS`
         parts, or a path longer than `MOST_PATH`. The message is a clause without subject.
     """
     document, data = _chunks(content)
@@ -52,7 +52,7 @@ def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
 
 def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     if content[:4] != b"glTF":
-        raise ValueError("is read by OCCT as something that is no product")
+        raise ValueError("is not read as a product by OCCT")
     chunks: dict[bytes, bytes] = {}
     at = _HEADER_BYTES
     while at + _CHUNK_HEAD_BYTES <= len(content):
@@ -63,14 +63,14 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     try:
         document = json.loads(chunks[b"JSON"])
     except ValueError:
-        # JSON has no word for them, and OCCT writes them all the same.
+        # OCCT writes non-finite numbers, which JSON lacks.
         raise ValueError(NOT_FINITE) from None
     return document, chunks.get(b"BIN\0", b"")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PlacedMesh:
-    """A node of the tree with a mesh: its number, pose in the product's frame, name and path."""
+    """A node with a mesh: number, pose in the product's frame, name and path."""
 
     mesh: int
     pose: NDArray[np.float64]
@@ -79,9 +79,9 @@ class _PlacedMesh:
 
 
 def _placed_meshes(document: Mapping[str, Any], roots: Sequence[int]) -> Iterator[_PlacedMesh]:
-    """Yield the meshes of a tree from its roots on, in order."""
+    """Yield the meshes of a tree from its roots, in order."""
     nodes, taken = document["nodes"], set[str]()
-    named = [(root, _numbered(document, root, taken)) for root in roots]
+    named = [(root, _unique_name(document, root, taken)) for root in roots]
     todo: list[tuple[int, NDArray[np.float64], tuple[str, ...], str, int]] = [
         (root, np.eye(4), (), name, len(name)) for root, name in reversed(named)
     ]
@@ -98,26 +98,28 @@ def _placed_meshes(document: Mapping[str, Any], roots: Sequence[int]) -> Iterato
             yield _PlacedMesh(node["mesh"], pose, name, path)
         taken = set()
         below = (*path, name)
-        children = [(one, _numbered(document, one, taken)) for one in node.get("children", ())]
+        children = [
+            (child, _unique_name(document, child, taken)) for child in node.get("children", ())
+        ]
         todo += [
             (child, pose, below, own, length + 1 + len(own)) for child, own in reversed(children)
         ]
 
 
-def _numbered(document: Mapping[str, Any], number_of: int, taken: set[str]) -> str:
-    """Return the name of a node, numbered where a sibling before it has the same one.
+def _unique_name(document: Mapping[str, Any], node_number: int, taken: set[str]) -> str:
+    """Return the name of a node, numbered if a sibling before it has the same name.
 
-    Where the file has no name for an instance but a label that counts, its design names it.
+    Instances with a mere counting label get the name of their design.
     """
-    node = document["nodes"][number_of]
+    node = document["nodes"][node_number]
     name = str(node.get("name", ""))
     if "mesh" in node and _LABEL.fullmatch(name):
         name = str(document["meshes"][node["mesh"]].get("name", "")) or name
-    wanted = name
+    stem = name
     number = 1
     while name in taken:
         number += 1
-        name = f"{wanted}#{number}"
+        name = f"{stem}#{number}"
     taken.add(name)
     return name
 
@@ -125,7 +127,7 @@ def _numbered(document: Mapping[str, Any], number_of: int, taken: set[str]) -> s
 def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         pose = np.asarray(node["matrix"], dtype=np.float64).reshape(4, 4).T.copy()
-        # It is rounded to single precision, which would shear a large part.
+        # Undo rounding to single precision, which would shear a large part.
         left, _, right = np.linalg.svd(pose[:3, :3])
         if np.abs(left @ right - pose[:3, :3]).max() < 1e-5:
             pose[:3, :3] = left @ right
@@ -146,7 +148,7 @@ def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
 def _part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPart | None:
     pose, mesh = node.pose, document["meshes"][node.mesh]
     vertices, triangles, faces = [], [], []
-    so_far, triangles_so_far = 0, 0
+    points_before, triangles_before = 0, 0
     for primitive in mesh["primitives"]:
         if primitive.get("mode", 4) != 4:
             continue
@@ -156,14 +158,14 @@ def _part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPar
         else:
             corners = np.arange(len(points)).reshape(-1, 3)
         vertices.append(points)
-        triangles.append(corners + so_far)
+        triangles.append(corners + points_before)
         extension = primitive.get("extensions", {}).get(_FACES)
         if extension is not None:
             of_triangle = _array(document, data, extension["faceIndices"]).astype(np.int64)
-            faces += _faces(extension["faces"], of_triangle, triangles_so_far, pose)
-        so_far += len(points)
-        triangles_so_far += len(corners)
-    if not triangles_so_far:
+            faces += _faces(extension["faces"], of_triangle, triangles_before, pose)
+        points_before += len(points)
+        triangles_before += len(corners)
+    if not triangles_before:
         return None
     with np.errstate(all="ignore"):
         placed = np.concatenate(vertices) @ pose[:3, :3].T + pose[:3, 3]
@@ -180,7 +182,11 @@ def _faces(
     first: int,
     pose: NDArray[np.float64],
 ) -> list[Face]:
-    about = {one["face_index"]: one for one in described if one is not None}
+    about = {
+        description["face_index"]: description
+        for description in described
+        if description is not None
+    }
     order = np.argsort(of_triangle, kind="stable")
     numbers, starts = np.unique(of_triangle[order], return_index=True)
     return [
@@ -190,26 +196,26 @@ def _faces(
 
 
 def _face(
-    about: Mapping[str, Any], triangles: NDArray[np.int64], pose: NDArray[np.float64]
+    fields: Mapping[str, Any], triangles: NDArray[np.int64], pose: NDArray[np.float64]
 ) -> Face:
-    kind = about.get("type")
+    kind = fields.get("type")
     if kind not in _KINDS:
         return Face("free", triangles)
     turn, move = pose[:3, :3], pose[:3, 3]
-    origin = next((about[one] for one in ("origin", "center", "apex") if one in about), (0, 0, 0))
-    axis = turn @ np.asarray(about.get("normal", about.get("axis", (0.0, 0.0, 1.0))))
-    # A cone's distances run along its side.
-    half_angle = float(about.get("semi_angle", 0.0))
-    along = about.get("extent_height", about.get("extent_distance", (0.0, 0.0)))
+    origin = next((fields[key] for key in ("origin", "center", "apex") if key in fields), (0, 0, 0))
+    axis = turn @ np.asarray(fields.get("normal", fields.get("axis", (0.0, 0.0, 1.0))))
+    # The distances of a cone are along its side.
+    half_angle = float(fields.get("semi_angle", 0.0))
+    along = fields.get("extent_height", fields.get("extent_distance", (0.0, 0.0)))
     scale = np.cos(half_angle) if kind == "cone" else 1.0
-    round_axis = about.get("extent_angle", about.get("extent_u", (0.0, 2 * np.pi)))
+    round_axis = fields.get("extent_angle", fields.get("extent_u", (0.0, 2 * np.pi)))
     return Face(
         kind,
         triangles,
         _vector(turn @ np.asarray(origin) + move),
         _vector(axis / np.linalg.norm(axis)),
-        float(about.get("radius", about.get("major_radius", about.get("ref_radius", 0.0)))),
-        float(about.get("minor_radius", 0.0)),
+        float(fields.get("radius", fields.get("major_radius", fields.get("ref_radius", 0.0)))),
+        float(fields.get("minor_radius", 0.0)),
         half_angle,
         (float(along[0]) * float(scale), float(along[1]) * float(scale)),
         0.0 if kind == "plane" else float(abs(round_axis[1] - round_axis[0])),
@@ -234,5 +240,5 @@ def _array(document: Mapping[str, Any], data: bytes, number: int) -> NDArray[Any
 
 
 def _vector(numbers: NDArray[np.float64]) -> Vector:
-    x, y, z = (float(one) for one in numbers)
+    x, y, z = (float(number) for number in numbers)
     return x, y, z

@@ -1,4 +1,4 @@
-"""Closed meshes out of those of files: vertices merged, triangles outwards, none degenerate."""
+"""Repair meshes: merge vertices, turn triangles outwards, remove degenerate ones, close gaps."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from scipy.spatial import cKDTree
 from skillplan_cad.product import Face, Points, Triangles
 from skillplan_cad.reading.raw_part import RawPart, area_vectors_m2
 
-# Vertices that lie closer are one, as a share of the part's size: coordinates are single precision.
+# Distances below which vertices are merged, in part sizes; coordinates have single precision.
 _SAME, _NEARLY_SAME = 1e-7, 2e-6
-# Holes are filled up to this share of the surface; beyond it a face is missing.
+# Largest share of the surface in filled holes; larger holes are missing faces.
 _MOST_FILLED = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mended:
-    """A part whose mesh was mended as far as that is possible.
+    """A part with its mesh repaired as far as possible.
 
     Parameters
     ----------
     part
-        With merged vertices and triangles that look outwards.
+        Part with merged vertices and outward triangles.
     open_edges
-        How many edges have no triangle on one side; 0 where it is closed.
+        Number of edges without a triangle on one side; 0 if the mesh is closed.
     gap_point_m
-        The middle of the first of them.
+        Centre of the first open edge.
     bodies
-        For every triangle the number of its body, the cavities of a body included.
+        Body number of each triangle; cavities belong to their body.
     notes
-        What was done to it, a sentence each.
+        Repairs, one sentence each.
     """
 
     part: RawPart
@@ -46,60 +46,62 @@ class Mended:
 
 
 def mended(part: RawPart) -> Mended:
-    """Return a part with a closed mesh, or with what keeps it from being closed."""
+    """Return a part with a closed mesh, or with its open edges."""
     notes: list[str] = []
-    found = _merged(part, _SAME)
-    if len(_open_edges(found.triangles)):
-        found = _merged(part, _NEARLY_SAME)
-    if len(_open_edges(found.triangles)):
-        found, added = _repaired(found)
+    repaired = _merged(part, _SAME)
+    if len(_open_edges(repaired.triangles)):
+        repaired = _merged(part, _NEARLY_SAME)
+    if len(_open_edges(repaired.triangles)):
+        repaired, added = _repaired(repaired)
         if added:
             notes.append(f"{part.name}: {added} triangles were added to close holes")
-    gaps = _open_edges(found.triangles)
-    bodies = np.zeros(len(found.triangles), dtype=np.int64)
+    gaps = _open_edges(repaired.triangles)
+    bodies = np.zeros(len(repaired.triangles), dtype=np.int64)
     middle = np.zeros(3)
     if len(gaps):
-        middle = found.vertices_m[gaps[0]].mean(axis=0)
-    elif len(found.triangles):
-        found, bodies = _outwards(found)
-    return Mended(found, len(gaps), middle, bodies, tuple(notes))
+        middle = repaired.vertices_m[gaps[0]].mean(axis=0)
+    elif len(repaired.triangles):
+        repaired, bodies = _outwards(repaired)
+    return Mended(repaired, len(gaps), middle, bodies, tuple(notes))
 
 
 def volumes_m3(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
-    """Return of every triangle the volume between it and the middle of the mesh, with sign."""
+    """Return the signed volume between each triangle and the centre of the mesh."""
     middle = vertices_m.mean(axis=0)
     a, b, c = (vertices_m[triangles[:, corner]] - middle for corner in range(3))
     return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
 
 
 def centre_m(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
-    """Return the centre of what a closed mesh encloses."""
+    """Return the centroid of the volume of a closed mesh."""
     middle = vertices_m.mean(axis=0)
     volumes = volumes_m3(vertices_m, triangles)
     corners = (vertices_m[triangles] - middle).sum(axis=1) / 4
     return np.asarray(middle + (volumes[:, None] * corners).sum(axis=0) / volumes.sum())
 
 
-def split(found: Mended) -> list[RawPart]:
-    """Return the bodies of a part as parts of their own."""
-    part = found.part
+def split(repaired: Mended) -> list[RawPart]:
+    """Return the bodies of a part as separate parts."""
+    part = repaired.part
     return [
         _with_triangles(
-            replace(part, name=f"{part.name}.{number + 1}"), found.bodies == number, part.triangles
+            replace(part, name=f"{part.name}.{number + 1}"),
+            repaired.bodies == number,
+            part.triangles,
         )
-        for number in range(int(found.bodies.max()) + 1)
+        for number in range(int(repaired.bodies.max()) + 1)
     ]
 
 
 def _merged(part: RawPart, share: float) -> RawPart:
-    """Return a part whose vertices are merged where they are as good as one."""
+    """Return a part with close vertices merged."""
     vertices = part.vertices_m
     size = float(np.ptp(vertices, axis=0).max()) or 1.0
     cells = np.round((vertices - vertices.min(axis=0)) / (size * share)).astype(np.int64)
     _, first, which = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     which = which.reshape(-1)
     points = vertices[first]
-    # Two that are as good as one may lie in neighbouring cells.
+    # Close vertices may lie in neighbouring cells.
     pairs = cKDTree(points).query_pairs(size * share, output_type="ndarray")
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
     count, label = connected_components(graph, directed=False)
@@ -116,7 +118,7 @@ def _merged(part: RawPart, share: float) -> RawPart:
 
 
 def _with_triangles(part: RawPart, chosen: NDArray[np.bool_], triangles: Triangles) -> RawPart:
-    """Return a part with the chosen triangles only, and the vertices that they have."""
+    """Return a part with only the chosen triangles and their vertices."""
     number = np.cumsum(chosen) - 1
     faces = []
     for face in part.faces:
@@ -133,7 +135,7 @@ def _with_triangles(part: RawPart, chosen: NDArray[np.bool_], triangles: Triangl
 
 
 def _open_edges(triangles: Triangles) -> NDArray[np.int64]:
-    """Return the edges, as pairs of vertices, that as many triangles do not pass each way."""
+    """Return the edges, as vertex pairs, that triangles do not pass equally often each way."""
     if not len(triangles):
         return np.zeros((0, 2), dtype=np.int64)
     edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -146,7 +148,7 @@ def _open_edges(triangles: Triangles) -> NDArray[np.int64]:
 
 
 def _repaired(part: RawPart) -> tuple[RawPart, int]:
-    """Return a part with its triangles turned the same way and small holes filled."""
+    """Return a part with consistent triangles and small holes filled, and the triangles added."""
     import trimesh
 
     mesh: Any = trimesh.Trimesh(part.vertices_m, part.triangles, process=False)
@@ -169,9 +171,9 @@ def _repaired(part: RawPart) -> tuple[RawPart, int]:
 
 
 def _outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64]]:
-    """Return a closed part that looks outwards, and of every triangle its body.
+    """Return a closed part with outward triangles, and the body of each triangle.
 
-    A shell of negative volume inside another one is a cavity of it, not a body.
+    A shell of negative volume inside another is a cavity of it, not a body.
     """
     triangles = part.triangles
     graph = coo_matrix(
@@ -185,16 +187,17 @@ def _outwards(part: RawPart) -> tuple[RawPart, NDArray[np.int64]]:
         triangles, volume = triangles[:, ::-1].copy(), -volume
         part = replace(part, triangles=triangles)
     solid = np.flatnonzero(volume > 0)
-    low = np.stack([part.vertices_m[of_vertex == one].min(axis=0) for one in range(count)])
-    high = np.stack([part.vertices_m[of_vertex == one].max(axis=0) for one in range(count)])
+    low = np.stack([part.vertices_m[of_vertex == number].min(axis=0) for number in range(count)])
+    high = np.stack([part.vertices_m[of_vertex == number].max(axis=0) for number in range(count)])
     body = np.zeros(count, dtype=np.int64)
     body[solid] = np.arange(len(solid))
     for cavity in np.flatnonzero(volume <= 0):
         around = [
-            one
-            for one in solid
-            if (low[one] <= low[cavity] + 1e-12).all() and (high[one] >= high[cavity] - 1e-12).all()
+            number
+            for number in solid
+            if (low[number] <= low[cavity] + 1e-12).all()
+            and (high[number] >= high[cavity] - 1e-12).all()
         ]
         if around:
-            body[cavity] = body[min(around, key=lambda one: volume[one])]
+            body[cavity] = body[min(around, key=lambda shell_number: volume[shell_number])]
     return part, body[shell]

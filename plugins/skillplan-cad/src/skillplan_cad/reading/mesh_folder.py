@@ -1,4 +1,4 @@
-"""Parts of a folder of meshes, one a file, that share one frame: STL, OBJ and PLY."""
+"""Read a folder of STL, OBJ and PLY meshes, one part per file, in one frame."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _REMEDY = "Save it anew, or take it out of the folder"
 
 
 def read_folder(folder: Path, unit: str | None) -> RawProduct:
-    """Return the meshes of a folder, by name.
+    """Read the meshes of a folder, sorted by name.
 
     Parameters
     ----------
     folder
-        What lies in it under another suffix is left alone.
+        Folder; files with other suffixes are ignored.
     unit
-        Of the files, which hold none.
+        Unit of the files.
 
     Raises
     ------
     OptionError
-        If the unit is missing or unknown, or a file cannot be read.
+        If the unit is missing or unknown, or a file is unreadable.
     """
     files = mesh_files(folder)
     if not files:
@@ -56,12 +56,12 @@ def read_folder(folder: Path, unit: str | None) -> RawProduct:
 
 
 def mesh_files(folder: Path) -> list[Path]:
-    """Return the meshes of a folder, by name.
+    """Return the mesh files of a folder, sorted by name.
 
     Raises
     ------
     OptionError
-        If there are more than `MOST_PARTS`, a name is not UTF-8, or the folder cannot be listed.
+        If there are more than `MOST_PARTS`, a name is not UTF-8, or listing fails.
     """
     try:
         files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
@@ -79,7 +79,7 @@ def mesh_files(folder: Path) -> list[Path]:
 
 
 def is_utf8(name: str) -> bool:
-    """Return whether a file's name is text: other bytes are surrogates in it."""
+    """Return whether a file name is UTF-8; other bytes are surrogates in it."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -88,10 +88,10 @@ def is_utf8(name: str) -> bool:
 
 
 def unit_m(unit: str) -> float:
-    """Return how long a unit is; raises OptionError where it is unknown."""
+    """Return the length of a unit [m]; raises OptionError if it is unknown."""
     scale = UNITS_M.get(unit)
     if scale is None:
-        raise OptionError(f"--unit {unit}: is no unit known here. {name_hint(unit, UNITS_M)}")
+        raise OptionError(f"--unit {unit}: is not a known unit. {name_hint(unit, UNITS_M)}")
     return scale
 
 
@@ -120,5 +120,5 @@ def _mesh(path: Path, content: bytes, scale: float) -> tuple[Points, Triangles]:
     if not len(triangles):
         raise OptionError(f"{path}: holds no triangles. {_REMEDY}.")
     if not np.isfinite(vertices).all():
-        raise OptionError(f"{path}: holds coordinates that are no finite numbers. {_REMEDY}.")
+        raise OptionError(f"{path}: holds coordinates that are not finite. {_REMEDY}.")
     return vertices, triangles

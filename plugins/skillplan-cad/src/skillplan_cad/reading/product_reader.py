@@ -1,4 +1,4 @@
-"""A file or folder read as a product: closed parts with unique names, masses and shapes."""
+"""Read a file or folder as a product: closed parts with unique names, masses and shapes."""
 
 from __future__ import annotations
 
@@ -22,46 +22,46 @@ from skillplan_cad.reading.step_file import SUFFIXES as STEP
 from skillplan_cad.reading.step_file import is_step, read_step
 from skillplan_cad.reading.surface_fit import fitted_faces, recognised
 
-# Pairs of corners that are tried at most.
+# Largest number of corner pairs to try.
 _TRIED = 400
 _SAMPLES = 400
 
 
 def shapes_of(parts: Sequence[RawPart], chord_m: float) -> tuple[NDArray[np.int64], dict[int, int]]:
-    """Return the number of every part's shape, and of mirrored shapes the number of the original.
+    """Return the shape number of each part, and the originals of mirrored shapes.
 
     Parameters
     ----------
     parts
-        With closed meshes.
+        Parts with closed meshes.
     chord_m
-        How far meshes of the same shape may differ.
+        Largest distance between meshes of the same shape, in chords [m].
     """
     figures = [_Figure(part, chord_m) for part in parts]
     shape = np.zeros(len(parts), dtype=np.int64)
     originals: list[_Figure] = []
     mirrors: dict[int, int] = {}
     for number, figure in enumerate(figures):
-        found = None
+        match = None
         for known, other in enumerate(originals):
             if not figure.may_equal(other):
                 continue
             if figure.lies_over(other, mirrored=False):
-                found = known
+                match = known
                 break
             if known not in mirrors and figure.lies_over(other, mirrored=True):
                 mirrors.setdefault(len(originals), known)
-        if found is None:
-            found = len(originals)
+        if match is None:
+            match = len(originals)
             originals.append(figure)
         else:
             mirrors.pop(len(originals), None)
-        shape[number] = found
+        shape[number] = match
     return shape, mirrors
 
 
 class _Figure:
-    """A mesh about its centre, with what is the same for all that equal it."""
+    """A mesh about its centre, with the measures that equal meshes share."""
 
     def __init__(self, part: RawPart, chord_m: float) -> None:
         vertices, triangles = part.vertices_m, part.triangles
@@ -77,7 +77,7 @@ class _Figure:
         self.samples = self.points[::step]
 
     def may_equal(self, other: _Figure) -> bool:
-        """Whether size, volume and area are no reason against it."""
+        """Return whether size, volume and area allow equality."""
         slack = self.tolerance
         return (
             abs(self.size - other.size) <= 2 * slack
@@ -86,14 +86,14 @@ class _Figure:
         )
 
     def lies_over(self, other: _Figure, *, mirrored: bool) -> bool:
-        """Whether a motion, with a mirror if wanted, lays this mesh over the other one."""
+        """Return whether a motion, optionally with a mirror, maps this mesh onto another."""
         for turn in self._turns(other, mirrored):
             if other.covers(self.samples @ turn.T) and self.covers(other.samples @ turn):
                 return True
         return False
 
     def covers(self, points: Points) -> bool:
-        """Whether all points lie on the surface."""
+        """Return whether all points lie on the surface."""
         distances, _ = self.tree.query(points, distance_upper_bound=self.reach)
         return bool(np.isfinite(distances).all())
 
@@ -124,7 +124,7 @@ class _Figure:
 def _frame(
     a: NDArray[np.float64], b: NDArray[np.float64], *, mirrored: bool
 ) -> NDArray[np.float64] | None:
-    """Return the axes that two points determine, as columns; the third is turned if mirrored."""
+    """Return the axes defined by two points, as columns; the third is flipped if mirrored."""
     x = a / np.linalg.norm(a)
     across = b - (b @ x) * x
     length = np.linalg.norm(across)
@@ -136,7 +136,7 @@ def _frame(
 
 
 def _dense(points: Points, triangles: Triangles, spacing: float) -> tuple[Points, float]:
-    """Return the vertices and points spread over the triangles, and how far apart they are."""
+    """Return the vertices with points spread over the triangles, and their spacing."""
     corners = points[triangles]
     a, ab, ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * np.linalg.norm(np.cross(ab, ac), axis=1)
@@ -153,28 +153,28 @@ def _dense(points: Points, triangles: Triangles, spacing: float) -> tuple[Points
 
 
 STEEL_KG_M3 = 7850.0
-# Rays are traced in single precision, which resolves a 16-millionth of a length.
+# Rays have single precision, which resolves 1/16,000,000 of a length.
 MOST_EXTENT_M = 10_000.0
-# A part that is thinner cannot be resolved by the least tolerance.
+# The smallest tolerance does not resolve thinner parts.
 LEAST_THICKNESS_M = 1e-6
-# Open parts that a message names at most.
+# Largest number of open parts in a message.
 _NAMED = 6
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """How a product is read.
+    """Options of reading a product.
 
     Parameters
     ----------
     unit
-        Of meshes, which state none; None for STEP, which does.
+        Unit of meshes; None for STEP, which states its own.
     chord_m
-        How far triangles may lie from curved faces of STEP.
+        Greatest distance of triangles from curved faces of STEP [m].
     split_bodies
-        Whether bodies of one part become parts of their own.
+        True to make each body a part.
     density_kg_m3
-        Of all parts.
+        Density of all parts.
     """
 
     unit: str | None = None
@@ -184,33 +184,33 @@ class ReadOptions:
 
 
 def read_product(path: Path, options: ReadOptions) -> Product:
-    """Return the product of a STEP file, or of a folder of meshes.
+    """Read the product of a STEP file or a folder of meshes.
 
     Raises
     ------
     OptionError
-        If it cannot be read, a part is not watertight, or there are not two parts.
+        If it is unreadable, a part is not watertight, or it has fewer than two parts.
     """
     raw = _raw(path, options)
     _refuse_far(path, raw)
-    found = [mended(part) for part in raw.parts]
-    _refuse_open(path, found)
-    _refuse_thin(path, [one.part for one in found])
-    notes = [*raw.notes, *(note for one in found for note in one.notes)]
+    repaired = [mended(part) for part in raw.parts]
+    _refuse_open(path, repaired)
+    _refuse_thin(path, [mesh.part for mesh in repaired])
+    notes = [*raw.notes, *(note for mesh in repaired for note in mesh.notes)]
     parts: list[RawPart] = []
     bodies: list[int] = []
-    for one in found:
-        count = int(one.bodies.max()) + 1
+    for mesh in repaired:
+        count = int(mesh.bodies.max()) + 1
         if count > 1 and options.split_bodies:
-            parts += split(one)
+            parts += split(mesh)
             bodies += [1] * count
-            notes.append(f"{one.part.name}: its {count} bodies are parts of their own")
+            notes.append(f"{mesh.part.name}: its {count} bodies are parts of their own")
             continue
         if count > 1:
             notes.append(
-                f"{one.part.name}: is one part of {count} bodies; --split-bodies makes each a part"
+                f"{mesh.part.name}: is one part of {count} bodies; --split-bodies makes each a part"
             )
-        parts.append(one.part)
+        parts.append(mesh.part)
         bodies.append(count)
     _refuse_single(path, parts, bodies)
     notes.append(
@@ -241,7 +241,7 @@ def _raw(path: Path, options: ReadOptions) -> RawProduct:
 
 
 def _refuse_far(path: Path, raw: RawProduct) -> None:
-    """Refuse a product so long that its parts cannot be resolved."""
+    """Refuse a product that is too long to resolve its parts."""
     filled = [part for part in raw.parts if len(part.vertices_m)]
     if not filled:
         return
@@ -262,7 +262,7 @@ def _refuse_far(path: Path, raw: RawProduct) -> None:
 
 
 def _refuse_thin(path: Path, parts: Sequence[RawPart]) -> None:
-    """Refuse a part that has no thickness, as the ratio of its volume and surface says."""
+    """Refuse a part without thickness, by the ratio of volume and surface."""
     for part in parts:
         volume = float(volumes_m3(part.vertices_m, part.triangles).sum())
         surface = float(
@@ -276,14 +276,14 @@ def _refuse_thin(path: Path, parts: Sequence[RawPart]) -> None:
             )
 
 
-def _refuse_open(path: Path, found: Sequence[Mended]) -> None:
-    gaps = [one for one in found if one.open_edges or not len(one.part.triangles)]
+def _refuse_open(path: Path, repaired: Sequence[Mended]) -> None:
+    gaps = [mesh for mesh in repaired if mesh.open_edges or not len(mesh.part.triangles)]
     if not gaps:
         return
     named = []
-    for one in gaps[:_NAMED]:
-        at = ", ".join(f"{value * 1000:.4g}" for value in one.gap_point_m)
-        named.append(f"{_full_name(one.part)} ({one.open_edges} open edges, one at [{at}] mm)")
+    for gap in gaps[:_NAMED]:
+        at = ", ".join(f"{value * 1000:.4g}" for value in gap.gap_point_m)
+        named.append(f"{_full_name(gap.part)} ({gap.open_edges} open edges, one at [{at}] mm)")
     more = f" and {len(gaps) - _NAMED} more" if len(gaps) > _NAMED else ""
     raise OptionError(
         f"{path}: not watertight: {'; '.join(named)}{more}. Make solids of these in CAD, or leave "
@@ -313,15 +313,15 @@ def _product(
 ) -> Product:
     shapes, mirrors = shapes_of(parts, raw.chord_m)
     names = _unique_names(parts)
-    made = []
+    product_parts = []
     for number, part in enumerate(parts):
         faces = (
-            tuple(recognised(one, part.vertices_m, part.triangles) for one in part.faces)
+            tuple(recognised(face, part.vertices_m, part.triangles) for face in part.faces)
             if part.faces
             else fitted_faces(part.vertices_m, part.triangles)
         )
         centre = centre_m(part.vertices_m, part.triangles)
-        made.append(
+        product_parts.append(
             Part(
                 name=names[number],
                 path=part.path,
@@ -341,22 +341,22 @@ def _product(
     if repeated:
         shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
         notes = (*notes, f"names that repeat are numbered: {shown}")
-    return Product(raw.name, tuple(made), raw.unit, raw.chord_m, notes)
+    return Product(raw.name, tuple(product_parts), raw.unit, raw.chord_m, notes)
 
 
 def _unique_names(parts: Sequence[RawPart]) -> list[str]:
-    """Return the path of every part in the tree, from below the root on; repeats numbered."""
+    """Return the path of each part below the root; repeated paths are numbered."""
     taken: set[str] = set()
-    found = []
+    names = []
     for part in parts:
-        name = wanted = _full_name(part)
+        name = stem = _full_name(part)
         number = 1
         while name in taken:
             number += 1
-            name = f"{wanted}#{number}"
+            name = f"{stem}#{number}"
         taken.add(name)
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def _full_name(part: RawPart) -> str:

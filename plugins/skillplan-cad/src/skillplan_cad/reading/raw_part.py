@@ -1,4 +1,4 @@
-"""What a format hands over: meshes as they stand in the file, before anything is mended."""
+"""Meshes as they stand in a file, before repair."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skillplan_cad.product import Face, Points, Triangles
 
-# Of one product: every pair of parts is tested.
+# Largest number of parts; every pair is tested.
 MOST_PARTS = 2_000
 
 
@@ -20,15 +20,15 @@ class RawPart:
     Parameters
     ----------
     name
-        In the file; it may repeat.
+        Name in the file; may repeat.
     path
         Names of the assemblies above it.
     vertices_m, triangles
-        In the product's frame.
+        Mesh in the product's frame.
     faces
-        What CAD says of its faces; triangles as in `triangles`. Empty for files of mere meshes.
+        CAD faces with indices into `triangles`; empty for plain meshes.
     design
-        Name of what it is an instance of; empty where the file tells none apart.
+        Name of its design; empty if unknown.
     """
 
     name: str
@@ -41,20 +41,20 @@ class RawPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawProduct:
-    """What a file or folder holds.
+    """The content of a file or folder.
 
     Parameters
     ----------
     name
-        Of the product.
+        Name of the product.
     parts
-        In the order of the file.
+        Parts in the order of the file.
     unit
-        Of the file.
+        Unit of the file.
     chord_m
-        How far triangles may lie from the surface; 0 where nobody knows.
+        Greatest distance of triangles from the true surface; 0 if unknown.
     notes
-        A sentence each.
+        Remarks of the reader, one sentence each.
     """
 
     name: str
@@ -65,6 +65,6 @@ class RawProduct:
 
 
 def area_vectors_m2(vertices_m: Points, triangles: Triangles) -> NDArray[np.float64]:
-    """Return for every triangle its normal, as long as its area."""
+    """Return the normal of each triangle, scaled to its area."""
     a, b, c = (vertices_m[triangles[:, corner]] for corner in range(3))
     return np.asarray(0.5 * np.cross(b - a, c - a))

@@ -22,24 +22,24 @@ from skillplan_cad.reading.glb import NOT_FINITE, parts_of
 from skillplan_cad.reading.raw_part import RawProduct
 
 _WHAT = "reading STEP"
-# How sharply a chord may turn [rad]; its distance from the surface is what is asked for.
+# Largest angle between chords [rad]; chord_m bounds their distance from the surface.
 _TURN_RAD = 0.5
 _REMEDY = "Save it from CAD anew as STEP (AP203, AP214 or AP242)"
 _GIB = 1024**3
-# Ten times what slow files take.
+# Ten times the duration of slow files.
 _LEAST_S, _S_A_MEGABYTE = 120.0, 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What reading one file may take.
+    """Limits for reading one file.
 
     Parameters
     ----------
     seconds
-        From the start of the process to its answer.
+        Time from the start of the process to its answer [s].
     memory_bytes
-        Resident size of the process.
+        Resident size of the process [bytes].
     """
 
     seconds: float
@@ -47,47 +47,47 @@ class Limits:
 
 
 def tessellated(path: Path, content: bytes, chord_m: float) -> bytes:
-    """Return the GLB that OCCT makes of a STEP file.
+    """Return the GLB that OCCT creates from a STEP file.
 
     Parameters
     ----------
     path
-        The file, for messages.
+        Path for messages.
     content
-        Its content, unpacked.
+        Unpacked content.
     chord_m
-        How far triangles may lie from curved faces.
+        Greatest distance of triangles from curved faces [m].
 
     Raises
     ------
     OptionError
-        If OCCT cannot read it, crashes on it, or takes too long or too much memory.
+        If OCCT refuses the file, crashes, or exceeds a limit.
     """
     limits = Limits(_LEAST_S + _S_A_MEGABYTE * len(content) / 1e6)
-    made = read_apart(path, prepare, (content, chord_m), limits)
-    if not isinstance(made, bytes) or not made:
+    glb = read_apart(path, prepare, (content, chord_m), limits)
+    if not isinstance(glb, bytes) or not glb:
         raise OptionError(f"{path}: OCCT cannot read it as STEP. {_REMEDY}.")
-    return made
+    return glb
 
 
 def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> Any:
-    """Return the answer of a process to its only job.
+    """Run one job in a process of its own and return the answer.
 
     Parameters
     ----------
     path
-        The file that it reads, for messages.
+        Path for messages.
     prepare
-        Called there with `content`; returns what does the job. Must be importable.
+        Called in the process with `content`; returns the job. Must be importable.
     content
-        What it starts from.
+        Argument of `prepare`.
     limits
-        When it is ended.
+        Limits after which the process is killed.
 
     Raises
     ------
     OptionError
-        If it ends before it answers, or is ended by the limits.
+        If the process dies without an answer, or exceeds a limit.
     """
     with closing(LocalProcesses(1)) as executor:
         if executor.refusal:
@@ -104,7 +104,7 @@ def read_apart(path: Path, prepare: Prepare, content: Any, limits: Limits) -> An
                     raise _crashed(path, worker, answer)
             if time.monotonic() > until:
                 raise OptionError(
-                    f"{path}: OCCT was still at it after {limits.seconds:.0f} s and was ended. "
+                    f"{path}: OCCT was still reading after {limits.seconds:.0f} s and was ended. "
                     f"{_REMEDY}, or sub-assemblies one by one."
                 )
             if (measure_resident_bytes_of(worker.number) or 0) > limits.memory_bytes:
@@ -123,7 +123,7 @@ def _crashed(path: Path, worker: Worker, ended: Ended) -> Exception:
 
 
 def prepare(content: tuple[bytes, float]) -> Callable[[None], bytes | None]:
-    """Return what the process does: None comes of what OCCT refuses."""
+    """Return the job of the process; its result is None if OCCT refuses the file."""
 
     def read(_: None) -> bytes | None:
         try:
@@ -138,7 +138,7 @@ def _read(content: bytes, chord_m: float) -> bytes:
     import cascadio
 
     with _quiet_output():
-        made: bytes = cascadio.load(
+        glb: bytes = cascadio.load(
             content,
             "step",
             tol_linear=chord_m * 1000,
@@ -147,12 +147,12 @@ def _read(content: bytes, chord_m: float) -> bytes:
             use_parallel=False,
             include_brep=True,
         )
-    return made
+    return glb
 
 
 @contextmanager
 def _quiet_output() -> Iterator[None]:
-    """Send what OCCT prints nowhere: stdout belongs to the command."""
+    """Discard the output of OCCT; stdout belongs to the command."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept = {}
@@ -160,7 +160,7 @@ def _quiet_output() -> Iterator[None]:
         try:
             kept[descriptor] = os.dup(descriptor)
         except OSError:
-            # It is closed: there is nothing to be kept clean.
+            # The descriptor is closed.
             continue
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
@@ -177,11 +177,11 @@ def _quiet_output() -> Iterator[None]:
 SUFFIXES = (".step", ".stp", ".step.gz", ".stp.gz", ".stpz")
 MOST_BYTES = 128 * 1024 * 1024
 _BEGINS, _ENDS = b"ISO-10303-21;", b"END-ISO-10303-21;"
-# Texts and comments; one that does not end goes on to the end of the file. Takes linear time.
+# Texts and comments, in linear time; an unterminated one extends to the end of the file.
 _TEXT = re.compile(rb"'[^']*(?:'|\Z)|/\*.*?(?:\*/|\Z)", re.DOTALL)
 # OCCT keeps the number of an entity in 32 bits, and mistakes a larger one for another.
 _MOST_NUMBER = 2**31 - 1
-# Numbers that no double holds: OCCT does without them, or takes for ever.
+# Numbers outside the range of doubles: OCCT drops them, or does not end.
 _NOT_FINITE = re.compile(
     rb"[(,]\s*([+-]?(?:NAN|INF(?:INITY)?)|[+-]?[0-9.]{1,40}E\+?0*"
     rb"(?:30[89]|3[1-9][0-9]|[4-9][0-9]{2}|[0-9]{4,}))\s*(?=[,)])",
@@ -193,31 +193,30 @@ _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
 
 
 def is_step(path: Path) -> bool:
-    """Whether a file is one of STEP by its name."""
+    """Return whether a file name has a STEP suffix."""
     return path.name.lower().endswith(SUFFIXES)
 
 
 def read_step(path: Path, chord_m: float) -> RawProduct:
-    """Return the parts of a STEP file.
+    """Read the parts of a STEP file.
 
     Parameters
     ----------
     path
-        The file; it may be compressed by gzip.
+        STEP file, optionally compressed by gzip.
     chord_m
-        How far triangles may lie from curved faces.
+        Greatest distance of triangles from curved faces [m].
 
     Raises
     ------
     OptionError
-        If it cannot be read, is no STEP file, is cut off, or holds no solids; or if OCCT
-        crashes on it.
+        If the file is unreadable, no STEP, cut off, without solids, or crashes OCCT.
     """
     content = _content(path)
     unit = _unit(path, content)
-    made = tessellated(path, content, chord_m)
+    glb = tessellated(path, content, chord_m)
     try:
-        name, parts = parts_of(made)
+        name, parts = parts_of(glb)
     except ValueError as error:
         raise OptionError(f"{path}: {error}{_remedy(str(error), content)}.") from None
     if not parts:
@@ -234,7 +233,7 @@ def _content(path: Path) -> bytes:
             content = _unpacked(path, content)
     except RefusedFile as refused:
         remedy = (
-            ". Save sub-assemblies one by one, or without what is not assembled"
+            ". Save sub-assemblies one by one, or without fixtures and references"
             if refused.why == "large"
             else ""
         )
@@ -242,11 +241,13 @@ def _content(path: Path) -> bytes:
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
     if content[:2] == b"PK":
-        raise OptionError(f"{path}: is a ZIP archive, whatever its name says. Unpack it first.")
+        raise OptionError(f"{path}: is a ZIP archive despite its name. Unpack it first.")
     if not content.strip():
         raise OptionError(f"{path}: is empty. {_ASSEMBLE}.")
     if _BEGINS not in content[:1024]:
-        raise OptionError(f"{path}: is no STEP file: it lacks {_BEGINS.decode()!r}. {_ASSEMBLE}.")
+        raise OptionError(
+            f"{path}: is not a STEP file: it lacks {_BEGINS.decode()!r}. {_ASSEMBLE}."
+        )
     if _ENDS not in content[-1024:]:
         raise OptionError(
             f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
@@ -258,20 +259,25 @@ def _content(path: Path) -> bytes:
 
 
 def _refuse_numbers(path: Path, bare: bytes) -> None:
-    """Refuse numbers that are not finite; `bare` is a file without texts and comments."""
+    """Refuse numbers that are not finite.
+
+    Parameters
+    ----------
+    bare
+        File content without texts and comments.
+    """
     number = _NOT_FINITE.search(bare)
     if number is None:
         return
     *_, entity = re.findall(rb"#([0-9]+)\s*=", bare[: number.start()]) or [b""]
     holder = f"#{entity.decode()}" if entity else "its header"
     raise OptionError(
-        f"{path}: {holder} has {number[1][:40].decode()!r}, which is no finite number. Correct it "
-        "in CAD."
+        f"{path}: {holder} has {number[1][:40].decode()!r}, which is not finite. Correct it in CAD."
     )
 
 
 def _refuse_references(path: Path, bare: bytes) -> None:
-    """Refuse entities that are missing, as OCCT leaves out what needs them, or too far on."""
+    """Refuse references to missing entities, which OCCT drops silently, or to huge numbers."""
     named = _numbers(rb"#([0-9]+)", bare)
     largest = max(named, key=lambda digits: (len(digits), digits), default=b"0")
     if len(largest) > 10 or int(largest) > _MOST_NUMBER:
@@ -290,12 +296,12 @@ def _refuse_references(path: Path, bare: bytes) -> None:
 
 
 def _numbers(pattern: bytes, bare: bytes) -> set[bytes]:
-    """Return the distinct numbers of entities, without zeros before them."""
+    """Return the distinct entity numbers, without leading zeros."""
     return {digits.lstrip(b"0") or b"0" for digits in re.findall(pattern, bare)}
 
 
 def _remedy(words: str, content: bytes) -> str:
-    """Return the end of a message about the product that OCCT made of a file."""
+    """Return the end of a message about a product that OCCT created."""
     if words != NOT_FINITE:
         return ". Save sub-assemblies one by one"
     for point in _POINT.finditer(content):
@@ -307,7 +313,7 @@ def _remedy(words: str, content: bytes) -> str:
 
 
 def _is_length(text: bytes) -> bool:
-    """Return whether a text is a number that can be a coordinate."""
+    """Return whether a text is a valid coordinate."""
     try:
         return abs(float(text)) < 1e30
     except ValueError:
@@ -328,12 +334,12 @@ def _unpacked(path: Path, content: bytes) -> bytes:
 
 
 def _unit(path: Path, content: bytes) -> str:
-    """Return the unit of lengths that the file states; OCCT converts by it.
+    """Return the length unit of the file, by which OCCT converts.
 
     Raises
     ------
     OptionError
-        If it is one that no product is drawn in.
+        If the unit is not one of those used for products.
     """
     if re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'INCH'", content, re.IGNORECASE):
         return "inch"

@@ -1,4 +1,4 @@
-"""What surface a patch of triangles stands for, where CAD does not say: planes and cylinders."""
+"""Fit planes and cylinders to patches of triangles that CAD does not describe."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from scipy.sparse.csgraph import connected_components
 from skillplan_cad.product import Face, Points, Triangles, Vector
 from skillplan_cad.reading.raw_part import area_vectors_m2
 
-# Facets of one plane turn by less; those of one curved face by less than the second.
+# Largest angle between triangles of one plane, and of one curved face.
 _FLAT_RAD, _SMOOTH_RAD = 1e-3, 0.65
-# A cylinder needs so many facets, whose corners lie on it to this share of its radius.
+# Smallest number of facets of a cylinder; largest deviation of corners from it, in radii.
 _LEAST_FACETS, _ROUND = 6, 0.02
 
 
 def fitted_faces(vertices_m: Points, triangles: Triangles) -> tuple[Face, ...]:
-    """Return planes, cylinders and other faces of a mesh."""
+    """Return planes, cylinders and free faces of a mesh."""
     vectors = area_vectors_m2(vertices_m, triangles)
     areas = np.linalg.norm(vectors, axis=1)
     normals = vectors / np.where(areas > 0, areas, 1.0)[:, None]
@@ -27,15 +27,15 @@ def fitted_faces(vertices_m: Points, triangles: Triangles) -> tuple[Face, ...]:
     angle = np.arccos(np.clip(np.einsum("ij,ij->i", normals[first], normals[second]), -1, 1))
     facet = _components(first, second, angle < _FLAT_RAD, len(triangles))
     patch = _components(first, second, angle < _SMOOTH_RAD, len(triangles))
-    found: list[Face] = []
+    faces: list[Face] = []
     for number in np.unique(patch):
         chosen = np.flatnonzero(patch == number)
-        found += _faces_of_patch(vertices_m, triangles, normals, areas, facet, chosen)
-    return tuple(found)
+        faces += _faces_of_patch(vertices_m, triangles, normals, areas, facet, chosen)
+    return tuple(faces)
 
 
 def recognised(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
-    """Return a face, with its surface found if it is a plane or cylinder in another guise."""
+    """Return a face with its surface, if a free face is a plane or cylinder."""
     if face.kind == "free":
         vectors = area_vectors_m2(vertices_m, triangles[face.triangles])
         areas = np.linalg.norm(vectors, axis=1)
@@ -45,13 +45,13 @@ def recognised(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
         if length > (1 - 1e-7) * areas.sum() > 0:
             face = _plane(vertices_m, triangles, face.triangles, mean / length)
         else:
-            found = _cylinder(vertices_m, triangles, face.triangles, normals, areas)
-            face = found if found is not None else face
+            cylinder = _cylinder(vertices_m, triangles, face.triangles, normals, areas)
+            face = cylinder if cylinder is not None else face
     return measured(face, vertices_m, triangles)
 
 
 def measured(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
-    """Return a face with its extent along the axis, round it, and the side it looks to."""
+    """Return a face with its extents along and around the axis, and its side."""
     if face.kind in ("free", "sphere"):
         return face
     corners = vertices_m[np.unique(triangles[face.triangles])] - face.origin_m
@@ -59,7 +59,7 @@ def measured(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
     along = corners @ axis
     extent = (float(along.min()), float(along.max()))
     if face.kind == "plane":
-        # The mesh knows which side is outside.
+        # The winding of the mesh defines the outside.
         outwards = area_vectors_m2(vertices_m, triangles[face.triangles]).sum(axis=0) @ axis
         return replace(face, axis=_vector(axis if outwards > 0 else -axis), extent_m=(0.0, 0.0))
     across = corners - along[:, None] * axis
@@ -78,17 +78,17 @@ def _faces_of_patch(
     facet: NDArray[np.int64],
     chosen: NDArray[np.int64],
 ) -> list[Face]:
-    """Return a patch as a cylinder, as its planes, or as a face of no such form."""
+    """Return a patch as a cylinder, as planes, or as a free face."""
     facets = np.unique(facet[chosen])
     if len(facets) >= _LEAST_FACETS:
-        found = _cylinder(vertices_m, triangles, chosen, normals[chosen], areas[chosen])
-        if found is not None:
-            return [measured(found, vertices_m, triangles)]
+        cylinder = _cylinder(vertices_m, triangles, chosen, normals[chosen], areas[chosen])
+        if cylinder is not None:
+            return [measured(cylinder, vertices_m, triangles)]
         if len(facets) > len(chosen) / 4:
             return [Face("free", chosen)]
     faces = []
-    for one in facets:
-        own = chosen[facet[chosen] == one]
+    for number in facets:
+        own = chosen[facet[chosen] == number]
         vector = (normals[own] * areas[own, None]).sum(axis=0)
         faces.append(_plane(vertices_m, triangles, own, vector / np.linalg.norm(vector)))
     return faces
@@ -107,7 +107,7 @@ def _cylinder(
     normals: NDArray[np.float64],
     areas: NDArray[np.float64],
 ) -> Face | None:
-    """Return the cylinder that triangles lie on, or None: by normals its axis, then a circle."""
+    """Fit a cylinder to triangles: axis from the normals, then a circle; None if it fails."""
     if len(chosen) < _LEAST_FACETS:
         return None
     _, values, rows = np.linalg.svd(normals * np.sqrt(areas / areas.sum())[:, None])
@@ -130,7 +130,7 @@ def _cylinder(
 
 
 def _turn(across: Points, axis: NDArray[np.float64]) -> float:
-    """Return how far round an axis points reach; a gap of the usual width is none."""
+    """Return the angle covered by points around an axis; gaps of the usual width do not count."""
     x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     x /= np.linalg.norm(x)
     y = np.cross(axis, x)
@@ -143,7 +143,7 @@ def _turn(across: Points, axis: NDArray[np.float64]) -> float:
 
 
 def _neighbours(triangles: Triangles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the pairs of triangles that share an edge."""
+    """Return the pairs of triangles with a common edge."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(triangles)), 3)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
@@ -160,5 +160,5 @@ def _components(
 
 
 def _vector(numbers: NDArray[np.float64]) -> Vector:
-    x, y, z = (float(one) for one in numbers)
+    x, y, z = (float(number) for number in numbers)
     return x, y, z

@@ -1,1 +1,1 @@
-"""From a plan of a product to the files of a task: meshes, a layout, `product.yaml`."""
+"""Write the files of a task from a plan: meshes, table layout, `product.yaml`."""

@@ -1,7 +1,7 @@
-"""Convex pieces of a solid: it is cut where its hull stands out of it most, again and again.
+"""Decompose a solid into convex pieces by repeated cuts where its hull deviates most.
 
-Every piece is the hull of what a cut leaves, so that pieces enclose their solid whatever happens;
-how far they stand out of it is what cuts make smaller.
+Each piece is the hull of a body between cuts, so pieces always enclose the solid; cuts only reduce
+the excess.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ Normal = tuple[float, float, float]
 
 MOST_PIECES = 160
 _TO_MM = 1e3
-# Of the surfaces that bound what a hull adds, so many are tried as cuts.
+# Number of boundary planes of a gap that are tried as cuts.
 _MOST_PLANES = 8
 _LEAST_MM = 1e-3
-# Of millimetres, as many as files of meshes have of metres less three.
+# Decimals of millimetres; mesh files have three more, of metres.
 _DECIMALS = 4
 _LEAST_MM3 = 1e-6
-# Cuts are so far inside of gaps: on a face, rounding would leave a sheet of it.
+# Distance of cuts from faces, inside the gap; rounding would leave a sheet of a face.
 _SHEET_MM = 2e-4
-# Thinner is what rounding leaves between a body and its hull.
+# Thickness below which a gap is a rounding residue.
 _FILM_MM = 1e-3
-# Where the best cut leaves more than this share of what a hull adds, gaps are halved.
+# Share of the excess volume above which gaps are halved instead.
 _WORTH = 0.6
 _LEAST_SHARE = 1e-3
-# Of three coordinates from -1000 to 1000.
+# Weights that encode three coordinates from -1000 to 1000 as one number.
 _PLACES = np.array([10**8, 10**4, 1])
-# Of the corners of a gap so many lie on the wall of a round hollow, if it is the hollow's.
+# Share of a gap's corners on the wall of a round hollow above which it belongs to the hollow.
 _ON_WALL = 0.3
-# Corners whose middle is so near to the axis, of the radius, are all round it.
+# Distance of the corners' mean from the axis, in radii, below which they surround it.
 _ROUND = 0.05
 
 
@@ -52,11 +52,11 @@ class Hollow:
     Parameters
     ----------
     point_m
-        Any point of its axis.
+        A point of its axis.
     axis
         Unit vector.
     radius_m
-        Of its wall, where it has one radius; a cone has none that helps.
+        Radius of its cylindrical wall.
     """
 
     point_m: Floats
@@ -71,18 +71,18 @@ def convex_pieces(
     hollows: Sequence[Hollow] = (),
     most: int = MOST_PIECES,
 ) -> Pieces:
-    """Return convex pieces that enclose a solid, or nothing where there are none.
+    """Return convex pieces that enclose a solid; empty for an empty solid.
 
     Parameters
     ----------
     vertices_m, triangles
-        Its closed mesh.
+        Closed mesh.
     allowed_m
-        How far a piece may stand out of it; a gap between two faces counts as far as it is wide.
+        Allowed excess of a piece; a gap between faces counts with its width [m].
     hollows
-        Its round ones: cuts through their axes make the fewest pieces.
+        Round hollows; cuts through their axes give the fewest pieces.
     most
-        Number of pieces at which no more cuts are made.
+        Number of pieces after which cutting ends.
     """
     whole = _solid(vertices_m, triangles)
     if whole.is_empty():
@@ -124,37 +124,37 @@ def _solid(vertices_m: Points, triangles: Triangles) -> manifold3d.Manifold:
 
 
 def _mesh(hull: manifold3d.Manifold) -> tuple[Points, Triangles] | None:
-    """Return a hull with corners as a file has them, or None for what rounding flattens."""
-    made = hull.to_mesh64()
-    points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3]
+    """Return a hull with vertices rounded as in a file, or None if rounding flattens it."""
+    mesh64 = hull.to_mesh64()
+    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
     rounded = np.unique(np.round(points, _DECIMALS), axis=0)
     again = manifold3d.Manifold.hull_points(rounded)
     if again.is_empty() or again.volume() < _LEAST_MM3:
         return None
-    made = again.to_mesh64()
-    points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3] / _TO_MM
-    return points, np.asarray(made.tri_verts, dtype=np.int64)
+    mesh64 = again.to_mesh64()
+    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / _TO_MM
+    return points, np.asarray(mesh64.tri_verts, dtype=np.int64)
 
 
 def _faces(solid: manifold3d.Manifold) -> tuple[Points, Points, Floats, Floats]:
-    """Return a solid's points, and its triangles' corners, unit normals and areas [mm, mm²]."""
-    made = solid.to_mesh64()
-    points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3]
-    corners = points[np.asarray(made.tri_verts, dtype=np.int64)]
+    """Return points, and corners, unit normals and areas of the triangles [mm, mm2]."""
+    mesh64 = solid.to_mesh64()
+    points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3]
+    corners = points[np.asarray(mesh64.tri_verts, dtype=np.int64)]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
     return points, corners, across / np.maximum(lengths, 1e-30)[:, None], lengths / 2
 
 
 def _widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]:
-    """Return how wide what a hull adds is at most, square to its surfaces, and where."""
+    """Return the width of the widest gap between body and hull, and the gap."""
     widest, where = 0.0, added
     for gap in added.decompose():
         points, _, normals, areas = _faces(gap)
         if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
             continue
         large = normals[areas > 1e-3 * areas.max()]
-        # A number each, in the order of the rows: far quicker to tell apart than rows.
+        # One number per row, in the same order: much faster to compare than rows.
         numbers = np.round(large * 1000).astype(np.int64) @ _PLACES
         _, first = np.unique(numbers, return_index=True)
         heights = points @ large[first].T
@@ -167,7 +167,7 @@ def _widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]
 def _cut(
     body: manifold3d.Manifold, gap: manifold3d.Manifold, hollows: Sequence[Hollow]
 ) -> tuple[manifold3d.Manifold, manifold3d.Manifold] | None:
-    """Return a body in two, so that the gap is gone or halved; None where no cut is possible."""
+    """Cut a body so that the gap vanishes or is halved; None if no cut is possible."""
     points, corners, normals, areas = _faces(gap)
     points = np.unique(points, axis=0)
     wall = _wall(points, hollows)
@@ -188,28 +188,30 @@ def _cut(
         _, halves = _best(body, wall.tangents())
         if halves is not None:
             return halves
-    added, found = _best(body, planes)
+    added, halves_best = _best(body, planes)
     if added > _WORTH * wholes:
         middles = [_plane(axis, (low + high) / 2) for axis, low, high in ends]
         less, other = _best(body, middles)
-        found = other if other is not None and less < added * (1 - _LEAST_SHARE) else found
-    return found
+        halves_best = (
+            other if other is not None and less < added * (1 - _LEAST_SHARE) else halves_best
+        )
+    return halves_best
 
 
 def _split(
     body: manifold3d.Manifold, normal: Normal, offset: float
 ) -> tuple[manifold3d.Manifold, manifold3d.Manifold] | None:
-    """Return both sides of a plane, or None where the one is no more than a sheet."""
+    """Return both sides of a plane, or None if one is only a sheet."""
     points = np.asarray(body.to_mesh64().vert_properties, dtype=np.float64)[:, :3]
     heights = points @ np.asarray(normal)
     if min(float(heights.max()) - offset, offset - float(heights.min())) < _LEAST_MM:
         return None
-    one, other = body.split_by_plane(normal, offset)
-    return None if min(one.volume(), other.volume()) < _LEAST_MM3 else (one, other)
+    upper, lower = body.split_by_plane(normal, offset)
+    return None if min(upper.volume(), lower.volume()) < _LEAST_MM3 else (upper, lower)
 
 
 def _largest_planes(corners: Points, normals: Floats, areas: Floats) -> list[tuple[Normal, float]]:
-    """Return the planes that hold most of a surface."""
+    """Return the planes with the largest share of a surface."""
     offsets = np.einsum("ij,ij->i", corners[:, 0], normals)
     keys = np.round(np.column_stack([normals, offsets]), 3)
     _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -221,7 +223,7 @@ def _largest_planes(corners: Points, normals: Floats, areas: Floats) -> list[tup
 def _best(
     body: manifold3d.Manifold, planes: Iterable[tuple[Normal, float]]
 ) -> tuple[float, tuple[manifold3d.Manifold, manifold3d.Manifold] | None]:
-    """Return how much the hulls of both halves add where that is least, and the halves."""
+    """Return the smallest excess of the halves' hulls over all planes, and the halves."""
     best, halves = np.inf, None
     for normal, offset in planes:
         cut = _split(body, normal, offset)
@@ -229,7 +231,7 @@ def _best(
             continue
         hulls = sum(part.hull().volume() for half in cut for part in half.decompose())
         added = max(hulls - body.volume(), 0.0)
-        # Equals do not hang on rounding.
+        # Rounding must not decide between equal cuts.
         if added < best * (1 - _LEAST_SHARE) - _LEAST_MM3:
             best, halves = added, cut
     return best, halves
@@ -237,64 +239,64 @@ def _best(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Wall:
-    """The corners of a gap that lie on the wall of a round hollow."""
+    """Corners of a gap that lie on the wall of a round hollow."""
 
     hollow: Hollow
     points: Points
     is_all: bool
 
     def planes(self) -> Iterator[tuple[Normal, float]]:
-        """Yield planes that cut what lies before it: its ends, then through its axis."""
-        way, origin = self.hollow.axis, self.hollow.point_m * _TO_MM
-        heights = self.points @ way
-        yield _plane(way, float(heights.min()) + _SHEET_MM)
-        yield _plane(way, float(heights.max()) - _SHEET_MM)
+        """Yield cuts through the gap: at its ends, then through its axis."""
+        axis, origin = self.hollow.axis, self.hollow.point_m * _TO_MM
+        heights = self.points @ axis
+        yield _plane(axis, float(heights.min()) + _SHEET_MM)
+        yield _plane(axis, float(heights.max()) - _SHEET_MM)
         out = self.points - origin
-        out = out - np.outer(out @ way, way)
+        out = out - np.outer(out @ axis, axis)
         middle = out.mean(axis=0)
         if float(np.linalg.norm(middle)) < _ROUND * self.hollow.radius_m * _TO_MM:
-            # A gap all the way round becomes one in a box, which is cut anywhere.
+            # A gap around the whole axis is boxed in first, then cut anywhere.
             yield from self.tangents()
             across = self._frame()[0]
             yield _plane(across, float(origin @ across))
             return
         middle /= np.linalg.norm(middle)
-        square = np.cross(way, middle)
+        square = np.cross(axis, middle)
         angles = np.arctan2(out @ square, out @ middle)
         half = (float(angles.min()) + float(angles.max())) / 2
         across = math.cos(half) * square - math.sin(half) * middle
         yield _plane(across, float(origin @ across))
 
     def tangents(self) -> Iterator[tuple[Normal, float]]:
-        """Yield planes that part it from what lies beside it."""
+        """Yield cuts that separate the gap from its surroundings."""
         for axis in self._frame():
             heights = self.points @ axis
             yield _plane(axis, float(heights.min()) + _SHEET_MM)
             yield _plane(axis, float(heights.max()) - _SHEET_MM)
 
     def _frame(self) -> tuple[Floats, Floats]:
-        """Return two directions across its axis, those of the frame if that is one of it."""
-        way = self.hollow.axis
-        across = np.eye(3)[int(np.argmin(np.abs(way)))]
-        across = across - (across @ way) * way
+        """Return two directions across the axis, along the frame's axes if possible."""
+        axis = self.hollow.axis
+        across = np.eye(3)[int(np.argmin(np.abs(axis)))]
+        across = across - (across @ axis) * axis
         across /= np.linalg.norm(across)
-        return across, np.cross(way, across)
+        return across, np.cross(axis, across)
 
 
 def _wall(points: Points, hollows: Sequence[Hollow]) -> _Wall | None:
-    """Return the wall on which most corners of a gap lie, if that is enough of them."""
-    best, found = _ON_WALL, None
+    """Return the wall that holds most corners of a gap, if it holds enough."""
+    best, wall = _ON_WALL, None
     for hollow in hollows:
-        apart = points - hollow.point_m * _TO_MM
-        across = apart - np.outer(apart @ hollow.axis, hollow.axis)
+        offsets = points - hollow.point_m * _TO_MM
+        across = offsets - np.outer(offsets @ hollow.axis, hollow.axis)
         distances = np.linalg.norm(across, axis=1)
         on = np.abs(distances - hollow.radius_m * _TO_MM) < _LEAST_MM
         if float(on.mean()) > best:
             within = float(distances.max()) <= hollow.radius_m * _TO_MM + _LEAST_MM
-            best, found = float(on.mean()), _Wall(hollow, points[on], within)
-    return found
+            best, wall = float(on.mean()), _Wall(hollow, points[on], within)
+    return wall
 
 
 def _plane(normal: Floats, offset: float) -> tuple[Normal, float]:
-    x, y, z = (float(one) for one in normal)
+    x, y, z = (float(value) for value in normal)
     return (x, y, z), float(offset)

@@ -1,4 +1,4 @@
-"""Convex pieces of a product's parts, and whether they block what the true meshes block."""
+"""Decompose parts into convex pieces, and check them against the blockings of the true meshes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skillplan_cad.writing.top_grasp import Upright
 
 Mesh = tuple[Points, Triangles]
 
-# How far pieces may stand out of their mesh: at first, and where that blocks what is free.
+# Allowed excess of pieces: at first, and as a share of the tolerance for the second cut.
 _COARSE_M = 3e-4
 _FINE_SHARE = 0.5
 _SAME_M = 1e-6
@@ -25,12 +25,12 @@ _DECIMALS = 7
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A pair that pieces block, and the true meshes do not.
+    """A pair that the pieces block but the true meshes do not.
 
     Parameters
     ----------
     part, by, direction
-        As of `Blocking`.
+        As in `Blocking`.
     """
 
     part: str
@@ -40,16 +40,16 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProvedPieces:
-    """Pieces of parts, and where they are wrong.
+    """Pieces of parts, and their wrong blockings.
 
     Parameters
     ----------
     pieces
-        Of each mesh of each part, by its name, in the frame in which the meshes were given.
+        Pieces of each mesh by part name, in the frame of the given meshes.
     cut_back
-        Names of parts whose first pieces blocked what is free.
+        Names of parts whose first pieces blocked a free direction.
     differences
-        What the pieces still block.
+        Wrong blockings that remain.
     """
 
     pieces: Mapping[str, tuple[Pieces, ...]]
@@ -57,12 +57,16 @@ class ProvedPieces:
     differences: tuple[Difference, ...]
 
     def of(self, names: Collection[str]) -> ProvedPieces:
-        """Return what is about some parts, and about what has no pieces."""
+        """Return the pieces of some parts, and differences between parts that still have pieces."""
         gone = self.pieces.keys() - set(names)
         return ProvedPieces(
             {name: pieces for name, pieces in self.pieces.items() if name not in gone},
             tuple(name for name in self.cut_back if name not in gone),
-            tuple(one for one in self.differences if not {one.part, one.by} & gone),
+            tuple(
+                difference
+                for difference in self.differences
+                if not {difference.part, difference.by} & gone
+            ),
         )
 
 
@@ -72,38 +76,42 @@ def proved_pieces(
     meshes: Mapping[str, Sequence[Mesh]],
     upright: Upright,
 ) -> ProvedPieces:
-    """Return convex pieces of meshes that block what the relation says, as far as cuts can.
+    """Return convex pieces that block the same directions as the relation, as far as cuts allow.
 
-    Pieces enclose their mesh, so that what is blocked stays so. What is free is tested by the same
-    rays; parts of pairs that pieces block are cut finer, and what remains is listed.
+    Pieces enclose their mesh, so blocked directions stay blocked. Free directions are tested with
+    the same rays; parts of wrongly blocked pairs are cut finer, and the remaining differences are
+    listed.
 
     Parameters
     ----------
     product, relation
-        True meshes, and what these block.
+        True meshes, and their blockings.
     meshes
-        Of parts by name, upright, each from the centre of its own bottom.
+        Meshes by part name, upright, relative to the centre of the part's bottom.
     upright
-        Where the product stands.
+        Pose of the product.
     """
     cutter = _Cutter(upright)
-    made = {
+    pieces_of = {
         name: cutter.pieces(product.parts[product.index(name)], given, _COARSE_M)
         for name, given in meshes.items()
     }
-    wrong = _differences(product, relation, made, upright)
-    cut = sorted({name for one in wrong for name in (one.part, one.by)} & made.keys())
+    wrong = _differences(product, relation, pieces_of, upright)
+    cut = sorted(
+        {name for difference in wrong for name in (difference.part, difference.by)}
+        & pieces_of.keys()
+    )
     if cut:
         fine_m = min(_COARSE_M, _FINE_SHARE * relation.tolerance_m)
         for name in cut:
             part = product.parts[product.index(name)]
-            made[name] = cutter.pieces(part, meshes[name], fine_m)
-        wrong = _differences(product, relation, made, upright)
-    return ProvedPieces(made, tuple(cut), wrong)
+            pieces_of[name] = cutter.pieces(part, meshes[name], fine_m)
+        wrong = _differences(product, relation, pieces_of, upright)
+    return ProvedPieces(pieces_of, tuple(cut), wrong)
 
 
 class _Cutter:
-    """Makes pieces, once of what has the same shape and lies the same way."""
+    """Computes pieces, once for each shape and orientation."""
 
     def __init__(self, upright: Upright) -> None:
         self._upright = upright
@@ -112,14 +120,14 @@ class _Cutter:
     def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
         """Return the pieces of each mesh of a part."""
         hollows = self._hollows(part)
-        rows = [(*one.point_m, *one.axis, one.radius_m) for one in hollows]
-        found = []
+        rows = [(*hollow.point_m, *hollow.axis, hollow.radius_m) for hollow in hollows]
+        pieces = []
         for vertices_m, triangles in meshes:
             key = (_rounded(vertices_m), triangles.tobytes(), _rounded(rows), allowed_m)
             if key not in self._made:
                 self._made[key] = convex_pieces(vertices_m, triangles, allowed_m, hollows)
-            found.append(self._made[key])
-        return tuple(found)
+            pieces.append(self._made[key])
+        return tuple(pieces)
 
     def _hollows(self, part: Part) -> list[Hollow]:
         upright = self._upright
@@ -130,59 +138,59 @@ class _Cutter:
                 continue
             point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
             axis = upright.matrix @ np.asarray(face.axis)
-            if not any(_is_same(one, point, axis, face.radius_m) for one in hollows):
+            if not any(_is_same(hollow, point, axis, face.radius_m) for hollow in hollows):
                 hollows.append(Hollow(point, axis, face.radius_m))
         return hollows
 
 
 def _rounded(lengths_m: Any) -> bytes:
-    """Return lengths to a tenth of a micrometre, as files of meshes have them."""
+    """Return lengths as bytes, rounded to 0.1 micrometres as in mesh files."""
     rounded = np.round(np.asarray(lengths_m, dtype=np.float64), _DECIMALS) + 0.0
     return bytes(rounded.tobytes())
 
 
-def _is_same(one: Hollow, point: Points, axis: Points, radius_m: float) -> bool:
-    apart = np.linalg.norm(np.cross(point - one.point_m, axis))
+def _is_same(hollow: Hollow, point: Points, axis: Points, radius_m: float) -> bool:
+    distance = np.linalg.norm(np.cross(point - hollow.point_m, axis))
     return bool(
-        abs(float(one.axis @ axis)) > 1 - _SAME_M
-        and apart < _SAME_M
-        and abs(one.radius_m - radius_m) < _SAME_M
+        abs(float(hollow.axis @ axis)) > 1 - _SAME_M
+        and distance < _SAME_M
+        and abs(hollow.radius_m - radius_m) < _SAME_M
     )
 
 
 def _differences(
     product: Product,
     relation: Relation,
-    made: Mapping[str, Sequence[Pieces]],
+    pieces_of: Mapping[str, Sequence[Pieces]],
     upright: Upright,
 ) -> tuple[Difference, ...]:
-    """Return what pieces block beyond the relation."""
+    """Return the pairs that pieces block beyond the relation."""
     parts = []
     for part in product:
-        pieces = [piece for mesh in made.get(part.name, ()) for piece in mesh]
+        pieces = [piece for mesh in pieces_of.get(part.name, ()) for piece in mesh]
         parts.append(_in_pieces(part, pieces, upright) if pieces else part)
     waived = np.zeros((len(product), len(product)), dtype=bool)
     for fastener in relation.fasteners:
         for mate in fastener.threaded_in:
-            one, other = product.index(fastener.part), product.index(mate)
-            waived[one, other] = waived[other, one] = True
+            first, second = product.index(fastener.part), product.index(mate)
+            waived[first, second] = waived[second, first] = True
     test = BlockingTest(replace(product, parts=tuple(parts)), relation.tolerance_m)
     names = [part.name for part in product]
-    found = []
+    differences = []
     matrix = relation.matrix
     for number in range(0, len(relation.directions), 2):
-        # What is blocked one way is so for the other part the other way.
-        asked = ~(matrix[number] & matrix[number + 1].T) & ~waived
-        for one, other in test.blocked_along(relation.directions[number], asked):
-            pairs = ((one, other, number), (other, one, number + 1))
-            found += [
+        # A blocking of one part is a blocking of the other in the opposite direction.
+        tested = ~(matrix[number] & matrix[number + 1].T) & ~waived
+        for first, second in test.blocked_along(relation.directions[number], tested):
+            pairs = ((first, second, number), (second, first, number + 1))
+            differences += [
                 Difference(names[a], names[b], way) for a, b, way in pairs if not matrix[way, a, b]
             ]
-    return tuple(sorted(found, key=lambda one: (one.direction, one.part, one.by)))
+    return tuple(sorted(differences, key=lambda pair: (pair.direction, pair.part, pair.by)))
 
 
 def _in_pieces(part: Part, pieces: Iterable[Mesh], upright: Upright) -> Part:
-    """Return a part with its pieces as its mesh, back where it stands in the product."""
+    """Return a part with its pieces as its mesh, back in its place in the product."""
     points, triangles, before = [], [], 0
     bottom = np.array(upright.bottom(part))
     for corners, faces in pieces:

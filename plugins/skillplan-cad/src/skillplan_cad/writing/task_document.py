@@ -1,4 +1,4 @@
-"""The task of a plan: what stands in `product.yaml`, and the meshes that it names."""
+"""Write `product.yaml` and its meshes for an assembly plan."""
 
 from __future__ import annotations
 
@@ -32,16 +32,14 @@ _LONGEST = 64
 
 
 def task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
-    """Return for each part's name one of letters, digits, `_` and `-`, unique among all.
+    """Map each part name to a unique task name of letters, digits, `_` and `-`.
 
     Parameters
     ----------
-    names
-        Of parts.
     taken
-        Names that no part may have.
+        Names that parts must not use.
     """
-    found: dict[str, str] = {}
+    task_name_of: dict[str, str] = {}
     seen = set(taken)
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "part"
@@ -53,15 +51,15 @@ def task_names(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, 
             end = f"_{number}"
             new, number = f"{plain[: _LONGEST - len(end)]}{end}", number + 1
         seen.add(new)
-        found[name] = new
-    return found
+        task_name_of[name] = new
+    return task_name_of
 
 
 Place = tuple[float, float]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Between the boxes about parts: room for fingers, and for a hand beside what reaches up to it.
+# Clearance between part boxes: for fingers, and for the hand next to tall parts.
 _APART_M = 0.04
 _BESIDE_TALL_M = 0.13
 _TALL_M = 0.035
@@ -75,14 +73,12 @@ HOME: Place = (0.35, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """What needs a place: a part, or a feeder of identical ones.
+    """A part, or a feeder of identical parts, that needs a place on the table.
 
     Parameters
     ----------
-    name
-        Of the part or feeder.
     size_m
-        Extents of the box about it, x y z.
+        Extents x y z of the bounding box [m].
     """
 
     name: str
@@ -96,11 +92,11 @@ class Tray:
     Parameters
     ----------
     product_m
-        Where the middle of the product's box goes.
+        Centre of the product's bounding box, x y [m].
     places
-        Where items lie, by name.
+        Place of each item, by name.
     without
-        Names of items for which there is no room in reach.
+        Names of items that do not fit within reach.
     """
 
     product_m: Place
@@ -110,30 +106,30 @@ class Tray:
 
 @dataclass(frozen=True, slots=True)
 class _Taken:
-    """A rectangle of the table that is taken."""
+    """An occupied rectangle of the table."""
 
     middle: Place
     half: Place
     room: float
 
     def is_near(self, middles: Floats, half: Place, room: float) -> Bools:
-        """Return of each row whether a rectangle there would come too near."""
-        least = np.add(half, self.half) + (max(room, self.room) - 1e-9)
-        near: Bools = np.all(np.abs(middles - self.middle) < least, axis=1)
+        """Return a mask of the centres at which a rectangle would be too close."""
+        distance_m = np.add(half, self.half) + (max(room, self.room) - 1e-9)
+        near: Bools = np.all(np.abs(middles - self.middle) < distance_m, axis=1)
         return near
 
 
 def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float) -> Tray:
-    """Return a layout: the product before the arm to its left, items as near to it as can be.
+    """Lay out the table: product in front of the arm to its left, items close to it.
 
     Parameters
     ----------
     product_size_m
-        Extents of the product as it stands, x y z.
+        Extents x y z of the product in its final orientation [m].
     items
-        What needs a place; the largest are placed first.
+        Items to place; the largest are placed first.
     reach_m
-        Greatest distance from the arm's base to its tip.
+        Greatest distance from the arm's base to its tip [m].
     """
     farthest = min(_FARTHEST_M, 0.85 * reach_m)
     goal = _goal(product_size_m, farthest)
@@ -158,7 +154,7 @@ def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reac
 
 
 def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
-    """Return where the product goes: half a metre before the arm, a little to its left."""
+    """Return the product's place: half a metre before the arm, a little to its left."""
     y_m = min(0.12 + size_m[1] / 2, 0.25)
     x_m = max(0.50, _NEAREST_M + size_m[0] / 2)
     corner = math.hypot(x_m, abs(y_m) + size_m[1] / 2)
@@ -168,45 +164,45 @@ def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
 
 
 def _spots(farthest_m: float, goal: Place) -> Floats:
-    """Return places on a grid within reach, those nearest to the product first."""
+    """Return grid places within reach, sorted by distance to the product."""
     count = int(farthest_m / _GRID_M)
-    found = []
+    places = []
     for i in range(-count, count + 1):
         for j in range(-count, count + 1):
             x, y = round(i * _GRID_M, 3), round(j * _GRID_M, 3)
             inside = _NEAREST_M <= math.hypot(x, y) <= farthest_m
             if inside and abs(math.atan2(y, x)) <= _SPREAD_RAD:
-                found.append((x, y))
-    found.sort(key=lambda one: (round(math.dist(one, goal), 6), one))
-    return np.array(found).reshape(-1, 2)
+                places.append((x, y))
+    places.sort(key=lambda place: (round(math.dist(place, goal), 6), place))
+    return np.array(places).reshape(-1, 2)
 
 
 def _fits(
     spots: Floats, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
 ) -> Bools:
-    """Return of each place whether a rectangle there is in reach and away from all others."""
+    """Return a mask of the places where a rectangle is in reach and clear of all others."""
     x_m, y_m = np.abs(spots).T
     corners = [np.hypot(x_m + sign * half[0], y_m + half[1]) for sign in (-1, 1)]
     near = np.hypot(np.maximum(spots[:, 0] - half[0], 0), np.maximum(y_m - half[1], 0))
     fits: Bools = (np.maximum(*corners) <= farthest_m + 0.05) & (near >= _NEAREST_M - 0.08)
-    for one in taken:
-        fits &= ~one.is_near(spots, half, room)
+    for rectangle in taken:
+        fits &= ~rectangle.is_near(spots, half, room)
     return fits
 
 
 def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, str]:
-    """Return by the names of parts and screws why `check` refuses a task; nothing if it does not.
+    """Return the reasons why `check` refuses a task, by names of parts and screws.
 
-    What is about no part goes by an empty name.
+    Reasons that concern no part have an empty name.
 
     Parameters
     ----------
     document
-        What stands in the task file.
+        Content of the task file.
     files
-        Contents of its meshes by their path within the folder.
+        Contents of the mesh files by their path within the folder.
     """
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     with TemporaryDirectory(prefix="skillplan-cad-") as folder:
         for name, content in files.items():
             path = Path(folder, name)
@@ -215,8 +211,8 @@ def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, 
         for issue in _issues(document, folder):
             of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
             about = str(issue.path[1]) if of_part else ""
-            found.setdefault(about, issue.message)
-    return found
+            reasons.setdefault(about, issue.message)
+    return reasons
 
 
 def _issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
@@ -230,7 +226,7 @@ def _issues(document: Mapping[str, Any], folder: str) -> list[Issue]:
 
 DRIVER = "screwdriver"
 
-# Between jaws and parts, as engines have it. The margin is for parts held off their middle.
+# Friction between jaws and parts as in the engines. The margin covers off-centre grasps.
 _FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
 _GRAVITY_M_PER_S2 = 9.81
 _LEAST_SAFE_M = 0.15
@@ -240,16 +236,14 @@ _ABOVE_PRODUCT_M = 0.05
 def robot_entry(
     robot: str, parts: Sequence[Part], gripped: Sequence[Part], upright: Upright
 ) -> dict[str, Any]:
-    """Return the entry of an arm, which travels above the product and what it carries.
+    """Return the entry of an arm that travels above the product with its payload.
 
     Parameters
     ----------
-    robot
-        Its name.
-    parts, gripped
-        All parts of the task, and those that it carries.
-    upright
-        How they stand.
+    parts
+        All parts of the task.
+    gripped
+        The parts that the arm carries.
     """
     height = max(float(upright.vertices(part)[:, 2].max()) for part in parts)
     tallest = max(float(upright.size(part)[2]) for part in gripped)
@@ -259,31 +253,29 @@ def robot_entry(
 
 
 def tool_entries(robot: str, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the tools that parts and screws name; jaws press as the heaviest part needs it.
+    """Return the tools that parts and screws use, with the grip force of the heaviest part.
 
     Parameters
     ----------
-    robot
-        Name of the arm.
     entries
-        Of parts and screws.
+        Entries of parts and screws.
     """
     used = {entry["tool"] for entry in entries}
     kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
-    found: dict[str, Any] = {}
+    tools: dict[str, Any] = {}
     for (name, kind), holder in zip(kinds.items(), HOLDERS, strict=True):
         if name in used:
-            found[name] = {"type": kind, "holder_m": list(holder)}
-    if GRIPPER in found:
+            tools[name] = {"type": kind, "holder_m": list(holder)}
+    if GRIPPER in tools:
         hand = ARMS[robot][1]
-        found[GRIPPER]["opening_m"] = hand.opening_m
+        tools[GRIPPER]["opening_m"] = hand.opening_m
         heaviest_kg = max(entry["mass_kg"] for entry in entries if entry["tool"] == GRIPPER)
-        found[GRIPPER]["force_n"] = _grip_n(heaviest_kg, hand.force_n)
-    return found
+        tools[GRIPPER]["force_n"] = _grip_n(heaviest_kg, hand.force_n)
+    return tools
 
 
 def _grip_n(mass_kg: float, most_n: float) -> float:
-    """Return the force of jaws that lift a mass by friction, to a newton, well within its limit."""
+    """Return the force that lifts a mass by friction, in whole newtons, up to a limit."""
     needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
     return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
 
@@ -297,9 +289,9 @@ def obj_text(vertices_m: Points, triangles: Triangles) -> str:
     Parameters
     ----------
     vertices_m
-        Corners, merged; rounded to a tenth of a micrometre.
+        Merged vertices [m]; rounded to 0.1 micrometres.
     triangles
-        Indices of corners, anticlockwise from outside.
+        Vertex indices, anticlockwise from outside.
     """
     corners = np.round(vertices_m, _DECIMALS) + 0.0
     lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in corners.tolist()]
@@ -308,12 +300,12 @@ def obj_text(vertices_m: Points, triangles: Triangles) -> str:
 
 
 def pieces_text(pieces: Iterable[tuple[Points, Triangles]]) -> str:
-    """Return an OBJ file of several bodies, each an object with corners of its own.
+    """Return an OBJ file of several bodies, each an object with its own vertices.
 
     Parameters
     ----------
     pieces
-        Corners, to a tenth of a micrometre already, and triangles of each.
+        Vertices, already rounded to 0.1 micrometres, and triangles of each body.
     """
     lines, before = [], 1
     for number, (vertices_m, triangles) in enumerate(pieces, 1):
@@ -331,13 +323,13 @@ class Places:
     Parameters
     ----------
     upright
-        Where the product stands.
+        Pose of the product.
     tray
-        Where parts and feeders are, by their names in the task.
+        Places of parts and feeders, by their task names.
     feeders
-        Of parts that have identical ones, by their names in the product, the name of their feeder.
+        Feeder of each part that has identical ones; keys are product names.
     without
-        Names, in the product, of parts for which there is no room in reach.
+        Product names of parts that do not fit within reach.
     """
 
     upright: Upright
@@ -354,20 +346,20 @@ def places_of(
     up: Vector,
     robot: str,
 ) -> Places:
-    """Return where everything goes.
+    """Place the product, single parts and feeders.
 
     Parameters
     ----------
-    parts, gripped
-        All parts of the task, and those that stand, which a hand brings.
+    parts
+        All parts of the task.
+    gripped
+        The parts that the hand brings.
     names
-        Of the parts in the task, by those in the product.
+        Task names by product names.
     taken
-        Names that no feeder may have.
+        Names that feeders must not use.
     up
-        What points up, in the product's frame.
-    robot
-        Name of the arm.
+        Vector that points up, in the product's frame.
     """
     upright = standing(gripped, up, (0.0, 0.0))
     feeders = _feeders(parts, names, taken)
@@ -375,10 +367,10 @@ def places_of(
     for part in parts:
         name = feeders.get(part.name, names[part.name])
         if part in gripped or part.name in feeders:
-            x, y, z = (float(one) for one in upright.size(part))
+            x, y, z = (float(extent) for extent in upright.size(part))
             items.setdefault(name, Item(name, (x, y, z)))
     points = np.concatenate([upright.vertices(part) for part in parts])
-    x, y, z = (float(one) for one in np.ptp(points, axis=0))
+    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
     layout = tray((x, y, z), list(items.values()), ARMS[robot][0].works_within_m)
     without = tuple(
         part.name for part in parts if feeders.get(part.name, names[part.name]) in layout.without
@@ -389,55 +381,61 @@ def places_of(
 def _feeders(
     parts: Sequence[Part], names: Mapping[str, str], taken: Collection[str]
 ) -> Mapping[str, str]:
-    """Return for each part that has identical ones the name of their feeder."""
-    found: dict[str, str] = {}
+    """Return the feeder name of each part that has identical ones."""
+    feeder_of: dict[str, str] = {}
     by_shape: dict[int, list[Part]] = {}
     for part in parts:
         by_shape.setdefault(part.shape, []).append(part)
     known = set(taken)
     for alike in by_shape.values():
         if len(alike) > 1:
-            wanted = f"{names[alike[0].name]}_feeder"
-            name = task_names([wanted], known)[wanted]
+            stem = f"{names[alike[0].name]}_feeder"
+            name = task_names([stem], known)[stem]
             known.add(name)
-            found |= {part.name: name for part in alike}
-    return found
+            feeder_of |= {part.name: name for part in alike}
+    return feeder_of
 
 
-# Cosine of what still counts as level.
+# Largest cosine of a level direction.
 _LEVEL = 1e-6
 
 
 def not_straight(plan: AssemblyPlan) -> dict[str, str]:
-    """Return the parts that no straight move of a single part brings, with why, after the name."""
-    found: dict[str, str] = {}
+    """Return the parts that no straight single-part move brings, each with a reason."""
+    reasons: dict[str, str] = {}
     for step in plan.steps:
         for part in step.parts:
             if len(step.parts) > 1:
                 others = ", ".join(name for name in step.parts if name != part)
-                found[part] = f"comes as one with {others}, put together apart before"
+                reasons[part] = f"comes as a sub-assembly with {others}"
             elif step.path:
-                found[part] = f"comes by {len(step.path)} moves, not by a straight one"
-    return found
+                reasons[part] = f"comes by {len(step.path)} moves, not by a straight one"
+    return reasons
 
 
 def from_below(relation: Relation, up: Vector) -> dict[str, str]:
-    """Return the screws and nuts that are driven from below, with why, after the name."""
+    """Return the screws and nuts that are driven from below, each with a reason."""
     words = "is driven from below: the product has to be turned over, or held up by a fixture"
     return {
-        one.part: words
-        for one in relation.fasteners
-        if one.part in relation.driven and float(np.dot(one.axis, up)) < -_LEVEL
+        fastener.part: words
+        for fastener in relation.fasteners
+        if fastener.part in relation.driven and float(np.dot(fastener.axis, up)) < -_LEVEL
     }
 
 
 def plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
-    """Yield names of parts, each with what stands against it; `up` is what the task points up."""
+    """Yield part names with the limits that the plan puts on them.
+
+    Parameters
+    ----------
+    up
+        Vector that points up in the task, in the product's frame.
+    """
     for step in plan.steps:
         for part in step.parts:
             if step.up != up:
                 yield part, "comes after the product was turned over"
-    for name in (one.name for one in product):
+    for name in [member.name for member in product]:
         numbers = [number for number, step in enumerate(plan.steps) if name in step.held]
         if numbers:
             first, after = plan.steps[numbers[0]], plan.steps[numbers[-1] + 1 :]
@@ -454,7 +452,7 @@ _FLAT = 0.999
 def screw_entry(
     part: Part, fastener: Fastener, relation: Relation, upright: Upright
 ) -> dict[str, Any]:
-    """Return where a screw belongs, along which axis unless straight down, its head and mass."""
+    """Return hole, head, mass and, unless it points straight down, axis of a screw."""
     axis = np.asarray(fastener.axis)
     along = part.vertices_m @ axis
     seat = _seat(part, fastener, relation)
@@ -475,9 +473,9 @@ def screw_entry(
 
 
 def _seat(part: Part, fastener: Fastener, relation: Relation) -> float:
-    """Return where along a fastener's axis its head rests: where it touches what it joins.
+    """Return the position of a fastener's head contact along its axis [m].
 
-    A nut is all head.
+    A nut consists of head only.
     """
     axis = np.asarray(fastener.axis)
     if fastener.kind == "nut":
@@ -490,9 +488,8 @@ def _seat(part: Part, fastener: Fastener, relation: Relation) -> float:
     return float((part.vertices_m @ axis).min()) + fastener.length_m
 
 
-_MOST_WAYS = 3
+_MOST_DIRECTIONS = 3
 _BELOW_SHANK_M = 0.01
-# A direction that points up by less is level.
 _COMMENT_WIDTH = 98
 
 _HEADER = """\
@@ -504,26 +501,26 @@ _HEADER = """\
 
 @dataclass(frozen=True, slots=True)
 class WrittenTask:
-    """A task, not yet on disk.
+    """A task before it is written to disk.
 
     Parameters
     ----------
     document
-        What stands in the YAML.
+        Content of the YAML file.
     files
-        Contents of all files, by their path within the folder.
+        Contents of all files by their path within the folder.
     names
-        Of each part that is in the task its name there.
+        Task name of each part in the task.
     limits
-        Of parts, by their names in the product, what one arm cannot do about them.
+        Limits of one arm for each part, by product name.
     left_out
-        Of parts that are not in the task why they are not, in words that go after a name.
+        Parts outside the task, each with a reason.
     faults
-        What `check` would refuse the task for, in words, and no part left out mends.
+        Reasons why `check` refuses the task that leaving parts out does not fix.
     upright
-        Where the product stands.
+        Pose of the product.
     pieces
-        Convex pieces of the parts, by their names in the product, and what these block wrongly.
+        Convex pieces by product name, with the pairs that they block wrongly.
     """
 
     document: Mapping[str, Any]
@@ -543,30 +540,28 @@ def task_of(
     robot: str = "panda",
     bearing: Bearing | None = None,
 ) -> WrittenTask | None:
-    """Return the task of putting a product together with one arm, as `check` accepts it.
+    """Write the task of assembling a product with one arm, so that `check` accepts it.
 
-    What nothing bears is left out, what no straight move of one part brings, what is driven from
-    below, and what `check` refuses after that. None where nothing is left.
+    Leaves out parts that lack support, need more than a straight move, are driven from below, or
+    are refused by `check`. Returns None if no part remains.
 
     Parameters
     ----------
-    product, relation, plan
-        What was read and found.
     robot
-        Name of an arm that skillplan knows.
+        Name of an arm in skillplan.
     bearing
-        What bears the parts; None for that of the side up with which the most parts stand. Where
-        nothing is borne at all, no part is left out for that.
+        Supports of the parts; default: the orientation in which most parts stand. If no part is
+        supported, none is left out for lack of support.
     """
     bearing = bearing or best_bearing(product, relation)
     left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
     left_out |= from_below(relation, bearing.up)
-    # Of all parts that are ever tried: leaving some out changes no other's pieces.
+    # Pieces of all parts tried so far: they do not depend on the parts left out.
     proved: ProvedPieces | None = None
     while True:
         for name in relation.driven - left_out.keys():
             fastener = relation.fastener(name)
-            lost = [one for one in fastener.joins if one in left_out] if fastener else []
+            lost = [join for join in fastener.joins if join in left_out] if fastener else []
             if lost:
                 left_out[name] = f"goes through or into {lost[0]}, which is left out"
         if all(part.name in left_out or part.name in relation.driven for part in product):
@@ -576,26 +571,24 @@ def task_of(
             words = "finds no place within the arm's reach"
             left_out |= dict.fromkeys(writer.places.without, words)
             continue
-        made = writer.task(proved)
-        proved = proved or made.pieces
-        found = refused(made.document, made.files)
-        if not found:
-            return made
-        owners = {own: name for name, own in made.names.items()}
+        task = writer.task(proved)
+        proved = proved or task.pieces
+        reasons = refused(task.document, task.files)
+        if not reasons:
+            return task
+        owners = {own: name for name, own in task.names.items()}
         more = {
             owners[own]: f"is refused: {words.removesuffix('.')}"
-            for own, words in found.items()
+            for own, words in reasons.items()
             if own
         }
         if not more:
-            return replace(made, faults=tuple(found.values()))
+            return replace(task, faults=tuple(reasons.values()))
         left_out |= more
 
 
 @dataclass
 class _Writer:
-    """Writes one task."""
-
     product: Product
     relation: Relation
     plan: AssemblyPlan
@@ -616,7 +609,7 @@ class _Writer:
         names = task_names((part.name for part in self.product), taken)
         self.names = {name: own for name, own in names.items() if name not in self.left_out}
         self.kept = tuple(part for part in self.product if part.name in self.names)
-        # A part of a sub-assembly has a step of its own before the one in which all come.
+        # A part of a sub-assembly has its own step before that of the sub-assembly.
         self.steps = {}
         for step in self.plan.steps:
             for part in step.parts:
@@ -627,7 +620,7 @@ class _Writer:
         self.upright = self.places.upright
 
     def task(self, proved: ProvedPieces | None = None) -> WrittenTask:
-        """Return it all; convex pieces are made unless they are known."""
+        """Return the written task; computes convex pieces if they are not given."""
         up, gripped = self.bearing.up, self.gripped
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._part(part, files) for part in gripped}
@@ -646,7 +639,7 @@ class _Writer:
                     files[mesh["pieces"]] = pieces_text(pieces)
         for name, words in plan_limits(self.product, self.plan, up):
             self._note(name, words)
-        for name in [one for one in self.names if one in self.bearing.why_not]:
+        for name in [part for part in self.names if part in self.bearing.why_not]:
             self._note(name, self.bearing.why_not[name])
         document = {
             "kind": "assembly",
@@ -683,21 +676,21 @@ class _Writer:
         return self.relation.fastener(part.name) if part.name in self.relation.driven else None
 
     def _feeders(self) -> dict[str, Any]:
-        """Return where identical parts come from; shanks of screws hang in their feeder."""
+        """Return the feeders of identical parts; the shanks of screws hang in their feeder."""
         groups, layout = self.places.feeders, self.places.tray
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for part in self.kept:
             name = groups.get(part.name)
             if name is not None and name in layout.places:
-                found[name] = {"position_m": list(layout.places[name])}
+                entries[name] = {"position_m": list(layout.places[name])}
                 fastener = self._driven(part)
                 if fastener is not None:
                     height_m = fastener.length_m + _BELOW_SHANK_M
-                    found[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
-        return found
+                    entries[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
+        return entries
 
     def _part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
-        """Return the entry of a part, and add its mesh to the files."""
+        """Return the entry of a part, and add its meshes to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
         ways = self._ways(part)
@@ -716,15 +709,19 @@ class _Writer:
             path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
             files[path] = obj_text(points, triangles)
             low, high = points.min(axis=0), points.max(axis=0)
-            centre = [round(float(one), 7) + 0.0 for one in (low + high) / 2]
+            centre = [round(float(value), 7) + 0.0 for value in (low + high) / 2]
             entry["meshes"].append({"file": path, "centre_m": centre})
         feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
         else:
             entry["start_m"] = list(self.places.tray.places[name])
-        entry["goal_m"] = [float(one) for one in bottom]
-        on = [self.names[one] for one in self.bearing.on.get(part.name, ()) if one in self.names]
+        entry["goal_m"] = [float(value) for value in bottom]
+        on = [
+            self.names[bearer]
+            for bearer in self.bearing.on.get(part.name, ())
+            if bearer in self.names
+        ]
         if on:
             entry["goal_on"] = on
         if not down:
@@ -732,7 +729,7 @@ class _Writer:
         return entry
 
     def _sunk_m(self, part: Part) -> float:
-        """Return up to which height a part is in what came before it, 0 for on the table [m]."""
+        """Return the height up to which earlier parts enclose a part [m]; 0 on the table."""
         order = self.bearing.order
         before = order[: order.index(part.name)] if part.name in order else ()
         heights = [
@@ -744,11 +741,11 @@ class _Writer:
         return max(heights, default=0.0)
 
     def _ways(self, part: Part) -> list[list[float]]:
-        """Return the directions in which a part comes: that of the plan, then others it has."""
+        """Return up to three directions for bringing a part, that of the plan first."""
         step = self.steps.get(part.name)
         if step is None or part.name not in step.parts:
             return [[0.0, 0.0, -1.0]]
-        found = [list(self.upright.vector(step.along))]
+        ways = [list(self.upright.vector(step.along))]
         directions = self.relation.directions
         number = self.product.index(part.name)
         for alternative in self.plan.precedence.minimal(number):
@@ -761,13 +758,12 @@ class _Writer:
             vectors = [vector for vector in vectors if vector[2] < _LEVEL]
             if vectors:
                 best = min(vectors, key=_height)
-                if not any(np.allclose(best, one, atol=1e-6) for one in found):
-                    found.append(list(best))
-        return found[:_MOST_WAYS]
+                if not any(np.allclose(best, way, atol=1e-6) for way in ways):
+                    ways.append(list(best))
+        return ways[:_MOST_DIRECTIONS]
 
     def _screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
-        """Return the entry of a screw or nut."""
-        lies = [one for one in fastener.joins if self._driven(self._of(one)) is None]
+        lies = [join for join in fastener.joins if self._driven(self._of(join)) is None]
         through = self.names[lies[0] if lies else fastener.joins[0]]
         entry = screw_entry(part, fastener, self.relation, self.upright)
         feeders = self.places.feeders
@@ -782,10 +778,10 @@ class _Writer:
 
 
 def _comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
-    """Return as comments what is left out, and what one arm cannot do."""
-    told = [f"Left out: {name} {words}." for name, words in left_out.items()]
-    told += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
-    wrapped = [textwrap.wrap(line, _COMMENT_WIDTH, break_long_words=False) for line in told]
+    """Return the parts left out and the limits of one arm as comment lines."""
+    messages = [f"Left out: {name} {words}." for name, words in left_out.items()]
+    messages += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
+    wrapped = [textwrap.wrap(line, _COMMENT_WIDTH, break_long_words=False) for line in messages]
     return "".join(f"# {line}\n" for lines in wrapped for line in lines)
 
 

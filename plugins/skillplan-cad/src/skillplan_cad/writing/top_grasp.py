@@ -1,7 +1,7 @@
-"""Where jaws hold a part from above: by what stands highest on it, as a mesh of its own.
+"""Find grasps from above, and split off the knob that jaws hold as its own mesh.
 
-A grasp is worked out from the box about a mesh. So a part with a knob is written as two meshes
-that meet in a plane: what fingers hold, and what is below.
+A grasp is derived from the bounding box of a mesh. A part with a knob is therefore written as two
+meshes that meet in a plane: the knob, and the rest below it.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _SHEET_M = 1e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TopGrasp:
-    """How a part is held from above.
+    """A grasp from above.
 
     Parameters
     ----------
     meshes
-        Of the part, upright: the whole one, or what is held and what is below it.
+        Meshes of the upright part: one, or the held knob and the rest.
     grasps
-        As they stand in a task file, the narrower one first.
+        Grasps as in a task file, the narrower one first.
     """
 
     meshes: Meshes
@@ -47,16 +47,16 @@ class TopGrasp:
 def top_grasp(
     vertices_m: Points, triangles: Triangles, opening_m: float, most_depth_m: float | None = None
 ) -> TopGrasp | None:
-    """Return how jaws hold a part from above, or None where they do not open so wide.
+    """Return the grasps by jaws from above, or None if the part is too wide.
 
     Parameters
     ----------
     vertices_m, triangles
-        The part, upright, its bottom at z = 0.
+        The upright part, with its bottom at z = 0.
     opening_m
-        Greatest distance between the jaws.
+        Greatest distance between the jaws [m].
     most_depth_m
-        How far down fingers may reach at most; None for no bound but that of jaws.
+        Depth limit of the fingers below the top [m]; None for that of the jaws.
     """
     corners = vertices_m[triangles]
     meshes: Meshes = ((vertices_m, triangles),)
@@ -76,7 +76,7 @@ def top_grasp(
 
 
 def _shoulder(corners: NDArray[np.float64]) -> float | None:
-    """Return the height of the highest face beside a knob, or None for what has none."""
+    """Return the height of the highest face next to a knob [m], or None."""
     top = float(corners[:, :, 2].max())
     flat = corners[(corners[:, :, 2] > top - _FLAT_M).all(axis=1)][:, :, :2].reshape(-1, 2)
     if not len(flat):
@@ -98,7 +98,7 @@ def _shoulder(corners: NDArray[np.float64]) -> float | None:
 
 
 def _halves(vertices_m: Points, triangles: Triangles, height_m: float) -> Meshes | None:
-    """Return what of a part is above a height, and what is below it."""
+    """Return the parts of a mesh above and below a height."""
     mesh = manifold3d.Mesh64(
         vert_properties=np.ascontiguousarray(vertices_m * 1e3),
         tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
@@ -106,17 +106,17 @@ def _halves(vertices_m: Points, triangles: Triangles, height_m: float) -> Meshes
     solid = manifold3d.Manifold(mesh)
     if solid.is_empty():
         return None
-    # Just above the shoulder: at its height the upper half would keep a sheet of it.
+    # Cut just above the shoulder; a cut in its plane would leave a sheet on the upper half.
     above = solid.trim_by_plane((0.0, 0.0, 1.0), (height_m + _SHEET_M) * 1e3)
     halves = (above, solid.trim_by_plane((0.0, 0.0, -1.0), -height_m * 1e3))
     if any(half.is_empty() for half in halves):
         return None
-    found = []
+    meshes = []
     for half in halves:
-        made = half.to_mesh64()
-        points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3] / 1e3
-        found.append((points, np.asarray(made.tri_verts, dtype=np.int64)))
-    return tuple(found)
+        mesh64 = half.to_mesh64()
+        points = np.asarray(mesh64.vert_properties, dtype=np.float64)[:, :3] / 1e3
+        meshes.append((points, np.asarray(mesh64.tri_verts, dtype=np.int64)))
+    return tuple(meshes)
 
 
 _STEP_M = 0.002
@@ -128,14 +128,14 @@ _FLAT_M_HELD_PART = 1e-4
 def suction_spot(
     vertices_m: Points, triangles: Triangles, centre_m: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Return a point of the highest flat face that a cup fits on, or None where there is none.
+    """Return a point of the highest flat face that fits a cup, or None.
 
     Parameters
     ----------
     vertices_m, triangles
-        The part, upright.
+        The upright part.
     centre_m
-        What it should be near to, x y.
+        Point to stay close to, x y [m].
     """
     top = float(vertices_m[:, 2].max())
     corners = vertices_m[triangles]
@@ -159,24 +159,24 @@ def suction_spot(
 
 
 def _inside(points: NDArray[np.float64], flat: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points of the plane lie in any of some triangles."""
-    found = np.zeros(len(points), dtype=np.bool_)
+    """Return a mask of the points that lie in any of the triangles."""
+    inside = np.zeros(len(points), dtype=np.bool_)
     for a, b, c in flat:
         signs = [
             (q[0] - p[0]) * (points[:, 1] - p[1]) - (q[1] - p[1]) * (points[:, 0] - p[0])
             for p, q in ((a, b), (b, c), (c, a))
         ]
-        found |= np.all([sign >= -1e-12 for sign in signs], axis=0)
-    return found
+        inside |= np.all([sign >= -1e-12 for sign in signs], axis=0)
+    return inside
 
 
 GRIPPER, CUP = "gripper", "suction_cup"
 
 _PLAY_M_HELD_PART = 0.004
-# Between the tips of fingers and what a part goes into.
+# Clearance between fingertips and the surface around the goal.
 _ABOVE_M = 0.001
 _LEAST_DEPTH_M = 0.001
-# What their makers have arms carry, the hand of 0.7 kg included.
+# Payload of the arms according to their makers, including the hand of 0.7 kg.
 _CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
 _HAND_KG = 0.7
 _NO_TOP = "has no flat top wide enough for a cup"
@@ -184,16 +184,16 @@ _NO_TOP = "has no flat top wide enough for a cup"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """How a part is held.
+    """A grasp of a part, with the meshes to write.
 
     Parameters
     ----------
     entry
         Keys ``tool`` and ``grasp`` of its entry in a task file.
     meshes
-        As which it is written.
+        Meshes to write.
     limits
-        What one arm cannot do about that, in words that go after its name.
+        Limits of one arm, as clauses that follow the part's name.
     """
 
     entry: dict[str, Any]
@@ -204,20 +204,16 @@ class Held:
 def held_part(
     part: Part, local: Points, centre_m: tuple[float, float], robot: str, sunk_m: float = 0.0
 ) -> Held:
-    """Return how a part is held: by jaws if they open so far, or else by suction.
+    """Choose jaws if the part fits between them, suction otherwise.
 
     Parameters
     ----------
-    part
-        With its mass and triangles.
     local
-        Its corners, upright, from the centre of its bottom.
+        Vertices of the upright part, relative to the centre of its bottom [m].
     centre_m
-        Of its mass in that frame, x y.
-    robot
-        Name of the arm.
+        Centre of mass in that frame, x y [m].
     sunk_m
-        How high about it there is, at its goal, what it goes into, above its bottom [m].
+        Height up to which other parts enclose it at its goal, from its bottom [m].
     """
     opening_m = ARMS[robot][1].opening_m
     limits = _too_heavy(part.mass_kg, robot)
@@ -235,7 +231,7 @@ def held_part(
     if spot is not None:
         return Held({"tool": CUP, "grasp": {"at_m": list(spot)}}, whole, limits)
     if held is not None:
-        words = f"ends in what it goes into, where no jaws reach, and {_NO_TOP}"
+        words = f"is enclosed by other parts up to its top, out of reach of jaws, and {_NO_TOP}"
         return Held({"tool": GRIPPER, "grasp": "auto"}, whole, (*limits, words))
     wide_mm = float(size[:2].min()) * 1e3
     words = f"is {wide_mm:.0f} mm wide, more than jaws open, and {_NO_TOP}"
@@ -255,21 +251,21 @@ _DECIMALS = 7
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """Where everything is once the product stands at a place of the table.
+    """Pose of the product on the table.
 
     Parameters
     ----------
     matrix
-        Rotation from the product's frame to the world's.
+        Rotation from the product's frame to the world.
     offset_m
-        What is added after that.
+        Translation after the rotation [m].
     """
 
     matrix: Array
     offset_m: Array
 
     def point(self, point_m: Vector) -> tuple[float, float, float]:
-        """Return a point of the product in the world, to a tenth of a micrometre."""
+        """Return a point of the product in the world, rounded to 0.1 micrometres."""
         return _rounded(self.matrix @ np.asarray(point_m) + self.offset_m)
 
     def vector(self, vector: Vector) -> tuple[float, float, float]:
@@ -277,31 +273,31 @@ class Upright:
         return _rounded(self.matrix @ np.asarray(vector))
 
     def vertices(self, part: Part) -> Points:
-        """Return the corners of a part in the world."""
+        """Return the vertices of a part in the world."""
         return part.vertices_m @ self.matrix.T + self.offset_m
 
     def bottom(self, part: Part) -> tuple[float, float, float]:
-        """Return the centre of the bottom of the box about a part."""
+        """Return the centre of the bottom face of a part's bounding box."""
         points = self.vertices(part)
         low, high = points.min(axis=0), points.max(axis=0)
         return _rounded(np.array([*((low + high) / 2)[:2], low[2]]))
 
     def size(self, part: Part) -> Array:
-        """Return the extents of the box about a part."""
+        """Return the extents of a part's bounding box."""
         return np.asarray(np.ptp(self.vertices(part), axis=0))
 
 
 def standing(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) -> Upright:
-    """Return parts of a product with their lowest point on the table, their middle over a place.
+    """Return the pose that puts parts on the table, centred on a place.
 
     Parameters
     ----------
     parts
-        Those that stand.
+        The parts that stand.
     up
-        What points up, in its frame.
+        Vector that points up, in the product's frame.
     place_m
-        Of the middle of its box on the table, x y.
+        Centre of their bounding box on the table, x y [m].
     """
     matrix = _rotation_to_z(up)
     points = np.concatenate([part.vertices_m for part in parts]) @ matrix.T
@@ -311,7 +307,7 @@ def standing(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) ->
 
 
 def _rotation_to_z(up: Vector) -> Array:
-    """Return a rotation that turns a unit vector upwards, and nothing more than that takes."""
+    """Return the smallest rotation that turns a unit vector upwards."""
     z = np.asarray(up) / np.linalg.norm(up)
     if abs(z[2]) > 1 - 1e-12:
         return np.diag([1.0, z[2], z[2]])
@@ -323,5 +319,5 @@ def _rotation_to_z(up: Vector) -> Array:
 
 
 def _rounded(values: Array) -> tuple[float, float, float]:
-    x, y, z = (round(float(one), _DECIMALS) + 0.0 for one in values)
+    x, y, z = (round(float(value), _DECIMALS) + 0.0 for value in values)
     return x, y, z
