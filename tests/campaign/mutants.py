@@ -152,7 +152,7 @@ MUTANTS = [
     Mutant(
         "verify does not read the tables beside",
         "pipeline/record_check.py",
-        "            fault = _line_fault(text_found.splitlines(), text.splitlines())\n",
+        "            fault = _find_line_fault(text_found.splitlines(), text.splitlines())\n",
         '            fault = ""\n',
         "forgeries",
     ),

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from skillplan.cli import NOTICE, compilation_announced, main
+from skillplan.cli import NOTICE, announce_compilation, main
 from skillplan.cli.commands import warm_up
 from skillplan.pipeline import registry
 from skillplan.solvers import kernels
@@ -21,14 +21,14 @@ SUFFIXES = {"assembly": ".yaml", "swarmitfix": ".yaml", "sop": ".yaml"}
 # Compiles one kernel of this project anew, in a process of its own.
 COMPILING = """
 import sys
-from skillplan.cli.commands.warm_up import compilation_announced
+from skillplan.cli.commands.warm_up import announce_compilation
 from skillplan.solvers.kernels import compiled
 
 def kernel(x):
     return x + 1
 
 kernel.__module__ = "skillplan.solvers.kernel"
-with compilation_announced():
+with announce_compilation():
     compiled(kernel)(1)
     compiled(kernel)(1.0)
 """
@@ -140,6 +140,6 @@ class TestNotice:
 
     def test_nobody_else_is(self, capsys):
         """A log is no terminal."""
-        with compilation_announced():
+        with announce_compilation():
             kernels.notify("kernel")
         assert ("", "") == tuple(capsys.readouterr())

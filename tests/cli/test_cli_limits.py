@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from skillplan.cli import figures_text, memory_size, waiting
+from skillplan.cli import format_progress, memory_size, waiting
 from skillplan.solvers import Progress
 from thinned import slow_case
 
@@ -269,7 +269,7 @@ class TestDisplay:
     )
     def test_it_shows_cost_bound_gap_nodes_and_speed(self, progress, shown):
         """With the decimals of the task; a bound is never rounded up."""
-        assert shown == figures_text(progress)
+        assert shown == format_progress(progress)
 
 
 def test_solvers_are_told_how_many_processes_they_may_use(cli, board, install):

@@ -284,11 +284,11 @@ import os, sys, threading
 from skillplan.cli.app import main
 from skillplan.cli import interruption
 
-def after_a_while(request, heeding=interruption.heeding):
+def after_a_while(request, handle=interruption.handle_signals):
     threading.Timer(0.2, os.kill, (os.getpid(), {int(signal.SIGINT)})).start()
-    return heeding(request)
+    return handle(request)
 
-interruption.heeding = after_a_while
+interruption.handle_signals = after_a_while
 main(sys.argv[1:])
 """
 

@@ -332,7 +332,7 @@ class TestViewsOfAForgedResult:
     ):
         """As for a board that is too large for the time limit."""
         given_up = LeastCost("a method", why_not="too large")
-        monkeypatch.setattr("skillplan.judge.claim_check._least_cost", lambda *_: given_up)
+        monkeypatch.setattr("skillplan.judge.claim_check._find_least_cost", lambda *_: given_up)
         page = tmp_path / "page.html"
         assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
         text = page.read_text("utf-8")

@@ -19,7 +19,7 @@ PROGRAM = """\
 import os, signal, sys, threading, time
 from skillplan.workers.supervised import doing, limit_command
 from skillplan.workers.supervisor import supervise
-from skillplan.cli.interruption import heeding
+from skillplan.cli.interruption import handle_signals
 from skillplan.errors import SearchStopped
 
 
@@ -170,7 +170,7 @@ class TestSignals:
         """Longer than a search that does not stop at all."""
         body = """
             requested = []
-            with heeding(lambda: requested.append(True)):
+            with handle_signals(lambda: requested.append(True)):
                 with doing("the search"):
                     print("begun", flush=True)
                     while not requested:
@@ -188,7 +188,7 @@ class TestSignals:
     def test_a_search_that_does_not_stop_is_left_by_an_exception(self):
         """Which leaves what it has found so far."""
         body = """
-            with heeding(lambda: None):
+            with handle_signals(lambda: None):
                 try:
                     with doing("the search"):
                         print("begun", flush=True)
@@ -223,7 +223,7 @@ class TestSignals:
         """So the exit code is not that of Ctrl-C."""
         body = """
             requested = []
-            with heeding(lambda: requested.append(True)):
+            with handle_signals(lambda: requested.append(True)):
                 try:
                     with doing("the search", limit_s=0.2):
                         time.sleep(600)
@@ -242,7 +242,7 @@ class TestSignals:
                 while not signal.getitimer(signal.ITIMER_VIRTUAL)[0]:
                     pass
 
-            with heeding(lambda: None):
+            with handle_signals(lambda: None):
                 try:
                     with doing("the search", limit_s=0.2):
                         _raw_object_cache_notify()

@@ -15,7 +15,7 @@ from example_count import examples
 from sequencing_problems import SOP
 from situations import assembly, retry_task, small_assemblies
 from skillplan import Plan, Status, load_problem, make_model, solve
-from skillplan.cli import heeding
+from skillplan.cli import handle_signals
 from skillplan.pipeline import Setup
 from skillplan.solvers import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
@@ -193,7 +193,7 @@ def test_ctrl_c_ends_the_search_at_once():
         os.kill(os.getpid(), signal.SIGINT)
 
     timer = threading.Timer(0.5, interrupt)
-    with heeding(stop.interrupt):
+    with handle_signals(stop.interrupt):
         timer.start()
         solution = CpSatSolver(stop=stop).solve(make_model(task))
         ended_s = time.monotonic()

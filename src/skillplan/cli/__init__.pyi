@@ -5,14 +5,14 @@ from .app import main as main
 from .app import run as run
 from .command_group import load_rich_utils as load_rich_utils
 from .commands.warm_up import NOTICE as NOTICE
-from .commands.warm_up import compilation_announced as compilation_announced
+from .commands.warm_up import announce_compilation as announce_compilation
 from .interruption import Deadline as Deadline
-from .interruption import heeding as heeding
+from .interruption import handle_signals as handle_signals
 from .options.values import memory_size as memory_size
 from .output import exit_code as exit_code
 from .result_output import ResultFolder as ResultFolder
 from .result_output import write_folder as write_folder
-from .waiting import figures_text as figures_text
+from .waiting import format_progress as format_progress
 from .writing import as_json as as_json
 
 __all__ = [
@@ -21,12 +21,12 @@ __all__ = [
     "NOTICE",
     "Deadline",
     "ResultFolder",
+    "announce_compilation",
     "app",
     "as_json",
-    "compilation_announced",
     "exit_code",
-    "figures_text",
-    "heeding",
+    "format_progress",
+    "handle_signals",
     "load_rich_utils",
     "main",
     "memory_size",

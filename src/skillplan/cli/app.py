@@ -25,9 +25,9 @@ from skillplan.cli.command_group import (
     hide_type,
     make_from_module,
 )
-from skillplan.cli.commands.warm_up import compilation_announced
+from skillplan.cli.commands.warm_up import announce_compilation
 from skillplan.cli.error_report import report_bug, report_error, report_usage
-from skillplan.cli.writing import restored_stdout, tell, write_out
+from skillplan.cli.writing import restore_stdout, tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
 from skillplan.workers.supervised import describe_passed_limit, is_interrupted
 
@@ -176,11 +176,11 @@ def run(arguments: Sequence[str]) -> int:
     words = list(arguments)
     try:
         if _completes(words):
-            with restored_stdout():
+            with restore_stdout():
                 code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
         else:
             # Not `app.main`, which turns Ctrl-C into an exit code without a message.
-            notice = nullcontext() if words[:1] == ["warm-up"] else compilation_announced()
+            notice = nullcontext() if words[:1] == ["warm-up"] else announce_compilation()
             with notice, app.make_context("skillplan", words.copy()) as context:
                 code = app.invoke(context)
     except typer.Exit as error:

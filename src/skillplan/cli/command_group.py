@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from skillplan.cli.options.shared import OUTPUT
-from skillplan.cli.writing import guarded_stdout
+from skillplan.cli.writing import guard_stdout
 from skillplan.errors import nearest
 from skillplan.workers.supervised import limit_imports
 
@@ -76,7 +76,7 @@ class Command(TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and the lists below it."""
         load_rich_utils()
-        with guarded_stdout():
+        with guard_stdout():
             super().format_help(ctx, formatter)
             for title, lines in self._lists().items():
                 _print_panel(title, lines)
@@ -96,7 +96,7 @@ class CommandGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help."""
         load_rich_utils()
-        with guarded_stdout():
+        with guard_stdout():
             super().format_help(ctx, formatter)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -194,7 +194,7 @@ def skip_absent(parameter: Any) -> None:
 
 def _print_help(ctx: Any, parameter: Any, is_given: bool) -> None:
     if is_given and not ctx.resilient_parsing:
-        with guarded_stdout():
+        with guard_stdout():
             typer.echo(ctx.get_help(), color=ctx.color)
         ctx.exit()
 

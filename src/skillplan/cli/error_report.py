@@ -38,7 +38,7 @@ def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
         shown = io.StringIO()
         error.show(file=shown)  # type: ignore[attr-defined]
         tell(shown.getvalue(), end="")
-    _print_document(error_document(error), words)
+    _print_document(make_error_document(error), words)
     return error.exit_code
 
 
@@ -59,7 +59,7 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
     if len(lines) > len(shown):
         tell(f"skillplan: and {len(lines) - len(shown)} more faults")
     tell(format_traceback(error), end="")
-    _print_document(error_document(error), words)
+    _print_document(make_error_document(error), words)
     return error.exit_code
 
 
@@ -69,10 +69,10 @@ def report_bug(error: BaseException, words: Sequence[str]) -> None:
         f"skillplan: internal error: {type(error).__name__}: {error}\n"
         "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it."
     )
-    _print_document(error_document(error), words)
+    _print_document(make_error_document(error), words)
 
 
-def error_document(error: BaseException) -> dict[str, Any]:
+def make_error_document(error: BaseException) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
     from skillplan.records import schemas
 

@@ -40,7 +40,7 @@ def _is_llvm_calling(frame: FrameType | None) -> bool:
 
 
 @contextmanager
-def heeding(request: Callable[[], None]) -> Iterator[None]:
+def handle_signals(request: Callable[[], None]) -> Iterator[None]:
     """Call `request` at the first signal, and raise `Interrupted` at the second.
 
     If a search or a plugin goes on for two seconds, or past its time limit, the supervisor makes it
@@ -164,7 +164,7 @@ def counting(label: str, total: int | None) -> Iterator[Count]:
 
     The first signal ends the work with its results so far; the second ends the program.
     """
-    with Count(label, total) as count, heeding(count.stop):
+    with Count(label, total) as count, handle_signals(count.stop):
         yield count
 
 

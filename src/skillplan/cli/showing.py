@@ -57,7 +57,7 @@ def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
     back_ends
         Back ends with one engine.
     paths
-        Files to draw, from `drawing_paths`; hulls cannot be filmed.
+        Files to draw, from `resolve_drawing_paths`; hulls cannot be filmed.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
     return performer(back_ends, "draw")
 
 
-def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]:
+def resolve_drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]:
     """Return the files to draw, by option.
 
     Raises
@@ -97,7 +97,7 @@ def draw(drawer: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> 
     skill, state
         The skill and its state. Nothing is drawn if the skill cannot begin there or shows nothing.
     paths
-        Files from `drawing_paths`.
+        Files from `resolve_drawing_paths`.
 
     Raises
     ------

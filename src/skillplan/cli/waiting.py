@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from skillplan.checks.feasibility import CheckCount
-from skillplan.cli.interruption import heeding
+from skillplan.cli.interruption import handle_signals
 from skillplan.errors import OptionError
 from skillplan.solvers.solution import relative_gap
 from skillplan.solvers.stop import Progress, Stop
@@ -47,12 +47,12 @@ def stoppable(
             memory_limit_bytes=memory_limit_bytes,
             on_progress=show,
         )
-        with heeding(stop.interrupt):
+        with handle_signals(stop.interrupt):
             yield stop
 
 
 @contextmanager
-def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
+def show_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
     """Yield a function that shows the number of expensive checks; None without a terminal."""
     with _display(label) as show:
         if isinstance(show, _Silent):
@@ -76,7 +76,7 @@ def _display(label: str) -> Iterator[_Silent | _Bar]:
         yield bar
 
 
-def figures_text(progress: Progress) -> str:
+def format_progress(progress: Progress) -> str:
     """Return the figures of a search: cost, bound, gap, nodes and their speed, checks."""
     decimals = 5 if progress.decimals is None else progress.decimals
     parts = []
@@ -117,7 +117,7 @@ class _Bar:
 
         class Figures(ProgressColumn):
             def render(self, task: object) -> Text:
-                return Text("" if bar.latest is None else figures_text(bar.latest))
+                return Text("" if bar.latest is None else format_progress(bar.latest))
 
         self.latest: Progress | None = None
         self.progress = RichProgress(

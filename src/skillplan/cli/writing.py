@@ -72,7 +72,7 @@ def write_out(text: str, *, marked: bool = False) -> None:
 
 
 @contextmanager
-def guarded_stdout() -> Iterator[None]:
+def guard_stdout() -> Iterator[None]:
     """Let Typer and rich write to stdout; a reader that has gone is not an error.
 
     Raises
@@ -80,12 +80,12 @@ def guarded_stdout() -> Iterator[None]:
     OptionError
         If the output cannot be written.
     """
-    with restored_stdout(), _guarded(sys.stdout):
+    with restore_stdout(), _guarded(sys.stdout):
         yield
 
 
 @contextmanager
-def restored_stdout() -> Iterator[None]:
+def restore_stdout() -> Iterator[None]:
     """Let libraries print help and completions to stdout while it is reserved."""
     stream = _documents.stream
     if stream is None:

@@ -252,17 +252,17 @@ def check_claims(
         If a back end fails.
     """
     if stored.skills or stored.cost is not None:
-        yield from _plan_claims(stored, walked, model, expected)
+        yield from _check_plan(stored, walked, model, expected)
     yield from check_arithmetic(stored)
     # Under chance the cost of a plan without its policy follows from the values of all states.
     unpriced = bool(walked and walked.complete and not model.task.deterministic and not expected)
     try:
-        yield from _proof_claims(stored, model, stop, domain, unpriced=unpriced)
+        yield from _check_proofs(stored, model, stop, domain, unpriced=unpriced)
     except SearchStopped:
         least_cost = LeastCost("second proof", why_not=explain_stop(stop))
-        yield _unproved(stored, least_cost)
+        yield _make_unproved(stored, least_cost)
         if unpriced:
-            yield _cost_without_policy(stored, least_cost)
+            yield _check_cost_without_policy(stored, least_cost)
 
 
 def explain_stop(stop: Stop) -> str:
@@ -274,31 +274,31 @@ def check_arithmetic(stored: StoredClaims) -> Iterator[Claim]:
     """Check bound, gap and status against each other, which needs no model."""
     cost, bound, status = stored.cost, stored.lower_bound, stored.status
     if bound is not None and cost is not None:
-        yield _claim(
+        yield _make_claim(
             "bound",
             bound <= cost + tolerance(cost),
-            f"{_figure(bound)} is not above the cost {_figure(cost)}",
-            f"{_figure(bound)} is above the cost {_figure(cost)}",
+            f"{_format_figure(bound)} is not above the cost {_format_figure(cost)}",
+            f"{_format_figure(bound)} is above the cost {_format_figure(cost)}",
             ARITHMETIC,
         )
     gap = relative_gap(cost, bound)
     same = (gap is None) == (stored.gap is None) and abs((gap or 0) - (stored.gap or 0)) <= 1e-9
     if gap is not None or stored.gap is not None:
-        good, claimed = _figure(gap), _figure(stored.gap)
-        yield _claim("gap", same, good, f"is {good}, claimed {claimed}", ARITHMETIC)
-    yield _status_claim(status, cost, bound)
+        good, claimed = _format_figure(gap), _format_figure(stored.gap)
+        yield _make_claim("gap", same, good, f"is {good}, claimed {claimed}", ARITHMETIC)
+    yield _check_status(status, cost, bound)
 
 
-def _claim(name: str, holds: bool, good: str, bad: str, method: str) -> Claim:
+def _make_claim(name: str, holds: bool, good: str, bad: str, method: str) -> Claim:
     return Claim(name, Outcome.HOLDS if holds else Outcome.FAILS, good if holds else bad, method)
 
 
-def _figure(value: float | None) -> str:
+def _format_figure(value: float | None) -> str:
     """Return a figure with the digits that matter in a proof."""
     return "none" if value is None else f"{value:.10g}"
 
 
-def _status_claim(status: Status, cost: float | None, bound: float | None) -> Claim:
+def _check_status(status: Status, cost: float | None, bound: float | None) -> Claim:
     planned = status in (Status.OPTIMAL, Status.SOLVED)
     if planned != (cost is not None):
         words = f"{status} {'needs' if planned else 'does not go with'} a plan and its cost"
@@ -306,11 +306,11 @@ def _status_claim(status: Status, cost: float | None, bound: float | None) -> Cl
     if status is Status.OPTIMAL and cost is not None:
         meets = bound is not None and cost - bound <= tolerance(cost)
         words = "optimal, and the bound does not meet the cost"
-        return _claim("status", meets, "optimal: the bound meets the cost", words, ARITHMETIC)
+        return _make_claim("status", meets, "optimal: the bound meets the cost", words, ARITHMETIC)
     return Claim("status", Outcome.HOLDS, str(status), ARITHMETIC)
 
 
-def _plan_claims(
+def _check_plan(
     stored: StoredClaims,
     walked: Replay | None,
     model: SkillModel,
@@ -329,8 +329,8 @@ def _plan_claims(
         fault = walked.violations[0]
         where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
         detail = f"fails at {where}: {fault.stage}: {fault.reason}"
-    yield _claim("plan", not walked.violations, detail, detail, REPLAY)
-    yield _steps_claim(stored, walked)
+    yield _make_claim("plan", not walked.violations, detail, detail, REPLAY)
+    yield _check_steps(stored, walked)
     if walked.violations or stored.cost is None:
         return
     if not task.deterministic:
@@ -339,17 +339,21 @@ def _plan_claims(
         same = expected.cost is not None and abs(stored.cost - expected.cost) <= 1e-9 * max(
             1.0, expected.cost
         )
-        words = expected.problem or f"the policy is expected to cost {_figure(expected.cost)}"
-        bad = f"{words}, claimed {_figure(stored.cost)}"
-        yield _claim("cost", same, f"{_figure(expected.cost)} {stored.cost_unit}", bad, EXPECTATION)
+        words = (
+            expected.problem or f"the policy is expected to cost {_format_figure(expected.cost)}"
+        )
+        bad = f"{words}, claimed {_format_figure(stored.cost)}"
+        yield _make_claim(
+            "cost", same, f"{_format_figure(expected.cost)} {stored.cost_unit}", bad, EXPECTATION
+        )
         return
     same = abs(stored.cost - walked.cost) <= tolerance(walked.cost)
-    good = f"{_figure(walked.cost)} {stored.cost_unit}".rstrip()
-    bad = f"the plan costs {_figure(walked.cost)}, claimed {_figure(stored.cost)}"
-    yield _claim("cost", same, good, bad, REPLAY)
+    good = f"{_format_figure(walked.cost)} {stored.cost_unit}".rstrip()
+    bad = f"the plan costs {_format_figure(walked.cost)}, claimed {_format_figure(stored.cost)}"
+    yield _make_claim("cost", same, good, bad, REPLAY)
 
 
-def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
+def _check_steps(stored: StoredClaims, walked: Replay) -> Claim:
     """Check that the places of a document that repeat a figure agree."""
     n = len(stored.skills)
     fault = ""
@@ -363,18 +367,20 @@ def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
         elif not claimed.action == action == step.action:
             fault = fault or f"{place}{step.skill} is action {step.action}, not {claimed.action}"
         elif abs(claimed.cost - step.cost) > tolerance(step.cost):
-            figures = f"{_figure(step.cost)}, not {_figure(claimed.cost)}"
+            figures = f"{_format_figure(step.cost)}, not {_format_figure(claimed.cost)}"
             fault = fault or f"{place}{step.skill} costs {figures}"
         elif abs(claimed.duration_s - step.duration_s) > SAME_TIME_S:
-            figures = f"{_figure(step.duration_s)} s, not {_figure(claimed.duration_s)} s"
+            figures = (
+                f"{_format_figure(step.duration_s)} s, not {_format_figure(claimed.duration_s)} s"
+            )
             fault = fault or f"{place}{step.skill} takes {figures}"
         elif claimed.way != step.way:
             ways = f"{step.way or 'its only way'}, not {claimed.way or 'its only way'}"
             fault = fault or f"{place}{step.skill} goes {ways}"
-    return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
+    return _make_claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
 
 
-def _proof_claims(
+def _check_proofs(
     stored: StoredClaims, model: SkillModel, stop: Stop, domain: Domain | None, *, unpriced: bool
 ) -> Iterator[Claim]:
     """Yield the claims about all plans, compared with the least cost if a method finds it.
@@ -395,31 +401,32 @@ def _proof_claims(
     if bound is not None and second is not None:
         cost, method = second
         if bound <= cost + tolerance(min(cost, bound)):
-            words = f"no plan costs less than {_figure(cost)}"
+            words = f"no plan costs less than {_format_figure(cost)}"
             words = "there is no plan" if math.isinf(cost) else words
-            yield Claim(_proved_name(stored), Outcome.HOLDS, words, method)
+            yield Claim(_name_proof(stored), Outcome.HOLDS, words, method)
             return
-    least_cost = _least_cost(stored, model, stop)
+    least_cost = _find_least_cost(stored, model, stop)
     if bound is not None:
-        yield _bound_claim(stored, bound, least_cost, model)
+        yield _check_bound(stored, bound, least_cost, model)
     if unpriced:
-        yield _cost_without_policy(stored, least_cost)
+        yield _check_cost_without_policy(stored, least_cost)
 
 
-def _unproved(stored: StoredClaims, least_cost: LeastCost) -> Claim:
+def _make_unproved(stored: StoredClaims, least_cost: LeastCost) -> Claim:
     """Return the claim of a proof that was not repeated."""
-    name = _proved_name(stored)
+    name = _name_proof(stored)
     return Claim(name, Outcome.NOT_CHECKED, least_cost.why_not, least_cost.method, open=False)
 
 
-def _cost_without_policy(stored: StoredClaims, least_cost: LeastCost) -> Claim:
+def _check_cost_without_policy(stored: StoredClaims, least_cost: LeastCost) -> Claim:
     """Return the claim of an expected cost, compared with the least expected cost."""
     claimed = stored.cost
     assert claimed is not None
     if least_cost.cost is None:
         words = f"is expected over all outcomes, and the policy is missing; {least_cost.why_not}"
         return Claim("cost", Outcome.NOT_CHECKED, words, least_cost.method, open=False)
-    figures = f"the least expected cost is {_figure(least_cost.cost)}, claimed {_figure(claimed)}"
+    optimum, stated = _format_figure(least_cost.cost), _format_figure(claimed)
+    figures = f"the least expected cost is {optimum}, claimed {stated}"
     allowed = tolerance(min(least_cost.cost, claimed))
     optimal = stored.status is Status.OPTIMAL
     if claimed < least_cost.cost - allowed or (optimal and claimed > least_cost.cost + allowed):
@@ -430,40 +437,42 @@ def _cost_without_policy(stored: StoredClaims, least_cost: LeastCost) -> Claim:
     return Claim("cost", Outcome.NOT_CHECKED, words, least_cost.method, open=False)
 
 
-def _bound_claim(
+def _check_bound(
     stored: StoredClaims, bound: float, least_cost: LeastCost, model: SkillModel
 ) -> Claim:
     """Return the claim that no plan costs less than a bound; infinite if there is none."""
     if least_cost.cost is None:
-        return _unproved(stored, least_cost)
+        return _make_unproved(stored, least_cost)
     holds = bound <= least_cost.cost + tolerance(min(least_cost.cost, bound))
     good = "there is no plan"
     if not math.isinf(least_cost.cost):
-        good = f"the least cost is {_figure(least_cost.cost)}"
-    claimed = "that there is no plan" if math.isinf(bound) else f"at least {_figure(bound)}"
+        good = f"the least cost is {_format_figure(least_cost.cost)}"
+    claimed = "that there is no plan" if math.isinf(bound) else f"at least {_format_figure(bound)}"
     bad = f"claimed is {claimed}; {good}"
     if least_cost.skills:
         bad += f": {','.join(str(model.task.action(skill)) for skill in least_cost.skills)}"
-    return _claim(_proved_name(stored), holds, good, bad, least_cost.method)
+    return _make_claim(_name_proof(stored), holds, good, bad, least_cost.method)
 
 
-def _proved_name(stored: StoredClaims) -> str:
+def _name_proof(stored: StoredClaims) -> str:
     return str(stored.status) if stored.status in _PROVED else "lower bound"
 
 
-def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCost:
+def _find_least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCost:
     """Return the least cost by another method than the claimed one, if one fits.
 
     The same method in other code is the last resort.
     """
     if not model.task.deterministic:
-        return _least_expected_cost(model, stop)
+        return _find_least_expected_cost(model, stop)
     by_orders = "dynamic program" in stored.bound_method or stored.solver == "subset-dp"
     expensive = any(back_end.expensive for back_end in model.feasibility.back_ends)
     if expensive:
         # Jobs are recognised from verdicts on all orders, which may exceed the time limit.
         return find_least_cost_of_states(model, stop)
-    first, second = (_by_states, _by_orders) if by_orders else (_by_orders, _by_states)
+    first, second = (
+        (_search_states, _search_orders) if by_orders else (_search_orders, _search_states)
+    )
     first_answer = first(model, stop)
     if first_answer.cost is not None:
         return first_answer
@@ -474,11 +483,11 @@ def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCos
     return LeastCost(first_answer.method, why_not=why)
 
 
-def _by_states(model: SkillModel, stop: Stop) -> LeastCost:
+def _search_states(model: SkillModel, stop: Stop) -> LeastCost:
     return find_least_cost_of_states(model, stop)
 
 
-def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
+def _search_orders(model: SkillModel, stop: Stop) -> LeastCost:
     """Return the least cost over orders of jobs; the plan must also hold on the model."""
     from skillplan.model.sequencing import SequencingProblem
 
@@ -495,7 +504,7 @@ def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
     return answer
 
 
-def _least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
+def _find_least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
     from skillplan.model.tabular_mdp import compute_least_expected_cost
 
     try:

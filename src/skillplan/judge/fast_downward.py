@@ -115,7 +115,7 @@ def run_planner(task: PlanningTask, limit_s: float) -> PlannerAnswer:
         code = run_program(words, folder, limit_s + _GRACE_S)
         if code in _SOLVED:
             text = read_bytes(Path(folder) / _PLAN, _MOST_PLAN_BYTES, within=folder).decode()
-            return _solved(task, text)
+            return _read_answer(task, text)
     if code in _UNSOLVABLE:
         return PlannerAnswer(unsolvable=True)
     if code is None or code in _NO_TIME:
@@ -125,7 +125,7 @@ def run_planner(task: PlanningTask, limit_s: float) -> PlannerAnswer:
     return PlannerAnswer(silence=f"it has failed with exit code {code}")
 
 
-def _solved(task: PlanningTask, text: str) -> PlannerAnswer:
+def _read_answer(task: PlanningTask, text: str) -> PlannerAnswer:
     cost = _COST.search(text)
     skill_of = ActionNames(task.task).skill_of
     names = [skill_of(line[1:].split()[0]) for line in text.splitlines() if line[:1] == "("]
@@ -160,16 +160,16 @@ def check_with_planner(
         If the planner is not installed.
     """
     find_driver()
-    claimed = _claimed(stored)
+    claimed = _name_claim(stored)
     handover = Handover(model, None, charted)
     deadline_s = time.monotonic() + limit_s
     try:
-        task, answer = _asked(handover, deadline_s, count_steps=False)
+        task, answer = _export_and_run(handover, deadline_s, count_steps=False)
         if len(answer.skills) > model.step_limit:
             # The plan is too long: search again within the step limit.
-            task, answer = _asked(handover, deadline_s, count_steps=True)
+            task, answer = _export_and_run(handover, deadline_s, count_steps=True)
         if task is not None and not answer.silence:
-            yield _compared(claimed, stored, task, answer)
+            yield _compare(claimed, stored, task, answer)
             return
         reason = answer.silence
     except SearchStopped:
@@ -177,7 +177,7 @@ def check_with_planner(
     yield Claim(claimed, Outcome.NOT_CHECKED, reason, NAME)
 
 
-def _asked(
+def _export_and_run(
     handover: Handover, deadline_s: float, *, count_steps: bool
 ) -> tuple[PlanningTask | None, PlannerAnswer]:
     """Return the task in PDDL and the planner's answer; without PDDL None and the reason.
@@ -204,13 +204,13 @@ def _asked(
     return task, run_planner(task, max(1.0, deadline_s - time.monotonic()))
 
 
-def _claimed(stored: StoredClaims) -> str:
+def _name_claim(stored: StoredClaims) -> str:
     if stored.status in (Status.OPTIMAL, Status.INFEASIBLE):
         return str(stored.status)
     return "lower bound" if stored.lower_bound is not None else "cost"
 
 
-def _compared(
+def _compare(
     claimed: str, stored: StoredClaims, task: PlanningTask, answer: PlannerAnswer
 ) -> Claim:
     """Compare the optimum of the planner with the claims."""
@@ -219,7 +219,7 @@ def _compared(
         words = "it proves that there is no plan"
         if stored.cost is None:
             return Claim(claimed, Outcome.HOLDS, words, NAME)
-        return _contradiction(claimed, f"{words}, claimed is one of {stored.cost:.10g}")
+        return _make_contradiction(claimed, f"{words}, claimed is one of {stored.cost:.10g}")
     least_cost = answer.cost / task.scale.per_unit
     rounding = task.scale.rounding(max(len(stored.skills), len(answer.skills)))
     words = f"it proves {metric.text(least_cost)}"
@@ -227,26 +227,26 @@ def _compared(
     words += "" if stored.cost is None else f", claimed {stored.cost:.10g}"
     slack = rounding + tolerance(least_cost)
     if stored.cost is not None and stored.cost < least_cost - slack:
-        return _contradiction(claimed, f"{words}: no plan costs so little")
-    limit = _no_plan_below(stored)
+        return _make_contradiction(claimed, f"{words}: no plan costs so little")
+    limit = _find_claimed_bound(stored)
     if limit is None:
         return Claim(claimed, Outcome.HOLDS, words, NAME)
     walked = replay(task.model, [task.task.skill(name) for name in answer.skills])
     if not walked.complete:
         violation = walked.violations[0]
         reason = f"its plan fails at {violation.skill or 'its end'}: {violation.reason}"
-        return _contradiction(claimed, f"{words}; {reason}")
+        return _make_contradiction(claimed, f"{words}; {reason}")
     # The model has the exact cost of the plan, which rounding hides from the planner.
     if walked.cost < limit - tolerance(walked.cost) or least_cost < limit - slack:
-        return _contradiction(claimed, f"{words}: its plan costs {walked.cost:.10g}")
+        return _make_contradiction(claimed, f"{words}: its plan costs {walked.cost:.10g}")
     return Claim(claimed, Outcome.HOLDS, words, NAME)
 
 
-def _contradiction(claimed: str, words: str) -> Claim:
+def _make_contradiction(claimed: str, words: str) -> Claim:
     return Claim(claimed, Outcome.FAILS, words, NAME, contradiction=True)
 
 
-def _no_plan_below(stored: StoredClaims) -> float | None:
+def _find_claimed_bound(stored: StoredClaims) -> float | None:
     """Return the claimed lower bound on the cost of all plans; None without one."""
     if stored.status is Status.INFEASIBLE:
         return math.inf

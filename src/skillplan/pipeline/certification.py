@@ -113,7 +113,7 @@ def certify(
     if stored.is_chain and origin.part is not None:
         raise OptionError(f"{path}: is damaged: it is of the whole chain and of {origin.part!r}.")
     check = _Check(path, stored, problem, origin, Stop() if stop is None else stop, cache)
-    misfit = _shape_fault(stored, problem, origin)
+    misfit = _find_shape_fault(stored, problem, origin)
     if misfit is not None:
         claims: list[Claim] = [Claim("parts", Outcome.FAILS, misfit, ARITHMETIC)]
     else:
@@ -138,7 +138,7 @@ def certify(
     )
 
 
-def _shape_fault(stored: StoredResult, problem: Problem, origin: Origin) -> str | None:
+def _find_shape_fault(stored: StoredResult, problem: Problem, origin: Origin) -> str | None:
     """Return the reason why a result cannot belong to this file; None if it can."""
     whole = problem.is_chain and origin.part is None
     if stored.is_chain and not problem.is_chain:
@@ -188,9 +188,9 @@ class _Check:
         """Yield the claims of the only task."""
         task = self.problem.part(self.origin.part)
         if self._replay(self.stored, task):
-            yield from self._task_claims(self.stored, task)
+            yield from self._check_task(self.stored, task)
         else:
-            yield self._given_up("plan")
+            yield self._make_given_up("plan")
 
     def chain(self) -> Iterator[Claim]:
         """Yield the claims of each task of a chain, grounded as it was when it was solved.
@@ -200,14 +200,14 @@ class _Check:
         grounded: list[tuple[StoredPart, Task]] = []
         ending = self._replay_chain(grounded)
         for part, task in grounded:
-            for claim in self._task_claims(part, task):
+            for claim in self._check_task(part, task):
                 yield replace(claim, claim=f"{part.name}: {claim.claim}")
         if ending is not None:
             yield ending
         whole = ending is not None and ending.outcome is Outcome.HOLDS
         if whole and all(replayed.sound for replayed in self.replayed.values()):
-            yield from self._sum_claims(self.stored.sequences or [])
-            yield from self._domain_claims()
+            yield from self._check_sums(self.stored.sequences or [])
+            yield from self._check_domain()
 
     def _replay_chain(self, grounded: list[tuple[StoredPart, Task]]) -> Claim | None:
         """Replay the parts in turn.
@@ -228,7 +228,7 @@ class _Check:
                 return Claim(part.name, Outcome.FAILS, words, "grounding")
             if index and part.stage != parts[index - 1].stage:
                 if self.stop.overdue():
-                    return self._given_up(part.name)
+                    return self._make_given_up(part.name)
                 try:
                     tasks = problem.follow(plans, stored.replans)
                 except ChainBroken as error:
@@ -239,7 +239,7 @@ class _Check:
                 words = f"{part.name} stands where the chain has {here}"
                 return Claim(part.name, Outcome.FAILS, words, "grounding")
             if not self._replay(part, tasks[index]):
-                return self._given_up(f"{part.name}: plan")
+                return self._make_given_up(f"{part.name}: plan")
             grounded.append((part, tasks[index]))
             replayed = self.replayed[part.name]
             if not replayed.sound:
@@ -247,9 +247,9 @@ class _Check:
                 return None
             if replayed.walked is not None:
                 plans[part.name] = tuple(step.skill for step in replayed.walked.steps)
-        return self._parts_claim(parts, plans)
+        return self._check_parts(parts, plans)
 
-    def _parts_claim(
+    def _check_parts(
         self, parts: Sequence[StoredPart], plans: Mapping[str, Sequence[str]]
     ) -> Claim:
         """Return the claim that the parts are the tasks of the chain."""
@@ -270,7 +270,7 @@ class _Check:
         words = f"after {last}, {', '.join(missing[:_MOST_NAMED])}{more} missing"
         return Claim("parts", Outcome.FAILS, words, "grounding")
 
-    def _domain_claims(self) -> Iterator[Claim]:
+    def _check_domain(self) -> Iterator[Claim]:
         """Yield the claims that the kind of task requires of a complete chain."""
         plans = {name: tuple(replayed.stored.skills) for name, replayed in self.replayed.items()}
         if self.stored.cost is None and self.stored.status is not Status.INFEASIBLE:
@@ -280,7 +280,7 @@ class _Check:
             outcome = _OUTCOMES[check.holds]
             yield Claim(check.claim, outcome, check.detail, check.method)
 
-    def _given_up(self, claim: str) -> Claim:
+    def _make_given_up(self, claim: str) -> Claim:
         words = "interrupted" if self.stop.interrupted else explain_stop(self.stop)
         return Claim(claim, Outcome.NOT_CHECKED, words, REPLAY, open=False)
 
@@ -304,14 +304,14 @@ class _Check:
             model = self.model(task, fresh)
             with closing(model.feasibility):
                 walked = replay_plan(stored, model)
-                expected = self._expected(task, model)
+                expected = self._evaluate_policy(task, model)
         except SearchStopped:
             return False
         not_checked = list_not_checked(model.feasibility.back_ends)
         self.replayed[task.name] = Replayed(task, stored, walked, expected, not_checked)
         return True
 
-    def _task_claims(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:
+    def _check_task(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:
         self.stop.renew()
         self.stop.decimals = task.metric.decimals
         replayed = self.replayed[task.name]
@@ -321,9 +321,9 @@ class _Check:
                 stored, replayed.walked, model, self.stop, replayed.expected, self.problem.domain
             )
         if replayed.walked is not None:
-            yield from self._later_detector_claims(stored, task)
+            yield from self._check_later_detectors(stored, task)
 
-    def _later_detector_claims(
+    def _check_later_detectors(
         self, stored: StoredResult | StoredPart, task: Task
     ) -> Iterator[Claim]:
         """Yield the claim that a plan holds under detectors that were no default of its version.
@@ -358,7 +358,7 @@ class _Check:
             words = f"step {fault.step + 1}, {fault.skill}, fails under {by}: {fault.reason}"
             yield Claim(claim, Outcome.FAILS, words, REPLAY)
 
-    def _expected(self, task: Task, model: SkillModel) -> PolicyValue | None:
+    def _evaluate_policy(self, task: Task, model: SkillModel) -> PolicyValue | None:
         """Return the value of the stored policy, for a task with chance."""
         path = find_file_beside(self.path, POLICIES)
         if task.deterministic or path is None:
@@ -371,7 +371,7 @@ class _Check:
             # A faulty file is reported with the claim on the file itself.
             return None
 
-    def _sum_claims(self, main: list[StoredPart]) -> Iterator[Claim]:
+    def _check_sums(self, main: list[StoredPart]) -> Iterator[Claim]:
         """Yield the claims about the whole chain: the sum of costs, and the proof."""
         stored = self.stored
         costs = [part.cost for part in main if part.cost is not None]

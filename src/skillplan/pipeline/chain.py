@@ -136,7 +136,7 @@ class Chain:
             part = self._part(task)
             searched = task.stage in self.searched and not task.infeasible
             if part.result.cost is None and searched:
-                finer = self._finer(task.stage, self.replans)
+                finer = self._plan_finer(task.stage, self.replans)
                 if finer:
                     self.tasks, self.parts, self.plans = finer, [], {}
                     self.replans += 1
@@ -171,7 +171,7 @@ class Chain:
             broken,
         )
 
-    def _finer(self, stage: str, replans: int) -> tuple[Task, ...]:
+    def _plan_finer(self, stage: str, replans: int) -> tuple[Task, ...]:
         """Return the chain on finer plans of the upper levels; empty if there is none."""
         name = self.solvers[stage]
         most = make_solver(name, self.setup.options.get(name, {})).replans
@@ -193,7 +193,7 @@ class Chain:
             return self._judge(task, outcome)
         key = policy_key(task)
         stored = self.policies.get(key)
-        if stored is not None and _answers(stored.solution, task):
+        if stored is not None and _can_answer(stored.solution, task):
             # The claims about the other start do not hold for this one.
             answer = Solution(stored.solution.policy, trace=stored.solution.trace)
             return replace(self._judge(task, replace(stored, solution=answer)), reused=True)
@@ -261,7 +261,7 @@ def policy_key(task: Task) -> tuple[object, ...]:
     return (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
 
 
-def _answers(solution: Solution, task: Task) -> bool:
+def _can_answer(solution: Solution, task: Task) -> bool:
     """Return whether a stored policy covers the start of a task with the same goal."""
     policy = solution.policy
     return policy is not None and (task.goal.holds(task.initial) or task.initial in policy)

@@ -323,10 +323,10 @@ def rows_side_by_side(
     maker = terms.setup.make_executor
     executor = LocalProcesses(slots) if maker is None else maker(slots)
     alone = replace(terms, setup=terms.setup.in_worker)
-    content = pack_content(_Ground(_sendable(alone), limits), _PURPOSE)
+    content = pack_content(_Ground(_drop_back_ends(alone), limits), _PURPOSE)
     rows: dict[int, Row] = {}
     try:
-        for index, outcome in _outcomes(executor, content, solvers, stop):
+        for index, outcome in _collect_rows(executor, content, solvers, stop):
             if isinstance(outcome, _Wrong):
                 raise OptionError(outcome.message)
             if isinstance(outcome, Ended):
@@ -337,12 +337,12 @@ def rows_side_by_side(
     return [rows[index] for index in sorted(rows)]
 
 
-def _sendable(terms: Terms) -> Terms:
+def _drop_back_ends(terms: Terms) -> Terms:
     """Return the terms without the back ends that were constructed while loading."""
     return replace(terms, problem=replace(terms.problem, spare_back_ends=[]))
 
 
-def _outcomes(
+def _collect_rows(
     executor: Executor, content: bytes, solvers: Sequence[str], stop: Stop
 ) -> Iterator[tuple[int, Row | _Wrong | Ended]]:
     """Yield the rows of solvers as they end, with their index."""

@@ -38,7 +38,7 @@ def make_exporter(name: str, options: Mapping[str, Any]) -> Exporter:
     """
     plugin = registry.load("exporter", name)
     validated = registry.make_options("exporter", name, plugin, options)
-    exporter: Exporter = _blamed(plugin, lambda: plugin(validated))
+    exporter: Exporter = _call(plugin, lambda: plugin(validated))
     return exporter
 
 
@@ -78,10 +78,10 @@ def export_files(exporter: Exporter, handover: Handover) -> Mapping[str, str | b
         raise OptionError(
             f"{exporter.name} hands over a plan: give a RESULT in the place of TASK, or --sequence."
         )
-    refusal = _blamed(plugin, lambda: exporter.refuses(handover))
+    refusal = _call(plugin, lambda: exporter.refuses(handover))
     if refusal:
         raise OptionError(f"{handover.task.name} cannot be exported to {exporter.name}: {refusal}.")
-    files = _blamed(plugin, lambda: dict(exporter.files(handover)))
+    files = _call(plugin, lambda: dict(exporter.files(handover)))
     if not files or (exporter.suffix and len(files) > 1):
         raise PluginError(f"The exporter {exporter.name!r} made {len(files)} files.")
     for name in files:
@@ -98,10 +98,10 @@ def list_notes(exporter: Exporter, handover: Handover) -> tuple[str, ...]:
     PluginError
         If it fails.
     """
-    return _blamed(type(exporter), lambda: tuple(exporter.notes(handover)))
+    return _call(type(exporter), lambda: tuple(exporter.notes(handover)))
 
 
-def _blamed(plugin: type[Any], call: Callable[[], _Said]) -> _Said:
+def _call(plugin: type[Any], call: Callable[[], _Said]) -> _Said:
     try:
         return call()
     except BaseException as error:

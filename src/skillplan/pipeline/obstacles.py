@@ -78,18 +78,18 @@ def warn_unreachable(problem: Problem, task: Task) -> tuple[tuple[str, ...], tup
         One of its tasks, which the geometric detector serves.
     """
     try:
-        failures = list(_unreachable(task))
+        failures = list(_find_unreachable(task))
     except (PluginError, BackEndError) as error:
         return (f"{problem.source}: what the arm reaches was not checked: {error}",), ()
     by_key: dict[tuple[str | int, ...], list[tuple[str, Verdict]]] = {}
     for skill, verdict in failures:
         path = problem.domain.locate_skill(problem.config, skill, reach=True)
         by_key.setdefault(path, []).append((skill, verdict))
-    messages = problem.told(Issue(_words(group), path) for path, group in by_key.items())
+    messages = problem.told(Issue(_join_words(group), path) for path, group in by_key.items())
     return messages, tuple(skill for skill, _ in failures)
 
 
-def _words(group: Sequence[tuple[str, Verdict]]) -> str:
+def _join_words(group: Sequence[tuple[str, Verdict]]) -> str:
     """Return a message for the skills of one key, with the reason of the first."""
     (first, verdict), *others = group
     names = " and ".join([first, *(skill for skill, _ in others)])
@@ -103,7 +103,7 @@ def _instead(skill: str) -> str:
     return "Give another grasp (approach, closing_axis, at_m), or move the part."
 
 
-def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
+def _find_unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
     """Yield the skills that fail with nothing else in place, with their verdicts."""
     setup = Setup(DEFAULT_PHYSICS, (SCREEN,), _SHORT, with_chart=False)
     hypothetical = HypotheticalStates(task)
@@ -114,23 +114,23 @@ def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
         # The checks of the file report parts too wide for jaws.
         if too_wide(task.scene, task.scene.robots[0], skill) is None
     ]
-    queries = [query for query in queries if not _surely_reached(task, query)]
+    queries = [query for query in queries if not _is_surely_reached(task, query)]
     if not queries:
         return
     feasibility = make_feasibility(task, setup, None)
     with closing(feasibility):
-        verdicts = run_queries(feasibility, [_never(query) for query in queries])
+        verdicts = run_queries(feasibility, [_check_never(query) for query in queries])
     for query, verdict in zip(queries, verdicts, strict=True):
         if verdict is not None and not verdict.is_feasible:
             yield query.skill.name, verdict
 
 
-def _surely_reached(task: Task, query: PrecedenceQuery) -> bool:
+def _is_surely_reached(task: Task, query: PrecedenceQuery) -> bool:
     """Return whether the arm surely reaches a skill; its model, which loads slowly, is not used."""
     return surely_reached(task, query.skill, query.hypothetical.before(query.skill, ()))
 
 
-def _never(query: PrecedenceQuery) -> CheckSteps[Verdict]:
+def _check_never(query: PrecedenceQuery) -> CheckSteps[Verdict]:
     """Return the verdict of a skill if no other state could improve it, or else a feasible one."""
     verdict = yield from query.check(frozenset())
     if verdict.is_feasible or query.hypothetical.components(verdict) - {query.component}:
@@ -204,7 +204,7 @@ def preview_problem(
 
 def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool) -> DerivedOrder:
     if not named:
-        left_out = _too_expensive(task)
+        left_out = _explain_expense(task)
         if left_out:
             return DerivedOrder(task.name, (), not_derived=left_out)
         if not setup.has_screen(task) and AabbDetector(task).refuses() is not None:
@@ -226,7 +226,7 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
     )
 
 
-def _too_expensive(task: Task) -> str:
+def _explain_expense(task: Task) -> str:
     """Return the reason why an order is too expensive to derive; empty without one.
 
     A box about a hollow part fills the space that another part goes into, and an order of true

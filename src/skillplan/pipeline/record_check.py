@@ -267,8 +267,8 @@ def list_differences(claimed: Any, derived: Any, path: _Path = ()) -> Iterator[s
             yield from list_differences(claimed_item, other, (*path, index))
         if len(claimed) != len(derived):
             yield f"{format_path(path)} has {len(claimed)} entries, not {len(derived)}"
-    elif not _same(claimed, derived, path):
-        yield f"{format_path(path)} is {_shown(derived)}, claimed {_shown(claimed)}"
+    elif not _is_same(claimed, derived, path):
+        yield f"{format_path(path)} is {_shorten(derived)}, claimed {_shorten(claimed)}"
 
 
 def count_leaves(value: Any) -> int:
@@ -280,7 +280,7 @@ def count_leaves(value: Any) -> int:
     return 1
 
 
-def _same(claimed: Any, derived: Any, path: _Path) -> bool:
+def _is_same(claimed: Any, derived: Any, path: _Path) -> bool:
     numbers = all(
         isinstance(value, int | float) and not isinstance(value, bool)
         for value in (claimed, derived)
@@ -292,7 +292,7 @@ def _same(claimed: Any, derived: Any, path: _Path) -> bool:
     return type(claimed) is type(derived) and bool(claimed == derived)
 
 
-def _shown(value: Any) -> str:
+def _shorten(value: Any) -> str:
     text = f"{value:.10g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
 
@@ -353,7 +353,7 @@ def find_policy_fault(
         }
         claimed = {key: value for key, value in entry.items() if key != "choices"}
         fault = next(iter(list_differences(claimed, expected)), "")
-        fault = fault or _choices_fault(
+        fault = fault or _find_choice_fault(
             entry["choices"], replayed_task, model_of(replayed_task.task), stop
         )
         if fault:
@@ -361,7 +361,7 @@ def find_policy_fault(
     return ""
 
 
-def _choices_fault(
+def _find_choice_fault(
     choices: Mapping[str, str], replayed: Replayed, model: SkillModel, stop: Stop
 ) -> str:
     task = replayed.task
@@ -480,7 +480,7 @@ class RecordCheck:
             return
         origin = None if self._stored.origin is None else self._stored.origin.origin()
         try:
-            derived = self._derived(parts, origin)
+            derived = self._derive(parts, origin)
         except ValueError as error:
             yield Claim("record", Outcome.FAILS, f"does not go together: {error}", ARITHMETIC)
             return
@@ -497,7 +497,7 @@ class RecordCheck:
         yield from self._table_claims(tables(derived, parts[-1].task))
         yield from self._policy_claims(replayed)
 
-    def _derived(self, replayed: list[Replayed], origin: Origin | None) -> Result | ChainResult:
+    def _derive(self, replayed: list[Replayed], origin: Origin | None) -> Result | ChainResult:
         if self._stored.is_chain:
             return derive_chain(self._problem, self._stored, replayed, self._setup, origin)
         return derive_result(replayed[0], self._setup, self._stored.solver, origin)
@@ -515,7 +515,7 @@ class RecordCheck:
                 words = f"cannot be read: {getattr(error, 'strerror', None) or 'it is no text'}"
                 yield Claim(name, Outcome.FAILS, words, ARITHMETIC)
                 continue
-            fault = _line_fault(text_found.splitlines(), text.splitlines())
+            fault = _find_line_fault(text_found.splitlines(), text.splitlines())
             outcome = Outcome.FAILS if fault else Outcome.HOLDS
             yield Claim(name, outcome, fault or "as the result says", ARITHMETIC)
 
@@ -569,7 +569,7 @@ def _fit_to_version(should: dict[str, Any], document: Mapping[str, Any]) -> None
             _fit_to_version(part, own)
 
 
-def _line_fault(lines: list[str], should: list[str]) -> str:
+def _find_line_fault(lines: list[str], should: list[str]) -> str:
     for number, (line, other) in enumerate(zip(lines, should, strict=False), start=1):
         if line != other:
             return f"line {number} is {other!r}, claimed {line!r}"

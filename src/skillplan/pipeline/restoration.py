@@ -123,7 +123,7 @@ def load_origin(
     is_quotable = named or is_near(origin.file, find_result_path(path).parent)
     difference = describe_other_task(stored, problem, quoted=is_quotable)
     if difference is not None and former:
-        was_solved = _with_former_defaults(stored, origin, problem)
+        was_solved = _load_with_former_defaults(stored, origin, problem)
         if was_solved is not None:
             return was_solved, None
     if difference is None or is_quotable:
@@ -138,7 +138,9 @@ def load_origin(
     raise OptionError(f"{path}: is of another task: {difference}. Name its own by --task.")
 
 
-def _with_former_defaults(stored: StoredResult, origin: Origin, problem: Problem) -> Problem | None:
+def _load_with_former_defaults(
+    stored: StoredResult, origin: Origin, problem: Problem
+) -> Problem | None:
     """Load a file with the defaults of earlier versions; return None if that is another task.
 
     Equal hashes prove that it is the task that was solved.
@@ -275,7 +277,7 @@ def restore_dwells(
         dwells_s = {
             option.event: _time_s(path, key, given, option) for key, option in known.items()
         }
-        tasks.append(_with_dwells(task, dwells_s))
+        tasks.append(_replace_dwells(task, dwells_s))
         words = ", ".join(f"{key} {dwells_s[option.event]:g} s" for key, option in known.items())
         words = f"the options of {timer} at that time ({words})" if known else "one dwell a skill"
         sentences.append(
@@ -303,7 +305,7 @@ def _time_s(path: str, key: str, given: Mapping[str, Any], option: RemovedDwell)
     return value_s
 
 
-def _with_dwells(task: Task, dwells_s: Mapping[Event, float]) -> Task:
+def _replace_dwells(task: Task, dwells_s: Mapping[Event, float]) -> Task:
     """Return a task with other dwells and without removed options; its hash stays."""
 
     def dwell_s(visit: Visit, last: Visit) -> float:
@@ -476,7 +478,7 @@ class LoadedResult:
         """
         if not self.stored.is_chain:
             only = self.origin.part if self.problem.is_chain else None
-            yield self.problem.part(only), self._with_plan(self.stored, self.stored.task.name)
+            yield self.problem.part(only), self._require_plan(self.stored, self.stored.task.name)
             return
         parts: list[StoredPart] = [*self.stored.stages, *(self.stored.sequences or ())]
         replans = self.stored.replans
@@ -490,7 +492,7 @@ class LoadedResult:
                     raise OptionError(f"{self.path}: {part.name}: {error}") from None
             if index >= len(tasks) or tasks[index].name != part.name:
                 raise OptionError(f"{self.path}: {part.name} is not where the chain has it.")
-            yield tasks[index], self._with_plan(part, part.name)
+            yield tasks[index], self._require_plan(part, part.name)
             plans[part.name] = tuple(part.skills)
 
     def answer_for(self, task: Task | None) -> Result | ChainResult | None:
@@ -499,7 +501,7 @@ class LoadedResult:
             return self.answer() if self.stored.is_chain else None
         for own, claims in self.plans():
             if own.name == task.name:
-                return self._judged(own, claims, VerdictCache())
+                return self._judge(own, claims, VerdictCache())
         return None
 
     def answer(self, cache: VerdictCache | None = None) -> Result | ChainResult:
@@ -518,7 +520,7 @@ class LoadedResult:
         cache = VerdictCache() if cache is None else cache
         parts = []
         for task, claims in self.plans():
-            parts.append(ChainPart(task, self._judged(task, claims, cache)))
+            parts.append(ChainPart(task, self._judge(task, claims, cache)))
         if not self.stored.is_chain:
             return parts[0].result
         plans = {part.task.name: tuple(step.skill for step in part.result.steps) for part in parts}
@@ -535,12 +537,12 @@ class LoadedResult:
             origin=self.origin,
         )
 
-    def _judged(self, task: Task, claims: StoredClaims, cache: VerdictCache) -> Result:
+    def _judge(self, task: Task, claims: StoredClaims, cache: VerdictCache) -> Result:
         stand_in = _Stored(claims, self._policy(task))
         result = solve(task, stand_in, self.setup, seed=self.stored.seed, cache=cache)
         return replace(result, solver=claims.solver)
 
-    def _with_plan(self, claims: StoredClaims, name: str) -> StoredClaims:
+    def _require_plan(self, claims: StoredClaims, name: str) -> StoredClaims:
         if claims.cost is None:
             raise OptionError(
                 f"{self.path}: holds no plan of {name}, its status is {claims.status}."

@@ -120,7 +120,9 @@ class Setup:
     def collision_choices(self, task: Task) -> list[BackEndChoice]:
         """Return the detectors that will be queried, the screen first."""
         named = self.named_collision_choices(task)
-        screen = [_declared(task).get(SCREEN, BackEndChoice(SCREEN))] if self.screens(task) else []
+        screen = (
+            [_map_choices(task).get(SCREEN, BackEndChoice(SCREEN))] if self.screens(task) else []
+        )
         return [*screen, *named]
 
     def detector_names(self, task: Task) -> str:
@@ -129,7 +131,7 @@ class Setup:
 
     def named_collision_choices(self, task: Task) -> list[BackEndChoice]:
         """Return the detectors that will be queried, except a screen."""
-        declared = _declared(task)
+        declared = _map_choices(task)
         named = dict.fromkeys(self._detectors(task))
         return [declared.get(name, BackEndChoice(name)) for name in named]
 
@@ -185,7 +187,7 @@ class Setup:
         """
         for back_end in self.back_ends(task):
             kind = "physics" if isinstance(back_end, Engine) else "collision"
-            yield from _located(kind, back_end, back_end.warnings, domain)
+            yield from _locate_issues(kind, back_end, back_end.warnings, domain)
 
     def has_screen(self, task: Task) -> bool:
         """Return whether the geometric detector is installed and serves the robots of a task."""
@@ -232,7 +234,7 @@ def make_executor(choice: ExecutorChoice, slots: int) -> Executor:
     return executor
 
 
-def _declared(task: Task) -> dict[str, BackEndChoice]:
+def _map_choices(task: Task) -> dict[str, BackEndChoice]:
     return {choice.name: choice for choice in task.collision}
 
 
@@ -258,7 +260,7 @@ def _make_back_end(
         _blame(error, kind, plugin, task)
 
 
-def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
+def _make_willing(kind: str, name: str, task: Task) -> BackEnd | None:
     """Return a back end that only the command line names, if it can find faults in a file.
 
     A back end that is unknown or broken, or refuses the task, is reported later, when it is
@@ -274,7 +276,7 @@ def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     return back_end if refusal is None else None
 
 
-def _located(
+def _locate_issues(
     kind: str, back_end: BackEnd, ask: Callable[[], Mapping[str, str]], domain: Domain
 ) -> Iterator[Issue]:
     """Yield the faults or warnings of a back end with the paths of their keys."""
@@ -350,9 +352,9 @@ class _BackEndChecks(FileChecks):
         for kind in BACK_END_KINDS:
             section = content.get(kind)
             for name, options in section.items() if isinstance(section, dict) else ():
-                if self._serves(kind, name) and (options is None or isinstance(options, dict)):
+                if self._is_queried(kind, name) and (options is None or isinstance(options, dict)):
                     for issue in registry.choice_issues(
-                        kind, name, self._kept(kind, name, options or {})
+                        kind, name, self._keep_options(kind, name, options or {})
                     ):
                         yield issue.under(kind)
 
@@ -363,29 +365,29 @@ class _BackEndChecks(FileChecks):
             for choice in (
                 declared_choice
                 for declared_choice in chosen[kind]
-                if self._serves(kind, declared_choice.name)
+                if self._is_queried(kind, declared_choice.name)
             ):
-                options = self._kept(kind, choice.name, choice.options)
+                options = self._keep_options(kind, choice.name, choice.options)
                 back_end, refusal = _make_back_end(kind, choice.name, options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)
                 else:
                     self.made.append(back_end)
-                    yield from _located(kind, back_end, back_end.faults, domain)
+                    yield from _locate_issues(kind, back_end, back_end.faults, domain)
             declared = {declared_choice.name for declared_choice in chosen[kind]}
             for name in dict.fromkeys(self._queried.get(kind, ())):
-                willing = None if name in declared else _willing(kind, name, task)
+                willing = None if name in declared else _make_willing(kind, name, task)
                 if willing is not None:
                     self.made.append(willing)
-                    yield from _located(kind, willing, willing.faults, domain)
+                    yield from _locate_issues(kind, willing, willing.faults, domain)
 
-    def _kept(self, kind: str, name: str, options: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _keep_options(self, kind: str, name: str, options: Mapping[str, Any]) -> Mapping[str, Any]:
         if not self._former or name not in registry.names(kind):
             return options
         removed = registry.load(kind, name).removed_options
         return {key: value for key, value in options.items() if key not in removed}
 
-    def _serves(self, kind: str, name: str) -> bool:
+    def _is_queried(self, kind: str, name: str) -> bool:
         """Return whether a back end that the file chooses will be queried."""
         return kind not in self._queried or name in self._queried[kind]

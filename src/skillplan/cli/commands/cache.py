@@ -160,9 +160,9 @@ def fill(
     import time
     from contextlib import closing
 
-    from skillplan.cli.interruption import heeding
+    from skillplan.cli.interruption import handle_signals
     from skillplan.cli.output import emit
-    from skillplan.cli.waiting import showing_checks
+    from skillplan.cli.waiting import show_checks
     from skillplan.errors import exit_code
     from skillplan.model.enumeration import enumerate_feasibility
     from skillplan.pipeline.solving import make_feasibility
@@ -174,8 +174,8 @@ def fill(
     requests: list[bool] = []
     begin_s = time.perf_counter()
     with (
-        showing_checks("filling") as on_check,
-        heeding(lambda: requests.append(True)),
+        show_checks("filling") as on_check,
+        handle_signals(lambda: requests.append(True)),
         closing(
             make_feasibility(
                 loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=constructed

@@ -32,7 +32,7 @@ def command(
     from skillplan.chart.precedence_chart import derive_chart
     from skillplan.checks.audit import SampleSize, draw_sample
     from skillplan.cli.output import emit
-    from skillplan.cli.waiting import showing_checks
+    from skillplan.cli.waiting import show_checks
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
     from skillplan.pipeline.screening import execute_sample
@@ -50,7 +50,7 @@ def command(
         with_chart=False,
     )
     cache = open_cache(checking)
-    with showing_checks("deriving") as on_check:
+    with show_checks("deriving") as on_check:
         feasibility = make_feasibility(
             loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=constructed
         )

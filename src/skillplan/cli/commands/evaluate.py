@@ -305,7 +305,7 @@ def _replay(
 
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
-    from skillplan.cli.waiting import showing_checks, stoppable
+    from skillplan.cli.waiting import show_checks, stoppable
     from skillplan.errors import exit_code
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
@@ -315,7 +315,7 @@ def _replay(
     from skillplan.views.tables.questions import tabulate_evaluation
 
     cache = open_cache(checking) or VerdictCache()
-    with showing_checks("replaying") as on_check:
+    with show_checks("replaying") as on_check:
         model = make_model(task, setup, cache, jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):
             skills = tuple(roll_out(model, plan.get) if isinstance(plan, Policy) else plan)

@@ -120,7 +120,7 @@ def command(
     """
     from skillplan.chart.hypothetical_state import find_state_with_all_else
     from skillplan.cli.output import emit
-    from skillplan.cli.showing import draw, drawing_paths, illustrator
+    from skillplan.cli.showing import draw, illustrator, resolve_drawing_paths
     from skillplan.errors import exit_code
     from skillplan.pipeline.exchange import read_given_plan
     from skillplan.pipeline.solving import make_model
@@ -147,7 +147,7 @@ def command(
         name, done = part.group(1).strip(), None if assembled else before
         return _explain_freedom(loaded, task, name, done, picture, style)
     chosen = loaded.skill(skill)
-    paths = drawing_paths(picture, animate)
+    paths = resolve_drawing_paths(picture, animate)
     cache = open_cache(caching)
     model = make_model(loaded, setup, cache, back_ends=constructed)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None

@@ -83,7 +83,7 @@ def command(
     from contextlib import closing
 
     from skillplan.checks.single_check import list_not_checked
-    from skillplan.cli.waiting import showing_checks
+    from skillplan.cli.waiting import show_checks
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import exit_code
     from skillplan.files.output_path import check_output_file, check_output_folder
@@ -94,7 +94,7 @@ def command(
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
     exporter = make_exporter(to, setup.options.get(to, {}))
     path = check_output_file("--out", out) if exporter.suffix else check_output_folder("--out", out)
-    with showing_checks("exporting") as on_check:
+    with show_checks("exporting") as on_check:
         model = make_model(
             loaded, setup, open_cache(checking), jobs=checking.jobs, on_check=on_check
         )

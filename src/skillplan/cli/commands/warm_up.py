@@ -81,7 +81,7 @@ def _solve(changes: Mapping[str, str], *solvers: str) -> None:
 
 
 @contextmanager
-def compilation_announced() -> Iterator[None]:
+def announce_compilation() -> Iterator[None]:
     """Print a notice on a terminal before the first kernel is compiled."""
     if not sys.stderr.isatty():
         yield

@@ -12,7 +12,7 @@ from skillplan.cli.interruption import counting
 from skillplan.cli.load import load_file, make_setup, open_cache, print_warnings
 from skillplan.cli.options.shared import BackEnds, Checking, Reading
 from skillplan.cli.output import emit
-from skillplan.cli.waiting import showing_checks, stoppable
+from skillplan.cli.waiting import show_checks, stoppable
 from skillplan.domains.load import Problem
 from skillplan.errors import exit_code
 from skillplan.pipeline.restoration import is_near, unquoted
@@ -108,7 +108,7 @@ def _evaluate_folder(folder: RunFolder, request: RunsRequest) -> tuple[TrainingR
     jobs = request.checking.jobs
     with stoppable(request.time_limit_s, label="proving the optimum") as stop:
         optimum = prove_optimum(task, setup, cache, stop, jobs=jobs)
-    with showing_checks("rolling out") as on_check:
+    with show_checks("rolling out") as on_check:
         model = make_model(task, setup, cache, jobs=jobs, on_check=on_check)
         with closing(model.feasibility):
             result = evaluation.evaluate(model, setup, optimum)

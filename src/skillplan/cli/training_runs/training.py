@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.cli.interruption import Deadline, counting, heeding
+from skillplan.cli.interruption import Deadline, counting, handle_signals
 from skillplan.cli.output import emit
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
@@ -103,7 +103,7 @@ class TrainingSession:
         trainer = Trainer(folder.plan, folder, jobs=self.jobs, time_limit_s=self.proof_time_limit_s)
         with (
             TrainingDisplay(folder.plan) as display,
-            heeding(trainer.interrupt),
+            handle_signals(trainer.interrupt),
             self.deadline.calling(trainer.end_in_time),
         ):
             trainer.on_report, trainer.on_optimum = display.report, display.proved
@@ -157,7 +157,7 @@ def train_family_policy(
     with (
         FamilyFolder(out) as folder,
         counting("learning in rounds", steps) as count,
-        heeding(stop.interrupt),
+        handle_signals(stop.interrupt),
     ):
         learned = train_family(plan, folder, stop, count.one_more)
     complete = learned.trial is not None and learned.trial.completed == learned.trial.boards
