@@ -331,11 +331,6 @@ class CheckWorkers:
         Number of local workers, >= 1.
     executor
         Runs the workers instead, and sets their number.
-
-    Raises
-    ------
-    ValueError
-        If `jobs` is below 1.
     """
 
     def __init__(

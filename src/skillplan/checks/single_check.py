@@ -32,11 +32,6 @@ class Checked:
         Names the back end as its stage and rests on facts; its evidence is plain JSON.
     took_s
         Duration of the check [s], >= 0.
-
-    Raises
-    ------
-    ValueError
-        If the duration is negative.
     """
 
     verdict: Verdict

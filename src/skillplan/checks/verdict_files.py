@@ -216,11 +216,6 @@ class VerdictRecord:
         Duration of the check [s], >= 0.
     status, reason, stage, present, absent, evidence
         As in the verdict; facts by name.
-
-    Raises
-    ------
-    ValueError
-        If the verdict is unknown or the duration is negative.
     """
 
     key: str

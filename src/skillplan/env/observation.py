@@ -59,11 +59,6 @@ class Observation:
         The bits, in order.
     priced
         Skills whose costs are observed, in order; after the bits.
-
-    Raises
-    ------
-    ValueError
-        If the features are empty.
     """
 
     kind: ObservationKind

@@ -37,11 +37,6 @@ class Enumeration:
         The same number if verdicts were kept by state and skill instead of by facts.
     complete
         True if the enumeration was completed.
-
-    Raises
-    ------
-    ValueError
-        If a count is negative.
     """
 
     states: int

@@ -263,11 +263,6 @@ class SequencingProblem:
         without skills are left out.
     step_limit
         Greatest number of skills in a plan. An order may exceed it, see `fits`.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not match, or the precedence names an unknown job.
     """
 
     jobs: tuple[str, ...]

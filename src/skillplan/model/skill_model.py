@@ -35,11 +35,6 @@ class Transition:
         Pairs of probability and next state; one pair if the skill is deterministic.
     cost
         Cost in the task's metric, >= 0.
-
-    Raises
-    ------
-    ValueError
-        If the probabilities do not sum to 1 or the cost is negative.
     """
 
     state: State

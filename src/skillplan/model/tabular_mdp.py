@@ -43,11 +43,6 @@ class TabularMDP:
         State index and probability of every outcome, shape (k,).
     rewards
         Reward of every outcome, shape (k,); minus the cost if the task has no reward scheme.
-
-    Raises
-    ------
-    ValueError
-        If the offsets do not match the arrays, or the probabilities of a row do not sum to 1.
     """
 
     states: tuple[State, ...]

@@ -37,13 +37,7 @@ class DerivedCost:
 
 @dataclass(frozen=True, slots=True)
 class ConstantCost:
-    """A cost that is equal in all states.
-
-    Raises
-    ------
-    ValueError
-        If the value is negative or not finite.
-    """
+    """A cost that is equal in all states."""
 
     value: float
 
@@ -68,11 +62,6 @@ class CaseCost:
     ----------
     values
         Values, >= 0, by the bit of the fact; at most one of these facts holds at a time.
-
-    Raises
-    ------
-    ValueError
-        If a value is negative or not finite, or there is none.
     """
 
     values: Mapping[int, float] = field(hash=False)
@@ -135,11 +124,6 @@ class DistanceCost:
     behind_m
         Distances to places that are not counted yet [m], >= 0, by bit. The next skill counts them,
         such as the path of a grasp that failed.
-
-    Raises
-    ------
-    ValueError
-        If `per_m` or a distance is negative or not finite, or the places are empty.
     """
 
     places: Mapping[int, Point] = field(hash=False)
@@ -241,11 +225,6 @@ class TableCost:
         Facts of the places; their bits are adjacent, and one of them holds at a time.
     values
         Value of each place in the order of the bits, >= 0 or `NEVER`.
-
-    Raises
-    ------
-    ValueError
-        If the bits are not adjacent, the number of values differs, or a value is below -1.
     """
 
     places: State

@@ -38,12 +38,6 @@ class Grasp:
         Unit vector in the body's frame in which the hand points, perpendicular to `closing`.
     name
         Name among the grasps of the body; "" for the only one.
-
-    Raises
-    ------
-    ValueError
-        If a direction is not a unit vector, the two are not perpendicular, or the width does not
-        fit the kind.
     """
 
     kind: GraspKind
@@ -111,11 +105,6 @@ class Visit:
         Length of this stretch [m], > 0; None for a default.
     dwell_s
         Time at the target [s], >= 0.
-
-    Raises
-    ------
-    ValueError
-        If `along` is not a unit vector, the length is not positive, or the dwell is negative.
     """
 
     pose: Pose
@@ -164,11 +153,6 @@ class Motion:
         on the tool that must be put back first.
     carries
         Body in the hand at the start, or None.
-
-    Raises
-    ------
-    ValueError
-        If the routes, or the visits of a route, are empty.
     """
 
     robot: str

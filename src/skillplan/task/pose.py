@@ -21,13 +21,7 @@ _SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position [m] and orientation (unit quaternion x, y, z, w).
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite, or the quaternion has no unit length.
-    """
+    """Position [m] and orientation (unit quaternion x, y, z, w)."""
 
     position: Point
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)

@@ -43,11 +43,6 @@ class DistanceReward:
         Bonus of the step that reaches the goal; 1 in the paper.
     infeasible
         Reward of a skill that cannot be executed.
-
-    Raises
-    ------
-    ValueError
-        If a figure is not finite, or a distance is negative.
     """
 
     distances: Mapping[int, float] = field(hash=False)
@@ -112,11 +107,6 @@ class RewardScheme:
         Reward of the step that exhausts the step limit without reaching the goal.
     penalties
         Rewards instead of the cost term.
-
-    Raises
-    ------
-    ValueError
-        If a figure is not finite.
     """
 
     infeasible: float

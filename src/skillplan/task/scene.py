@@ -78,11 +78,6 @@ class Body:
     surfaces
         The exact shapes, if one of them is not convex and `shapes` holds its convex pieces; else
         empty.
-
-    Raises
-    ------
-    ValueError
-        If `shapes` is empty, one of `shapes` is not convex, or the mass is not positive.
     """
 
     name: str
@@ -196,11 +191,6 @@ class Robot:
         Hand on the flange. The tips of all tools are where its jaws end.
     payload_kg
         Greatest mass at the flange, tool included [kg], > 0; None for that of the model.
-
-    Raises
-    ------
-    ValueError
-        If reach, safe height or payload is not positive.
     """
 
     name: str
@@ -273,13 +263,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Scene:
-    """The geometry of a task.
-
-    Raises
-    ------
-    ValueError
-        If two bodies or two robots share a name.
-    """
+    """The geometry of a task."""
 
     bodies: tuple[Body, ...]
     robots: tuple[Robot, ...]

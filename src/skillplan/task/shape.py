@@ -25,11 +25,6 @@ class Box:
         Extents along x, y and z [m], each > 0.
     centre
         Centre in the body's frame [m].
-
-    Raises
-    ------
-    ValueError
-        If an extent is not positive.
     """
 
     size: Point
@@ -73,11 +68,6 @@ class Cylinder:
         Diameter and height [m], > 0.
     centre
         Centre in the body's frame [m].
-
-    Raises
-    ------
-    ValueError
-        If diameter or height is not positive.
     """
 
     diameter_m: float
@@ -126,12 +116,6 @@ class Mesh:
         Triangles of its surface, by three indices of corners each, anticlockwise from outside.
     convex
         True if the mesh is convex, so that its corners define it.
-
-    Raises
-    ------
-    ValueError
-        If there are too few corners, a number is not finite, an extent is zero, or a face refers to
-        a missing corner.
     """
 
     corners: tuple[Point, ...]

@@ -30,11 +30,6 @@ class Outcome:
         In (0, 1].
     add, delete
         Facts that become true and false.
-
-    Raises
-    ------
-    ValueError
-        If the probability is out of range or a fact is both added and deleted.
     """
 
     probability: float
@@ -67,11 +62,6 @@ class Case:
         Further facts that must not hold.
     occupies
         Resources that other agents must not use meanwhile, such as the pins under a swing.
-
-    Raises
-    ------
-    ValueError
-        If `fact` is not exactly one fact, or the probabilities do not sum to 1.
     """
 
     fact: State
@@ -130,13 +120,6 @@ class Skill:
     ways
         Alternative motions, the preferred first; `motion` is that of the first. Back ends check
         them one by one.
-
-    Raises
-    ------
-    ValueError
-        If the name is empty; the agents are empty; there are both outcomes and cases, or neither;
-        probabilities do not sum to 1; two cases share a fact; two ways share a label; or `motion`
-        is not that of the first way.
     """
 
     name: str

@@ -23,11 +23,6 @@ class Facts:
     exclusive
         Groups of facts that exclude each other, such as the places of an arm. Solvers derive bounds
         from them.
-
-    Raises
-    ------
-    ValueError
-        If a name occurs twice or a group names an unknown fact.
     """
 
     names: tuple[str, ...]
@@ -110,11 +105,6 @@ class State:
     bits
         Bit i is set if fact i of `facts` holds.
 
-    Raises
-    ------
-    ValueError
-        If a bit lies outside the vocabulary.
-
     Examples
     --------
     >>> facts = Facts(("held(a)", "placed(a)"))
@@ -189,13 +179,7 @@ _set_facts = vars(State)["facts"].__set__
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition on states: required facts hold, and forbidden facts do not.
-
-    Raises
-    ------
-    ValueError
-        If a fact is both required and forbidden.
-    """
+    """A condition on states: required facts hold, and forbidden facts do not."""
 
     requires: State
     forbids: State

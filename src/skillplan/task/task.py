@@ -28,11 +28,6 @@ class Metric:
         Number of decimals in output, >= 0.
     is_duration
         True if costs are durations [s]; then times from back ends override the task's figures.
-
-    Raises
-    ------
-    ValueError
-        If the decimals are negative.
     """
 
     name: str
@@ -134,12 +129,6 @@ class Task:
         Key paths of the dwell times in the task file, with single bodies and tools first.
     infeasible
         Reason why no plan exists, if grounding proves it; else empty. Such a task is not searched.
-
-    Raises
-    ------
-    ValueError
-        If skill names are not distinct, the step limit is below 1, or the chart, the
-        observation, the preset or a place names something unknown.
     """
 
     name: str

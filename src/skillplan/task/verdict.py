@@ -36,11 +36,6 @@ class Verdict:
         not know; then the verdict rests on all facts and applies in the same state only.
     evidence
         Measurements such as bodies, forces [N] and poses; JSON values only.
-
-    Raises
-    ------
-    ValueError
-        If a fact is both present and absent, or an infeasible or unknown verdict has no reason.
     """
 
     status: VerdictStatus
