@@ -396,7 +396,26 @@ class TestFaces:
 
 # A module that is shorter, has one importer and is no entry point is better part of that importer.
 LEAST_LINES = 120
-MOST_SMALL_MODULES = 52
+
+# Smaller modules with one importer, and why they are modules of their own.
+SMALL_MODULES = {
+    "skillplan.cli.back_end_comparison": "loaded if `compare` has engines or detectors only",
+    "skillplan.domains.assembly.layout_family": "a subject of its own: random layouts",
+    "skillplan.env.skill_env": "the public environment",
+    "skillplan.pipeline.gymnasium_entry": "named in the registry of Gymnasium",
+    "skillplan.solvers.learned_model.outcome_table": "a data structure; its importer is the solver",
+    "skillplan_optuna.journal_file": "checks a file; the sampler chooses settings",
+    "skillplan_ortools.watched_search": "the only module that imports OR-Tools",
+    "skillplan_pinocchio.timing.toppra_problem": "the only import of toppra, if needed",
+    "skillplan_ray.access": "secrets of a cluster are in one place",
+    "skillplan_ros2.timed_paths": "plans paths; the exporter only writes them",
+    "skillplan_swarmitfix.base.goals_task": "one module for each task of a chain",
+    "skillplan_swarmitfix.fleet.account": "belongs to the fleet, which other tasks do without",
+    "skillplan_swarmitfix.trajectory.file_content": "loaded if a task names a file",
+    "skillplan_swarmitfix.trajectory.files": "loaded if a task names a file",
+    "skillplan_swarmitfix.trajectory.path_chain": "an algorithm; its importer reads entities",
+    "skillplan_swarmitfix.trajectory.placement": "loaded if a task names a drawing",
+}
 
 
 def dotted(path: Path) -> str:
@@ -412,7 +431,11 @@ def entry_points() -> frozenset[str]:
     for path in (ROOT / "pyproject.toml", *ROOT.glob("plugins/*/pyproject.toml")):
         project = tomllib.loads(path.read_text("utf-8"))["project"]
         groups = [project.get("scripts", {}), *project.get("entry-points", {}).values()]
-        modules |= {value.partition(":")[0] for group in groups for value in group.values()}
+        for value in (value for group in groups for value in group.values()):
+            module, _, name = value.partition(":")
+            modules.add(module)
+            if module in FACES:
+                modules.add(f"{module}.{names_of_stub(module)[name]}")
     return frozenset(modules)
 
 
@@ -447,7 +470,7 @@ def code_lines(path: Path) -> int:
     )
 
 
-def test_few_modules_are_small_and_have_one_importer():
+def test_a_small_module_has_two_importers_or_a_reason():
     """Entry points, commands, packages and `__main__` are left out."""
     users = importers()
     small = {
@@ -458,7 +481,7 @@ def test_few_modules_are_small_and_have_one_importer():
         and len(users[dotted(path)]) < 2
         and code_lines(path) < LEAST_LINES
     }
-    assert len(small) <= MOST_SMALL_MODULES, small
+    assert {} == {name: by for name, by in small.items() if name not in SMALL_MODULES}
 
 
 class TestVersion:
