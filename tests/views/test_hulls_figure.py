@@ -104,7 +104,7 @@ def test_the_legend_holds_only_what_there_is():
 
 
 def test_no_hull_is_no_figure():
-    with pytest.raises(ValueError, match="no hull"):
+    with pytest.raises(ValueError, match="No hull"):
         draw_hulls(HullScene([]), HEADING)
 
 

@@ -128,7 +128,7 @@ class TestSuccess:
         assert not draw_success([curves[0], curves[0]], HEADING).axes[0].texts
 
     def test_without_an_episode_there_is_nothing_to_draw(self):
-        with pytest.raises(ValueError, match="no episode"):
+        with pytest.raises(ValueError, match="No episode"):
             draw_success([a_curve([], done=100)], HEADING)
 
 
@@ -170,7 +170,7 @@ class TestDistances:
         assert ["proved optimum 1.50000 m"] == [text.get_text() for text in figure.axes[0].texts]
 
     def test_without_a_completed_sequence_there_is_nothing_to_draw(self):
-        with pytest.raises(ValueError, match="no completed sequence"):
+        with pytest.raises(ValueError, match="No completed sequence"):
             draw_distances([a_curve([0, 0])], METRIC, HEADING)
 
 

@@ -1,4 +1,4 @@
-"""How records are shown: tables, figures, videos.
+"""Tables, figures, reports and videos of records.
 
 It never computes a result, and only the CLI imports it.
 """

@@ -1,4 +1,4 @@
-"""Views of a product: taken apart, put together in a film, and one part among its obstacles."""
+"""Views of a product: exploded, assembled in a film, and one part among its obstacles."""
 
 from __future__ import annotations
 
@@ -389,7 +389,7 @@ def draw_freedom(freedom: Freedom, goals: dict[str, Pose], width_px: float = 760
     )
     lines_px = _LINE_PX * (len(freedom.ways) + 5)
     camera, inner_px = _best_camera(middle, tips).fitted(points, area, lines_px)
-    title = f"What is in the way of {freedom.part} of {freedom.task.name}"
+    title = f"Obstacles of {freedom.part} in {freedom.task.name}"
     picture = Picture(width_px, inner_px + 2 * _FREEDOM_MARGIN_PX, title)
     looks = {
         name: _PART if name == freedom.part else _IN_THE_WAY if name in freedom.blockers else _OTHER

@@ -37,7 +37,7 @@ class WalkSteps:
         self.successors: Mapping[str, Sequence[str]] = {
             fact: _find_step_ends(task, placeless | facts.of(fact)) for fact in task.places
         }
-        """Where the skills lead from every place, in their order; staying is one of them."""
+        """Ends of the skills from every place, in their order, including the place itself."""
         self.fewest: Mapping[str, int] = self._search(goal)
         """Fewest steps to the goal, by place; places from which it is not reached are missing."""
 

@@ -72,7 +72,7 @@ def draw_hulls(scene: HullScene, heading: Heading) -> Figure:
         If the scene is empty.
     """
     if not scene.hulls:
-        raise ValueError("There is no hull to draw.")
+        raise ValueError("No hull to draw.")
     head_in = heading.height_in(_WIDE_IN - 0.4)
     height_in = head_in + _TALL_IN + _LEGEND_IN
     figure = create_sheet(_WIDE_IN, height_in, heading)

@@ -134,7 +134,7 @@ def draw_learning(panels: Sequence[LearningPanel], heading: Heading) -> Figure:
         If `panels` is empty.
     """
     if not panels:
-        raise ValueError("There is no learning curve to draw.")
+        raise ValueError("No learning curve to draw.")
     left_in, wide_in, tall_in, gap_in = 0.8, 4.6, 3.4, 0.35
     width_in = left_in + len(panels) * wide_in + (len(panels) - 1) * gap_in + 0.3
     labels = [curve.label for curve in panels[0].curves]

@@ -86,7 +86,7 @@ def draw_q_values(
         If states are missing, or a state has not one value for each episode.
     """
     if not states:
-        raise ValueError("There is no state to draw.")
+        raise ValueError("No state to draw.")
     for state in states:
         if len(next(iter(state.values.values()))) != len(episodes):
             raise ValueError(f"State {state.state} has not a value for each of the episodes.")

@@ -69,7 +69,7 @@ def draw_rewards(steps: Sequence[RewardStep], actions: Sequence[str], heading: H
         If steps are missing, or the action of a step is not among the actions.
     """
     if not steps:
-        raise ValueError("There is no step to draw.")
+        raise ValueError("No step to draw.")
     unknown = [step.action for step in steps if step.action not in actions]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is none of the actions.")

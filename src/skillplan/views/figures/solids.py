@@ -190,7 +190,7 @@ class SolidPainter:
         self.camera = camera
         self._depths = np.full(shape, -np.inf, dtype=np.float32)
         self._triangles = np.full(shape, -1, dtype=np.int32)
-        # Of each triangle: body, unit normal in the frame of the camera, and colour. The last
+        # Body, unit normal in the frame of the camera, and colour of each triangle. The last
         # entry, which the index -1 selects, is the background.
         self._bodies = np.array([-1])
         self._normals = np.zeros((1, 3))

@@ -93,7 +93,7 @@ def draw_sweep(result: SweepResult) -> Figure:
     wide_in = (width_in - _LEFT_IN - 0.25 - (columns - 1) * _GAP_IN) / columns
     labels = [_start_label(result, name) for name in (start.name for start in plan.starts)]
     legend_cols, legend_in = fit_legend(labels, width_in - 0.4)
-    heading = Heading(f"How the options of {plan.solver} act on {plan.name}", _describe(result))
+    heading = Heading(f"Effect of the options of {plan.solver} on {plan.name}", _describe(result))
     head_in = heading.height_in(width_in - 0.4)
     bottom_in = 0.5 + legend_in
     height_in = head_in - 0.1 + len(rows) * (_TALL_IN + 0.2) + bottom_in

@@ -280,7 +280,7 @@ def draw_distances(
         If no run has completed the task.
     """
     if not any(curve.success.any() for curve in curves):
-        raise ValueError("There is no completed sequence to draw.")
+        raise ValueError("No completed sequence to draw.")
     furthest = max(curve.length(against) for curve in curves)
     labels = [curve.label if curve.success.any() else f"{curve.label}: none" for curve in curves]
     figure, axes, columns = _open_axes(heading, labels, 3.8, against, furthest)
@@ -384,7 +384,7 @@ def draw_distances_of_trainings(
         If no run has completed the task.
     """
     if not any(curve.success.any() for curves in trainings.values() for curve in curves):
-        raise ValueError("There is no completed sequence to draw.")
+        raise ValueError("No completed sequence to draw.")
     figure, axes, _ = _open_trainings(trainings, heading, against)
     for (label, curves), colour in zip(trainings.items(), _assign_colours(trainings), strict=True):
         for number, curve in enumerate(curves):
@@ -418,7 +418,7 @@ def _open_trainings(
 def _find_furthest(curves: Sequence[RunCurve], against: AxisName) -> int:
     """Return the length of the longest run; some run must have ended an episode."""
     if not any(len(curve.ends) for curve in curves):
-        raise ValueError("There is no episode to draw.")
+        raise ValueError("No episode to draw.")
     return max(curve.length(against) for curve in curves)
 
 

@@ -86,7 +86,7 @@ def build_gantt_section(
     if failed is not None:
         later = "; later steps as planned, not simulated" if failed + 1 < len(bars) else ""
         caption = f"Times as simulated up to step {failed + 1}, which fails{later}."
-    picture = draw_gantt_picture(bars, "Who does what when", seeks=played)
+    picture = draw_gantt_picture(bars, "Plan by agent and tool over time", seeks=played)
     description = "; ".join(bar.title for bar in bars[:60])
     return Section(
         "gantt", "Time line", caption_picture(picture, f"{name}-gantt", caption, description)
@@ -174,9 +174,9 @@ def build_picture_section(task: Task, document: Mapping[str, Any], name: str) ->
 
 def build_precedence_section(graph: PrecedenceGraph, name: str) -> Section:
     """Return the precedence relation as a graph, and as a table with reasons."""
-    picture = draw_precedence(graph, "What comes before what")
+    picture = draw_precedence(graph, "Precedence relation")
     caption = (
-        "What comes before what. Rest the pointer on an arrow to read why; the table has it, too."
+        "Precedence relation. Rest the pointer on an arrow to read why; the table has it, too."
     )
     rows = [[edge.before, edge.after, edge.why.partition(": ")[2]] for edge in graph.edges]
     parts = [caption_picture(picture, f"{name}-precedence", caption)]
@@ -220,7 +220,7 @@ def build_refused_section(rows: Sequence[tuple[object, object, object]]) -> Sect
         content = note("Nothing of this task was found to be out of reach or refused.")
     else:
         content = table(
-            "What cannot be done, or only in some orders", ["what", "finding", "why"], rows
+            "Refused, or possible only in some orders", ["what", "finding", "why"], rows
         )
     return Section("refused", "Unreachable or refused", content)
 
@@ -250,7 +250,7 @@ def build_measured_section(
     if times is not None:
         words += f" Times: {describe_difference(times, performance.pace)}."
     columns = ["body", "off its goal [mm]", "turned off it [deg]"]
-    offsets = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
+    offsets = table("Final places of bodies", columns, rows, " nn") if rows else Markup("")
     return Section("measured", "As simulated", join([note(words), offsets]))
 
 

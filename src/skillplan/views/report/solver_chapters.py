@@ -43,7 +43,7 @@ def build_comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     names = {str(_get_mapping(row.get("task")).get("name")) for row in rows}
     title = f"Solvers compared: {', '.join(sorted(names)) or 'no task'}"
     words = "Each solver began with a cold cache." if not document.get("warm") else "Warm cache."
-    words += " The figures are those of the file; nothing was verified for this page."
+    words += " The figures come from the file; nothing was verified for this page."
     solvers = table(f"{len(lines)} solvers side by side", columns, lines, "   nnnnn")
     timed = [
         PlanBar(
@@ -55,7 +55,7 @@ def build_comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     sections = [Section("solvers", "Solvers", solvers)]
     if timed:
         picture = draw_gantt_picture(timed, "Seconds of each solver")
-        caption = "How long each solver took [s]; the colour is its status."
+        caption = "Time of each solver [s]; the colour is its status."
         sections.append(
             Section("times", "Seconds", caption_picture(picture, f"{name}-times", caption))
         )
@@ -143,7 +143,7 @@ def build_training_chapter(
         else (
             f"{len(lines)} runs; optimum {number(document.get('optimum'))} "
             f"{document.get('cost_unit') or ''}; success of the policies {share(rate)}. "
-            "The figures are those of the folder; nothing was verified for this page."
+            "The figures come from the folder; nothing was verified for this page."
         )
     )
     return Chapter(name, heading, tag("p", {"class": "lead"}, words), sections)

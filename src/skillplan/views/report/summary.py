@@ -28,6 +28,7 @@ _WORDS = {
     "infeasible": "Proved{by}: there is no plan.",
     "unsolved": "No plan was found, which is no proof that there is none.",
 }
+_NO_PLAN = "There is no plan."
 _FAILED_WORDS = {
     "optimal": "Proved{by}; the simulation {failure}.",
     "solved": "Checked{by}, not proved to be the best; the simulation {failure}.",
@@ -109,7 +110,7 @@ def _describe_verified(document: Mapping[str, Any], certificate: Certificate | N
     if certificate is None:
         return [claim, *limits]
     if not certificate.valid:
-        plain = _WORDS.get(str(document.get("status")), "There is no plan.").format(by="")
+        plain = _WORDS.get(str(document.get("status")), _NO_PLAN).format(by="")
         failure = _describe_simulation(document)
         return [
             f"Not verified: {certificate.unconfirmed_words()}.",
@@ -130,7 +131,7 @@ def _describe_claim(document: Mapping[str, Any]) -> str:
     failure = _describe_simulation(document)
     if failure and status in _FAILED_WORDS and not _get_mapping(document, "simulation")["complete"]:
         return _FAILED_WORDS[status].format(by=by, failure=failure)
-    claim = _WORDS.get(status, "There is no plan.").format(by=by)
+    claim = _WORDS.get(status, _NO_PLAN).format(by=by)
     return f"{claim} The simulation {failure}." if failure else claim
 
 

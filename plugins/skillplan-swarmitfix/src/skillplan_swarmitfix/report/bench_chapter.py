@@ -157,7 +157,7 @@ class _BenchSheet:
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 
 
-def prepare_bench_input(
+def bench_input(
     problem: Problem, document: Mapping[str, Any], name: str, playing: bool
 ) -> ChainInput:
     """Return the input of a chapter on a chain of tasks.
