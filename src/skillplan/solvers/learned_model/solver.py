@@ -30,9 +30,10 @@ from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing, l
 from skillplan.solvers.learning.observation_counts import ObservationCounts
 from skillplan.task.task import Task
 
-# Share of the episodes without plans that follow the best known policy, and the steps after which
-# that policy is computed anew.
-_FOLLOWING = 0.5
+# Share of the episodes that follow the best known policy instead of exploring: without plans, and
+# after plans have settled up to this share of the steps. Then all episodes follow it.
+_FOLLOWING, _EXPLORING_UNTIL = 0.5, 0.6
+# Steps after which the policy of a run without plans is computed anew.
 _POLICY_STEPS = 500
 
 
@@ -68,7 +69,8 @@ class LearnedModelSolver(Learner):
 class LearnedModelTraining(EpisodeTraining):
     """Runs of `learned-model` in progress.
 
-    A run plans its episodes until no better plan is found, and then repeats its cheapest one. If
+    A run plans its episodes until no better plan is found. Then it repeats its cheapest one, and in
+    half of the episodes of the first part of the training it explores: a surprise revives plans. If
     schemas cannot model the task, because of chance, several boards, or effects that differ
     between states, it explores with a table of outcomes instead: half of the episodes follow the
     best policy by the outcomes seen, the others try actions that look good or are untried.
@@ -213,8 +215,11 @@ class LearnedModelTraining(EpisodeTraining):
     def _begin_planned(self, run: int) -> None:
         """Follow the cheapest episode once plans have settled."""
         assert self._planned is not None
-        self._follows[run] = self._planned.is_settled(run)
-        if not self._follows[run]:
+        settled = self._planned.is_settled(run)
+        explores = settled and self.steps < _EXPLORING_UNTIL * self._total
+        follows = not explores or self._generators[run].random() < _FOLLOWING
+        self._follows[run] = settled and follows
+        if not settled:
             self._settled_steps[run] = None
         elif self._settled_steps[run] is None:
             self._settled_steps[run] = self.steps
