@@ -28,7 +28,7 @@ def metres(tmp_path):
 
 
 DOUBT = (
-    "job.yaml:4:20: trajectory.file: sheet.dxf: nothing says its unit, and read in mm it is "
+    "job.yaml:4:20: trajectory.file: sheet.dxf: its unit is not given, and read in mm it is "
     "0.003 m long. Give trajectory.unit, such as m or in."
 )
 

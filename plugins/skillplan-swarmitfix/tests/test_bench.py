@@ -299,7 +299,11 @@ class TestRefusals:
 
     @pytest.mark.parametrize("action", [-1, 11])
     def test_an_action_that_the_base_does_not_have_is_refused(self, action):
-        with pytest.raises(ValueError, match=f"no action {action}; there are B0 to B10"):
+        with pytest.raises(
+            ValueError, match=f"Action {action} does not exist; the actions are B0 to B10"
+        ):
             PAPER.swing(0, action)
-        with pytest.raises(ValueError, match=f"no action {action}; there are B0 to B10"):
+        with pytest.raises(
+            ValueError, match=f"Action {action} does not exist; the actions are B0 to B10"
+        ):
             PAPER.swept_pins(0, action)

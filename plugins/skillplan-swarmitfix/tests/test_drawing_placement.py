@@ -99,7 +99,7 @@ class TestTheUnit:
         rows = "".join(f"{x * 100},{y * 100}\n" for x, y in (*TRIANGLE, TRIANGLE[0]))
         (tmp_path / "path.csv").write_text("x,y\n" + rows, "ascii")
         assert near(TRIANGLE) == corners_of(loaded(tmp_path, "path.csv", "unit: cm"))
-        assert "says no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'" in refused(
+        assert "has no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'" in refused(
             tmp_path, "path.csv"
         )
 
@@ -107,7 +107,7 @@ class TestTheUnit:
         """One of the two is wrong, and nobody knows which."""
         (tmp_path / "path.csv").write_text("x_mm,y_mm\n600,600\n900,600\n", "ascii")
         message = refused(tmp_path, "path.csv", "unit: m")
-        assert "line 1: the header 'x_mm,y_mm' says the unit; leave 'unit' out" in message
+        assert "line 1: the header 'x_mm,y_mm' has a unit; leave 'unit' out" in message
 
     def test_is_one_of_those_known(self, tmp_path):
         """The message lists them."""
@@ -122,7 +122,7 @@ class TestADoubtfulUnit:
         (warning,) = told(problem)
         assert warning.path == ("trajectory", "file")
         assert warning.message == (
-            "drawing.dxf: nothing says its unit, and read in mm it is 0.001 m long. Give "
+            "drawing.dxf: its unit is not given, and read in mm it is 0.001 m long. Give "
             "trajectory.unit, such as m or in."
         )
 

@@ -41,7 +41,7 @@ def test_the_pins_of_a_swing_follow_from_where_they_are():
 
 
 def test_what_is_no_swing_passes_no_pins():
-    with pytest.raises(ValueError, match="B5 is no swing at C66"):
+    with pytest.raises(ValueError, match="B5 is not a swing at C66"):
         passed_pins(BENCH, place("C66"), 5)
 
 
@@ -87,7 +87,7 @@ class TestSteps:
     @pytest.mark.parametrize(
         ("step", "reason"),
         [
-            (("c", 2, 65, 53), "there is no robot c"),
+            (("c", 2, 65, 53), "robot c does not exist"),
             (("a", 2, 64, 52), "a starts B2 at position 65, but is at C66"),
             (("a", 0, 65, 65), "a cannot make B0 at C66"),
             (("a", 5, 65, 78), "a cannot make B5 at C66"),

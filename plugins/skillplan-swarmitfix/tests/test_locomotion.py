@@ -197,7 +197,7 @@ class TestTimeline:
 
     def test_a_step_that_leads_elsewhere_is_refused(self):
         action = action_between("C66", "C54")
-        with pytest.raises(ValueError, match="leads to C54; the path says it leads to C1"):
+        with pytest.raises(ValueError, match="leads to C54; in the path it leads to C1"):
             timeline(BENCH, [((action, HOME, 0),)], [(0.0, 0.0)], home=HOME)
 
 

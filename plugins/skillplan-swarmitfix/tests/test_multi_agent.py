@@ -147,7 +147,7 @@ class TestRefusal:
                 lambda: two_agents(
                     going("a", "a1", "a2", precondition=Condition(FACTS.of("b1"), FACTS.none))
                 ),
-                "has a precondition besides",
+                "has a precondition other than",
             ),
             (
                 lambda: two_agents(going("a", "a1", "a2", cost=CaseCost({FACTS.bit("b1"): 1.0}))),
@@ -168,7 +168,7 @@ class TestRefusal:
             ),
             (
                 lambda: make_task(FACTS, (going("a", "a1", "a2"),), initial=("a1",), goal=("a2",)),
-                "b1 is no agent's place",
+                "b1 is not the place of an agent",
             ),
         ],
     )

@@ -129,7 +129,7 @@ class TestAnyFile:
 
     def test_an_unknown_suffix(self, tmp_path):
         message = refused(tmp_path, "path.step", "x")
-        assert message.endswith("give one of .dxf, .csv, .nc, .gcode, .ngc, .tap.")
+        assert message.endswith("use one of .dxf, .csv, .nc, .gcode, .ngc, .tap.")
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_an_empty_or_a_huge_file(self, tmp_path, suffix):
@@ -139,7 +139,7 @@ class TestAnyFile:
     @pytest.mark.parametrize("suffix", [".csv", ".nc"])
     def test_what_is_no_text(self, tmp_path, suffix):
         message = refused(tmp_path, f"a{suffix}", b"x_m,y_m\n0,0\n\xff,1\n")
-        assert message == "line 3: The byte 0xff is no UTF-8 text; save it as UTF-8."
+        assert message == "line 3: The byte 0xff is not UTF-8 text; save it as UTF-8."
 
     @given(st.sampled_from(SUFFIXES), st.binary(max_size=200))
     def test_random_bytes_are_read_or_refused_in_one_line(self, suffix, content):
@@ -198,10 +198,13 @@ class TestCsv:
             ("0,0\n1,1\n", "line 1: The header is '0,0'; write x_m,y_m or x_mm,y_mm."),
             ("x_m,y_m\n0,0\n0;1\n", "line 3: The row has 1 cells instead of 2; write x,y"),
             ("x_m,y_m\n0,0\n0,5,1,2\n", "line 3: The row has 4 cells instead of 2; write x,y"),
-            ("x_m,y_m\n0,0\n\n1,a\x1bb\n", "line 4: 'a?b' is no coordinate; write a number such"),
-            ("x_m,y_m\n0,0\n1,nan\n", "line 3: 'nan' is no coordinate"),
-            ("x_m,y_m\n0,0\n1,1e9\n", "line 3: '1e9' is no coordinate; write a number such as"),
-            ("x_m,y_m\n0,0\n1_0,1\n", "line 3: '1_0' is no coordinate"),
+            (
+                "x_m,y_m\n0,0\n\n1,a\x1bb\n",
+                "line 4: 'a?b' is not a coordinate; write a number such",
+            ),
+            ("x_m,y_m\n0,0\n1,nan\n", "line 3: 'nan' is not a coordinate"),
+            ("x_m,y_m\n0,0\n1,1e9\n", "line 3: '1e9' is not a coordinate; write a number such as"),
+            ("x_m,y_m\n0,0\n1_0,1\n", "line 3: '1_0' is not a coordinate"),
             ('x_m,y_m\n0,0\n"1"2,1\n', "line 3: The table is damaged ("),
             ("x_m,y_m\n0,0\n", "The table has 1 vertices; give the header"),
         ],
@@ -270,7 +273,7 @@ class TestGcode:
             ("G0 X0 Y0\nG4 X1", "line 2: G4 with a position; give a dwell as P"),
             ("G0 X0 Y0\nG0 G1 X1", "line 2: G0 and G1 in one line; write two lines."),
             ("G0 X0 Y0\nG1 X1 X2", "line 2: X twice in one line; write two lines."),
-            ("X0 Y0", "line 1: A position before any of G0, G1, G2, G3; say which"),
+            ("X0 Y0", "line 1: A position before any of G0, G1, G2, G3; give the"),
             ("G1 X1", "line 1: A feed move from an unknown position; first give both X and Y"),
             ("G2 X1 Y1 R1", "line 1: A feed move from an unknown position"),
             ("G91 G0 X1 Y1", "line 1: G91 before a first position; give that one in G90."),
@@ -417,7 +420,7 @@ class TestDxf:
             ),
             (
                 lambda space: space.add_line((0, 0, 0), (1, 0, 1)),
-                "LINE #2F: It is at z = 1 m, where the path is at 0 m; flatten the drawing.",
+                "LINE #2F: It is at z = 1 m, but the path is at 0 m; flatten the drawing.",
             ),
             (
                 lambda space: space.add_circle((0, 0), 1, dxfattribs={"extrusion": (0, 1, 1)}),
@@ -454,7 +457,7 @@ class TestDxf:
             (b"garbage", 'The drawing is damaged (Invalid group code "garbage" at line 1); save'),
             (b"\x00\x01\xfe" * 50, "The drawing is damaged ("),
             (b"AutoCAD Binary DXF\r\n\x1a\x00", "This is a binary DXF; save it as ASCII DXF."),
-            (b"AC1032\x00\x00", "This is a DWG, whatever its name; save it as ASCII DXF."),
+            (b"AC1032\x00\x00", "This is a DWG file despite its name; save it as ASCII DXF."),
             (b"  0\nEOF\n", "The model space holds no path on a layer that is on"),
         ],
     )

@@ -265,7 +265,7 @@ class TestFaults:
     def test_an_open_one_that_ends_at_its_start_is_told_to_be_closed(self):
         ((message, path),) = told((1, 0), *CIRCLE)
         assert path == ()
-        assert "ends where it starts, at (1, 0) m, but is said to be open" in message
+        assert "ends at its start, (1, 0) m, but is declared open" in message
 
     def test_of_many_crossings_some_are_told_and_the_rest_counted(self):
         comb = [Line((20.0, 0))]

@@ -1,4 +1,4 @@
-"""What is to be said of a solved bench job beyond its plans: supports, goals, the five steps."""
+"""Account of a solved bench job beyond its plans: supports, goals, the five steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from skillplan_swarmitfix.trajectory.plane_point import Point2
 
 
 def account(job: Job) -> Account:
-    """Return what a job's plans amount to, as far as there are any."""
+    """Build the account of a job from the plans that exist."""
     config = job.config
     document: dict[str, Any] = {
         "bench": {
@@ -138,7 +138,7 @@ def _supports(
 
 
 def _caveat(document: Mapping[str, Any]) -> str:
-    """Return how many supports the machine does not reach; empty if it reaches all."""
+    """Count the supports beyond the machine's reach; empty if there are none."""
     beyond = document.get("supports_beyond_leg_limits", 0)
     return _counted(beyond, len(document["goals"])) if beyond else ""
 
@@ -196,7 +196,7 @@ def _hold_fault(job: Job, position: int, support_m: Point2) -> str:
 
 
 def _heads(job: Job) -> list[dict[str, Any]]:
-    """Return all heads in order along the trajectory, those that splits have inserted included."""
+    """List all heads along the trajectory, including heads inserted by splits."""
     entries: list[dict[str, Any]] = []
 
     def add(head: Head, *, inserted: bool) -> None:
@@ -271,7 +271,8 @@ def _goals_listing(
         f"{len(workpiece.segments)} segments ({curved} curved), vertices: {kinds}"
     ]
     spacing_m = [
-        math.dist(one["position_m"], other["position_m"]) for one, other in pairwise(heads)
+        math.dist(head["position_m"], following["position_m"])
+        for head, following in pairwise(heads)
     ]
     if job.sampling_text:
         above.append(f"           {job.sampling_text}")

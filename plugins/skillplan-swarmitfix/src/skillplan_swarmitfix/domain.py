@@ -78,7 +78,7 @@ class SwarmitfixDomain(Domain):
             yield Issue(f"no plan exists: {infeasible}.", ("trajectory",), at_key=True)
 
     def overview(self, config: Any) -> Overview:
-        """Return the extent and the length of the trajectory, where there is one."""
+        """Return the extent and the length of the trajectory, if there is one."""
         return overview(config)
 
     def ground(self, config: Any, sha256: str) -> list[Task]:

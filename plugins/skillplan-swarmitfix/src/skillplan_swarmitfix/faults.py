@@ -27,25 +27,25 @@ MOST_HEADS_IN_ALL = 20_000
 
 
 def issues(config: SwarmitfixConfig) -> Iterator[Issue]:
-    """Yield every fault; those of a later level only where the one above it has none."""
+    """Yield every fault; faults of a level only if the levels above have none."""
     bench = bench_of(config)
-    found = [*_positions(config, bench), *_mount(config), *_side(config)]
+    faults = [*_positions(config, bench), *_mount(config), *_side(config)]
     if config.base.goals is not None:
-        found += _states(bench, len(config.base.goals), ("base", "goals"))
+        faults += _states(bench, len(config.base.goals), ("base", "goals"))
     if config.heads.subdivisions is not None:
-        found += _states(bench, sum(config.heads.subdivisions), ("heads", "subdivisions"))
+        faults += _states(bench, sum(config.heads.subdivisions), ("heads", "subdivisions"))
     if config.trajectory is not None:
         try:
-            found += _trajectory(config, bench)
+            faults += _trajectory(config, bench)
         except ValueError as error:
-            found.append(Issue(continue_sentence(str(error)), ("trajectory",)))
-    if not found and config.robots is not None:
+            faults.append(Issue(continue_sentence(str(error)), ("trajectory",)))
+    if not faults and config.robots is not None:
         robots = Job(config).robots
-        found += _places(bench, len(robots))
-        found += [Issue(message, path) for message, path in fleet_faults(bench, robots)]
-    if not found and config.trajectory is not None:
-        found += list(_machine(config)) or _heads(config)
-    yield from found
+        faults += _places(bench, len(robots))
+        faults += [Issue(message, path) for message, path in fleet_faults(bench, robots)]
+    if not faults and config.trajectory is not None:
+        faults += list(_machine(config)) or _heads(config)
+    yield from faults
 
 
 def _positions(config: SwarmitfixConfig, bench: Bench) -> Iterator[Issue]:
@@ -113,20 +113,20 @@ def _trajectory(config: SwarmitfixConfig, bench: Bench) -> Iterator[Issue]:
     trajectory = config.trajectory
     assert trajectory is not None
     start, elements = elements_of(trajectory)
-    found = faults(
+    problems = faults(
         start, elements, trajectory.closed, trajectory.chord_tolerance_m, _outline(bench)
     )
-    located = {message for message, path in found if path}
-    for message, path in found:
+    located = {message for message, path in problems if path}
+    for message, path in problems:
         # The line that closes a trajectory ends at a start that is to blame itself.
         if path or message not in located:
             key = ("trajectory", *element_key(trajectory, path))
             yield Issue(trajectory.place_of(path, message), key)
-    doubt = unit_doubt(trajectory) if found else None
+    doubt = unit_doubt(trajectory) if problems else None
     if doubt is not None:
-        # What is off the bench, or too small, may be so for that reason alone.
+        # A wrong unit alone may put a trajectory off the bench or make it too small.
         yield doubt.under("trajectory")
-    if config.heads.subdivisions is not None and not found:
+    if config.heads.subdivisions is not None and not problems:
         segments = len(Job(config).workpiece.segments)
         given = len(config.heads.subdivisions)
         if given != segments:
@@ -142,17 +142,17 @@ def _outline(bench: Bench) -> Outline:
 
 
 def _heads(config: SwarmitfixConfig) -> Iterator[Issue]:
-    """Yield what stands against supporting the trajectory at all."""
+    """Yield the reasons why the trajectory cannot be supported."""
     job = Job(config)
-    found = [] if config.heads.subdivisions is not None else list(_segments(job))
-    if not found:
-        found = [
+    problems = [] if config.heads.subdivisions is not None else list(_segments(job))
+    if not problems:
+        problems = [
             Issue(continue_sentence(str(error)), ("trajectory",)) for error in job.unreachable()
         ]
-    if not found:
+    if not problems:
         goals = len(job.heads) if job.infeasible else len(job.goal_sets)
-        found = list(_states(job.bench, goals, ("trajectory",)))
-    yield from found
+        problems = list(_states(job.bench, goals, ("trajectory",)))
+    yield from problems
 
 
 def _segments(job: Job) -> Iterator[Issue]:

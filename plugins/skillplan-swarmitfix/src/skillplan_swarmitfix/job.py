@@ -1,7 +1,7 @@
 """The hierarchy of one trajectory: heads, goals of the base, paths of the base.
 
-Veeramani and Muthuswamy, Fig. 3. Each level is grounded from what the one above it gave; a level
-that has not been solved yet stands in with its proved optimum, so that the whole chain can be
+Veeramani and Muthuswamy, Fig. 3. Each level is grounded from the plan of the one above; a level
+without a solution is represented by its proved optimum, so that the whole chain can be
 looked at before anything is solved.
 """
 
@@ -69,7 +69,7 @@ GOALS = "goals"
 
 
 class Job:
-    """What a faultless file demands, as far as some plans have decided it.
+    """The job of a valid file, given the plans found so far.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ class Job:
     plans
         Names of skills by task; a level without plans stands in with its optimum.
     refinement
-        How often heads had to stand closer together, >= 0: every segment is divided as
-        many times more, or the gap that is left bare as many times smaller.
+        Number of times the heads moved closer together, >= 0: every segment is divided that
+        many times more, or the permitted gap divided by it.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Job:
 
     @cached_property
     def head_rules(self) -> HeadRules:
-        """How heads may be placed."""
+        """Rules for placing heads."""
         heads = self.config.heads
         return HeadRules(
             side_m=heads.side_m,
@@ -179,7 +179,7 @@ class Job:
 
     @property
     def supportable(self) -> bool:
-        """Whether every segment can be supported under the head rules, and held by a base."""
+        """Return whether every segment can be supported under the head rules and held by a base."""
         if self.config.trajectory is None:
             return False
         if self.config.heads.subdivisions is None:
@@ -190,7 +190,7 @@ class Job:
 
     @cached_property
     def reach(self) -> ReachRules:
-        """Where a base may stand for a support."""
+        """Rules for the position of a base at a support."""
         base = self.config.base
         least_m, most_m = base.reach_m or PLANNED_REACH_M
         return ReachRules(
@@ -202,7 +202,7 @@ class Job:
 
     @property
     def centres(self) -> ReachableCentres:
-        """The positions by what the machine reaches from them."""
+        """Reach of the machine from every position."""
         limits, mount = limits_of(self.config), mount_of(self.config)
         return _centres(self.bench, limits, mount, tuple(self.distances_m.items()))
 
@@ -340,14 +340,14 @@ class Job:
 
     @property
     def home(self) -> int:
-        """Where the base stands at the start."""
+        """Initial position of the base."""
         return self.bench.position(self.config.base.home)
 
     def tasks(self, sha256: str) -> list[Task]:
         """Return the chain: heads of every segment, goals, and a path to every goal."""
         config = self.config
         if config.robots is not None:
-            made = [
+            tasks = [
                 fleet_task(
                     self.bench,
                     self.robots,
@@ -358,10 +358,10 @@ class Job:
                 )
             ]
         else:
-            made = [] if config.trajectory is None else self._upper_tasks(sha256)
+            tasks = [] if config.trajectory is None else self._upper_tasks(sha256)
             base = BaseGrounding(self.bench, self.timings.swing_s, config.step_limit)
             goals = () if self.infeasible else self.goals
-            made += [
+            tasks += [
                 base.task(f"base-{number}", start, goal, sha256)
                 for number, (start, goal) in enumerate(
                     zip((self.home, *goals), goals, strict=False), start=1
@@ -375,16 +375,16 @@ class Job:
             task.replace(
                 physics=physics[0] if physics else None, collision=tuple(collision), sha256=sha256
             )
-            for task in made
+            for task in tasks
         ]
 
     def _upper_tasks(self, sha256: str) -> list[Task]:
-        made = []
+        tasks = []
         if self.config.heads.subdivisions is None:
             for segment in self.workpiece.segments:
                 first, last = self.ends(segment)
                 name = head_task_name(segment)
-                made.append(
+                tasks.append(
                     head_task(
                         segment,
                         first,
@@ -395,7 +395,7 @@ class Job:
                         holdable=self._holdable(segment),
                     )
                 )
-        made.append(
+        tasks.append(
             goals_task(
                 self.bench,
                 self.home,
@@ -407,14 +407,14 @@ class Job:
                 infeasible=self.infeasible,
             )
         )
-        return made
+        return tasks
 
 
 @lru_cache(maxsize=16)
 def _centres(
     bench: Bench, limits: PkmLimits, mount: Mount, distances_m: tuple[tuple[str, Range], ...]
 ) -> ReachableCentres:
-    """Return the positions by what they reach; the jobs of a chain share the answers."""
+    """Return the reach of every position; the jobs of a chain share it."""
     return ReachableCentres(PkmGeometry(), limits, mount, bench.centroids_m, dict(distances_m))
 
 

@@ -1,4 +1,4 @@
-"""What a file says of the bench and the machine on it, with the real machine's figures besides."""
+"""Bench and machine of a file, with the real machine's figures as defaults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def bench_of(config: SwarmitfixConfig) -> Bench:
 
 
 def mount_of(config: SwarmitfixConfig) -> Mount:
-    """Return how the parallel kinematic machine of a file stands.
+    """Return the mount of the parallel kinematic machine of a file.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def mount_of(config: SwarmitfixConfig) -> Mount:
 
 
 def limits_of(config: SwarmitfixConfig) -> PkmLimits:
-    """Return the limits of the legs of a file; the calibrated ones where it says nothing."""
+    """Return the limits of the legs of a file, by default the calibrated ones."""
     given = config.pkm.leg_limits_m
     limits = {
         f"leg_{leg.lower()}_m": (value[0], value[1])
@@ -37,7 +37,7 @@ def limits_of(config: SwarmitfixConfig) -> PkmLimits:
 
 
 def timings_of(config: SwarmitfixConfig) -> Timings:
-    """Return the durations of a file; the real machine's where it says nothing."""
+    """Return the durations of a file, by default the real machine's."""
     given = config.timings
     default = Timings()
     swing_s = dict(default.swing_s)

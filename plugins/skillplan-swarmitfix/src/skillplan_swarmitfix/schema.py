@@ -35,7 +35,7 @@ class BenchConfig(Strict):
     )
     pitch_m: Length = Field(0.34, description="distance of neighbouring pins [m]")
     actions: Literal[11, 13] = Field(
-        11, description="11 for B0 to B10, 13 for B11 and B12 besides [-]"
+        11, description="11 for B0 to B10, 13 to include B11 and B12 [-]"
     )
 
     @model_validator(mode="after")
@@ -88,7 +88,7 @@ class HeadsConfig(Strict):
 
 
 class BaseConfig(Strict):
-    """Where the base starts and where it may stand to hold a head."""
+    """Start of the base and its positions for holding a head."""
 
     home: Position = Field("C66", description="position at the start, such as C66")
     goals: Annotated[list[Position], Field(min_length=1, max_length=1_000)] | None = Field(
@@ -101,7 +101,7 @@ class BaseConfig(Strict):
     reach_m: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = Field(
         None,
         description="least and greatest horizontal distance of base and head that the arm "
-        "allows [m]; left out: what the legs allow, or 0.333 to 0.451 unless reachable is required",
+        "allows [m]; default: the limits of the legs, or 0.333 to 0.451 unless reach is required",
     )
     side: Literal["inward", "outward", "left", "right"] | None = Field(
         None,
@@ -127,13 +127,13 @@ class BaseConfig(Strict):
     )
     goal_choice: GoalRule = Field(
         "whole-trajectory",
-        description="which of the positions that can hold a support: those of the fewest steps "
-        "over the whole trajectory, greedily the next ones, or the nearest",
+        description="choice among the positions that can hold a support: the fewest steps "
+        "over the whole trajectory, a greedy choice for the next support, or the nearest position",
     )
 
     @property
     def reach_rule(self) -> Reachable:
-        """Whether reach is required, by either name of the key."""
+        """Return whether reach is required, by either name of the key."""
         former = self.__dict__["prefer_reachable"]
         if former is None:
             return self.reachable
@@ -200,7 +200,7 @@ class PkmConfig(Strict):
 
 
 class TimingsConfig(Strict):
-    """How long the five steps take."""
+    """Durations of the five steps."""
 
     swing_s: dict[Literal["60", "120", "180", "240", "300"], Swing] | None = Field(
         None,
@@ -236,9 +236,7 @@ class BenchExpectConfig(Strict):
     steps: int | None = Field(None, description="how many swings there are in all")
     relaxed: int | None = Field(None, description="supports that need the relaxed rule")
     split: int | None = Field(None, description="supports that need a split stretch")
-    csp: Literal["solved", "unsolved"] | None = Field(
-        None, description="what the solver csp comes to"
-    )
+    csp: Literal["solved", "unsolved"] | None = Field(None, description="result of the solver csp")
     swings: int | None = Field(None, description="swings of a fleet's plan")
     parallel_makespan: int | None = Field(
         None, description="steps of a fleet's plan where bases move at once"
@@ -261,7 +259,7 @@ class SwarmitfixConfig(Strict):
         default_factory=HeadsConfig, description="the heads that support the sheet"
     )
     base: BaseConfig = Field(
-        default_factory=BaseConfig, description="where the base starts and may stand"
+        default_factory=BaseConfig, description="start and permitted positions of the base"
     )
     pkm: PkmConfig = Field(
         default_factory=PkmConfig, description="the machine between base and head"
@@ -287,7 +285,7 @@ class SwarmitfixConfig(Strict):
 
     @model_serializer(mode="wrap")
     def _content(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the content as older versions wrote it, wherever it means the same.
+        """Return the content in the form of older versions, as far as the meaning is the same.
 
         Hashes are of this content: older results of such files stay verifiable.
         """

@@ -1,1 +1,1 @@
-"""Where bases stand and how they walk; never how a leg reaches up."""
+"""Positions and locomotion of bases, without the legs of the machine."""

@@ -1,4 +1,4 @@
-"""Which of the positions that serve a support the base goes to.
+"""Choice of the goal position among the positions that serve a support.
 
 The paper leaves open which candidate of Eqs 3 and 4 is the goal. Two rules look no further than
 the next goal; the default minimises the swings of the whole trajectory.
@@ -22,7 +22,7 @@ _STEP = 1 << 40
 
 
 class GoalRule(StrEnum):
-    """How goals are chosen; what is still equal goes to the position of the lowest number."""
+    """Rule for choosing goals; ties go to the position with the lowest number."""
 
     WHOLE_TRAJECTORY = "whole-trajectory"
     """Fewest swings in all; then least swing time; then nearest to the quadrilaterals' centres."""
@@ -45,7 +45,7 @@ class Choice:
     duration_s
         Least time of that many swings, for all goals together [s].
     rule
-        How they were chosen.
+        Rule of the choice.
     """
 
     goals: tuple[int, ...]
@@ -60,7 +60,7 @@ class Choice:
 
 
 class LeastSwings:
-    """Fewest swings to a goal, and the least time that so many swings take.
+    """Fewest swings to a goal, and the least time of that many swings.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def choose(
     sets
         In the order in which they are served.
     rule
-        How to choose.
+        Rule of the choice.
     swing_s
         Time of a swing [s] by its angle [deg].
 
@@ -133,28 +133,32 @@ def choose(
         If there is no such rule, or the time of a swing is not given.
     """
     rule = GoalRule(rule)
-    least = LeastSwings(bench, swing_s)
+    least_swings = LeastSwings(bench, swing_s)
     if rule is GoalRule.WHOLE_TRAJECTORY:
-        goals = _over_all(bench, home, sets, least)
+        goals = _over_all(bench, home, sets, least_swings)
     else:
         goals, here = [], home
-        for one in sets:
-            here = _next_goal(bench, here, one, least, rule)
+        for goal_set in sets:
+            here = _next_goal(bench, here, goal_set, least_swings, rule)
             goals.append(here)
     steps, time_us, here = [], 0, home
     for goal in goals:
-        all_steps, all_times_us = least.to(goal)
+        all_steps, all_times_us = least_swings.to(goal)
         steps.append(int(all_steps[here]))
         time_us += int(all_times_us[here])
         here = goal
     return Choice(tuple(goals), tuple(steps), time_us / 1e6, rule)
 
 
-def _next_goal(bench: Bench, here: int, one: GoalSet, least: LeastSwings, rule: GoalRule) -> int:
+def _next_goal(
+    bench: Bench, here: int, goal_set: GoalSet, least_swings: LeastSwings, rule: GoalRule
+) -> int:
     """Return the goal of a rule that looks no further than the next."""
     ranked = []
-    for position, offset_nm in zip(one.positions, _offsets_nm(bench, one).tolist(), strict=True):
-        swings = int(least.to(position)[0][here])
+    for position, offset_nm in zip(
+        goal_set.positions, _offsets_nm(bench, goal_set).tolist(), strict=True
+    ):
+        swings = int(least_swings.to(position)[0][here])
         flight_m = 0.0
         if rule is GoalRule.NEAREST_CENTROID:
             flight_m = math.dist(bench.centroids_m[here], bench.centroids_m[position])
@@ -162,34 +166,36 @@ def _next_goal(bench: Bench, here: int, one: GoalSet, least: LeastSwings, rule: 
     return min(ranked)[-1]
 
 
-def _over_all(bench: Bench, home: int, sets: Sequence[GoalSet], least: LeastSwings) -> list[int]:
+def _over_all(
+    bench: Bench, home: int, sets: Sequence[GoalSet], least_swings: LeastSwings
+) -> list[int]:
     """Return the goals that are best over all sets, by dynamic programming from the home."""
     before = np.array([home])
     weights = np.zeros(1, dtype=np.int64)
     offsets = np.zeros(1, dtype=np.int64)
     came_from: list[NDArray[np.intp]] = []
-    for one in sets:
-        arrows = np.empty((len(before), len(one.positions)), dtype=np.int64)
-        for i, position in enumerate(one.positions):
-            steps, times_us = least.to(position)
+    for goal_set in sets:
+        arrows = np.empty((len(before), len(goal_set.positions)), dtype=np.int64)
+        for i, position in enumerate(goal_set.positions):
+            steps, times_us = least_swings.to(position)
             arrows[:, i] = steps[before] * _STEP + times_us[before]
         # Shape (before, here); of equal weights the least offset, then the first.
         through = weights[:, None] + arrows
         weights = through.min(axis=0)
         ties = np.where(through == weights, offsets[:, None], np.iinfo(np.int64).max)
         came_from.append(ties.argmin(axis=0))
-        offsets = ties.min(axis=0) + _offsets_nm(bench, one)
-        before = np.array(one.positions)
+        offsets = ties.min(axis=0) + _offsets_nm(bench, goal_set)
+        before = np.array(goal_set.positions)
     at = int(np.lexsort((offsets, weights))[0])
     goals = []
-    for one, origins in zip(reversed(sets), reversed(came_from), strict=True):
-        goals.append(one.positions[at])
+    for goal_set, origins in zip(reversed(sets), reversed(came_from), strict=True):
+        goals.append(goal_set.positions[at])
         at = int(origins[at])
     return goals[::-1]
 
 
-def _offsets_nm(bench: Bench, one: GoalSet) -> NDArray[np.int64]:
-    """Return how far each position is from the quadrilateral's centre, in whole nanometres."""
-    offsets = bench.centroids_m[list(one.positions)] - np.array(one.centre)
+def _offsets_nm(bench: Bench, goal_set: GoalSet) -> NDArray[np.int64]:
+    """Compute each position's distance from the quadrilateral's centre, in whole nanometres."""
+    offsets = bench.centroids_m[list(goal_set.positions)] - np.array(goal_set.centre)
     away_nm: NDArray[np.float64] = 1e9 * np.hypot(offsets[:, 0], offsets[:, 1])
     return np.rint(away_nm).astype(np.int64)

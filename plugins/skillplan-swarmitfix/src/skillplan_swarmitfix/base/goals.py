@@ -1,4 +1,4 @@
-"""Which positions serve the path between two supports: Eqs 1 to 4, and the arm's true reach.
+"""Positions that serve the path between two supports: Eqs 1 to 4, and the arm's true reach.
 
 Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4.
 """
@@ -25,7 +25,7 @@ _DISTANCE_TOLERANCE_M = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ReachRules:
-    """Where a base may stand.
+    """Rules for the position of a base.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def broken_rules(
     rules
         Rules of the file.
     last
-        Whether `e2` is held.
+        True to require `e2`.
     """
     everywhere = np.ones(bench.n_positions, dtype=np.bool_)
     return {
@@ -163,15 +163,15 @@ def within_reach(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> tup
     The base turns the arm to any side, so that only the distance counts. Positions on the side of
     the bases are preferred: others are returned only where there are none of those.
     """
-    found = _reaching(bench, e1, e2, rules)
-    preferred = found & _on_side(bench, e1, e2, rules)
-    return _positions(preferred if preferred.any() else found)
+    reachable = _reaching(bench, e1, e2, rules)
+    preferred = reachable & _on_side(bench, e1, e2, rules)
+    return _positions(preferred if preferred.any() else reachable)
 
 
 def on_the_other_side(
     bench: Bench, e1: Point2, e2: Point2, rules: ReachRules, positions: Sequence[int]
 ) -> bool:
-    """Whether all of some positions lie beyond the trajectory, where bases are not meant to be.
+    """Return whether all given positions lie beyond the trajectory, on the forbidden side.
 
     Parameters
     ----------
@@ -188,10 +188,10 @@ def on_the_other_side(
 
 
 def _reaching(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> NDArray[np.bool_]:
-    found = np.ones(bench.n_positions, dtype=np.bool_)
+    reached = np.ones(bench.n_positions, dtype=np.bool_)
     for point in (e1, e2):
-        found &= in_reach(distances_m(bench, point), rules)
-    return found
+        reached &= in_reach(distances_m(bench, point), rules)
+    return reached
 
 
 def _on_side(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> NDArray[np.bool_]:
@@ -207,14 +207,14 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def distances_m(bench: Bench, point: Point2) -> NDArray[np.float64]:
-    """Return how far the centroid of every position is from a point, shape (positions,) [m]."""
+    """Compute the distance of every position's centroid from a point, shape (positions,) [m]."""
     offsets = bench.centroids_m - np.array(point)
     away_m: NDArray[np.float64] = np.hypot(offsets[:, 0], offsets[:, 1])
     return away_m
 
 
 def in_reach(away_m: NDArray[np.float64], rules: ReachRules) -> NDArray[np.bool_]:
-    """Return which distances [m] the arm truly reaches, shape as given."""
+    """Return a mask of the distances [m] within the arm's true reach, shape as given."""
     least_m, most_m = rules.reach_m
     near = away_m <= most_m + _DISTANCE_TOLERANCE_M
     return near & (away_m >= least_m - _DISTANCE_TOLERANCE_M)
@@ -275,13 +275,13 @@ class GoalSet:
         The pair of supports, from 0: support `index` and the next. Parts of a split pair have
         the same.
     e1, e2
-        Where the path, or the part of it, begins and ends [m].
+        Start and end of the path, or of the part of it [m].
     positions
         At least one, rising.
     how
         By which rule they were found.
     note
-        What was relaxed or split, for people; empty for Eqs 3 and 4.
+        Relaxation or split in words; empty for Eqs 3 and 4.
     centre
         Centre of the quadrilateral e1, e2, e3, e4 [m].
     broken
@@ -291,7 +291,7 @@ class GoalSet:
     Raises
     ------
     ValueError
-        If there is no position.
+        If no position is given.
     """
 
     index: int
@@ -325,10 +325,10 @@ class MachineReach:
     Parameters
     ----------
     centres
-        Positions by what they reach.
+        Reach of every position.
     relax_always
-        Whether every support may drop Eq. 3, the side, and Eq. 4 of the next support. Otherwise
-        only supports may for which no position is left.
+        True if every support may drop Eq. 3, the side, and Eq. 4 of the next support. Otherwise
+        only supports without a position may.
     """
 
     centres: ReachableCentres
@@ -362,8 +362,8 @@ def goal_sets(
 ) -> tuple[GoalSet, ...]:
     """Return the positions for every two consecutive supports, in order along the trajectory.
 
-    Where Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
-    are taken. Where there are none of those, the path is halved with a support in its middle, and
+    If Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
+    are used. If there are none either, the path is halved with a support in its middle, and
     each half is served like any other, as often as `MOST_SPLITS`.
 
     Parameters
@@ -373,9 +373,9 @@ def goal_sets(
     supports
         Centres of the heads in order along the trajectory [m].
     rules
-        Where a base may stand.
+        Rules for the position of a base.
     closed
-        Whether the last support is paired with the first.
+        True to pair the last support with the first.
     path
         Gives the point that is a share in [0, 1] of the path from a support, by its number from
         0, to the next; by default on the straight line.
@@ -385,7 +385,7 @@ def goal_sets(
     Returns
     -------
     tuple
-        One set for each pair, several for one that was split.
+        One set per pair, several for a split pair.
 
     Raises
     ------
@@ -429,7 +429,7 @@ def last_goal_set(
     return pair.last()
 
 
-def preferring(one: GoalSet, centres: ReachableCentres) -> GoalSet:
+def preferring(goal_set: GoalSet, centres: ReachableCentres) -> GoalSet:
     """Return a goal set without the positions from which its support is out of reach.
 
     If that would leave none, the set stays as it is.
@@ -439,11 +439,11 @@ def preferring(one: GoalSet, centres: ReachableCentres) -> GoalSet:
     one
         The set; its support is `e1`.
     centres
-        Positions by what they reach.
+        Reach of every position.
     """
-    reached = set(centres.positions(one.e1).tolist())
-    kept = tuple(p for p in one.positions if p in reached)
-    return replace(one, positions=kept) if kept else one
+    reached = set(centres.positions(goal_set.e1).tolist())
+    kept = tuple(p for p in goal_set.positions if p in reached)
+    return replace(goal_set, positions=kept) if kept else goal_set
 
 
 def unreachable(
@@ -453,7 +453,7 @@ def unreachable(
     closed: bool,
     path: PathBetween | None = None,
 ) -> tuple[UnreachableSupport, ...]:
-    """Return what is wrong with every pair that `goal_sets` cannot serve.
+    """List the faults of every pair that `goal_sets` cannot serve.
 
     Parameters
     ----------
@@ -462,13 +462,13 @@ def unreachable(
     path
         As its `path`.
     """
-    found = []
+    faults = []
     for index, e1, e2 in _pairs(supports, closed):
         try:
             _Pair(bench, rules, index, _path(path, index, e1, e2), len(supports)).sets()
         except UnreachableSupport as error:
-            found.append(error)
-    return tuple(found)
+            faults.append(error)
+    return tuple(faults)
 
 
 def _pairs(supports: Sequence[Point2], closed: bool) -> Iterator[tuple[int, Point2, Point2]]:
@@ -505,33 +505,33 @@ class _Pair:
         return f"supports {self.index + 1} and {(self.index + 1) % self.n_supports + 1}"
 
     def sets(self) -> list[GoalSet]:
-        found = self._served(0.0, 1.0)
-        if found is not None:
-            return [found]
+        goal_set = self._served(0.0, 1.0)
+        if goal_set is not None:
+            return [goal_set]
         try:
             return self._halves(0.0, 1.0, 1)
         except UnreachableSupport:
             # The position that holds this support need not keep clear of the next one, which
             # has a position of its own.
-            found = self._reached(0.0, 1.0, _ALL_DROPPED)
-            if found is None:
+            goal_set = self._reached(0.0, 1.0, _ALL_DROPPED)
+            if goal_set is None:
                 raise
-            return [found]
+            return [goal_set]
 
     def last(self) -> GoalSet:
         """Return the set of the support at the end of the path."""
-        found = self._first_reached(0.0, 1.0, last=True)
-        if found is None:
+        goal_set = self._first_reached(0.0, 1.0, last=True)
+        if goal_set is None:
             raise UnreachableSupport(self.index, self._fault(1.0, 1.0))
-        return found
+        return goal_set
 
     def _first_reached(self, begin: float, end: float, *, last: bool = False) -> GoalSet | None:
         """Return the set that breaks the fewest rules; None if there is none."""
         always = self.machine is not None and self.machine.relax_always
         for dropped in (_ALL_DROPPED,) if always else _DROPPED:
-            found = self._reached(begin, end, dropped, last=last)
-            if found is not None:
-                return found
+            goal_set = self._reached(begin, end, dropped, last=last)
+            if goal_set is not None:
+                return goal_set
         return None
 
     def _reached(
@@ -597,17 +597,17 @@ class _Pair:
         if depth > MOST_SPLITS:
             raise UnreachableSupport(self.index, self._fault(begin, end))
         middle = (begin + end) / 2
-        found = []
+        halves = []
         for low, high in ((begin, middle), (middle, end)):
             served = self._served(low, high)
-            found += self._halves(low, high, depth + 1) if served is None else [served]
-        return found
+            halves += self._halves(low, high, depth + 1) if served is None else [served]
+        return halves
 
     def _fault(self, begin: float, end: float) -> str:
-        """Return what stands against serving a part of the path that is not split any more."""
+        """Describe the fault of a part of the path that cannot be split further."""
         least_m, most_m = self.rules.reach_m
         need = f"the arm needs {least_m:g} to {most_m:g} m"
-        # A support itself says more than a point of a path that was split on its account.
+        # A fault at a support is clearer than one at a point of a path split because of it.
         for share in (0.0, 1.0, begin, end):
             point = self.path(share)
             away_m = distances_m(self.bench, point)

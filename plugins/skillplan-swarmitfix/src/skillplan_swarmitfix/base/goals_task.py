@@ -1,6 +1,6 @@
 """The goals of the base as a task of their own: one position out of every goal set.
 
-A state says where the base stands and which sets have been served. It exists so that any solver
+A state holds the position of the base and the served sets. The task exists so that any solver
 can choose; the chain takes the plan of `goal_choice` unless another solver is chosen.
 """
 
@@ -25,7 +25,7 @@ def serve(number: int, position: str) -> str:
     Parameters
     ----------
     number
-        Of the goal set, from 1.
+        Number of the goal set, from 1.
     position
         Name of the position.
     """
@@ -51,7 +51,7 @@ def goals_task(
     """Return the task of choosing a goal out of every set.
 
     A goal costs the fewest swings that lead to it from where the base stands, and takes the least
-    time of so many swings. It occupies the pins that the base is docked on there.
+    time of that many swings. It occupies the pins on which the base docks at its end.
 
     Parameters
     ----------
@@ -75,29 +75,29 @@ def goals_task(
     Raises
     ------
     ValueError
-        If there is no set though all supports can be served, or the preset is not one position of
+        If there is no set although all supports can be served, or the preset is not one position of
         each.
     """
     if not sets and not infeasible:
         raise ValueError(f"Task {name!r} needs at least one goal set.")
     if goals is not None and not (
         len(goals) == len(sets)
-        and all(goal in one.positions for goal, one in zip(goals, sets, strict=True))
+        and all(goal in goal_set.positions for goal, goal_set in zip(goals, sets, strict=True))
     ):
         raise ValueError(f"Task {name!r}: the preset is not one position of every goal set.")
-    positions = sorted({home, *(position for one in sets for position in one.positions)})
+    positions = sorted({home, *(position for goal_set in sets for position in goal_set.positions)})
     stands = {position: f"base({bench.name(position)})" for position in positions}
     served = [f"served({number})" for number in range(1, max(1, len(sets)) + 1)]
     facts = Facts((*stands.values(), *served), exclusive=(tuple(stands.values()),))
     states = {position: facts.of(fact) for position, fact in stands.items()}
-    least = LeastSwings(bench, swing_s)
+    least_swings = LeastSwings(bench, swing_s)
     skills = []
     before: Sequence[int] = (home,)
-    for number, one in enumerate(sets, start=1):
+    for number, reachable in enumerate(sets, start=1):
         done = facts.of(served[number - 1])
         ready = Condition(facts.of(*served[number - 2 : number - 1]), done)
-        for position in one.positions:
-            steps, times_us = least.to(position)
+        for position in reachable.positions:
+            steps, times_us = least_swings.to(position)
             skills.append(
                 Skill(
                     name=serve(number, bench.name(position)),
@@ -111,7 +111,7 @@ def goals_task(
                     cases=_cases(bench, states, before, position, done),
                 )
             )
-        before = one.positions
+        before = reachable.positions
     return Task(
         name=name,
         kind="swarmitfix",
@@ -140,7 +140,7 @@ def goals_task(
 def _cases(
     bench: Bench, states: Mapping[int, State], before: Sequence[int], position: int, done: State
 ) -> tuple[Case, ...]:
-    """Return what going to a position does from each of those where the base may stand."""
+    """Build the cases of going to a position, one per possible position of the base."""
     there = states[position]
     none = there.facts.none
     pins = frozenset(bench.pin_name(pin) for pin in bench.legs[position].tolist())

@@ -2,7 +2,7 @@
 
 Between two supports the head is retracted, the PKM parks, the base swings while the PKM turns
 against it, the head approaches the next support and supports it (Veeramani and Muthuswamy 2022,
-section 3). The paths of the base are those of `base_path`.
+section 3). `base_path` gives the paths of the base.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class FiveStep(StrEnum):
 
 
 class Agent(StrEnum):
-    """What moves: the head, the PKM that carries it, the base that carries both."""
+    """Moving units: the head, the PKM that carries it, the base that carries both."""
 
     HEAD = "head"
     PKM = "pkm"
@@ -88,9 +88,9 @@ class SwingDetail:
     pivot
         The pin it stays docked on, such as ``P17``.
     direction
-        Clockwise or counter-clockwise, as the bench says it.
+        Clockwise or counter-clockwise, in the convention of the bench.
     angle_deg
-        Of the swing [deg], > 0.
+        Angle of the swing [deg], > 0.
     start, end
         Positions of the base, such as ``C66``.
     counter_rotation_deg
@@ -117,13 +117,13 @@ class Phase:
     sequence
         Index of the path from one support to the next, from 0.
     step
-        Which of the five.
+        Kind of step.
     start_s, end_s
         From the start of the whole [s].
     base
         Name of the position in which the base stands at the end.
     support_m
-        Where the head is led to (x, y) [m]: of approach and support only.
+        Target (x, y) of the head [m]; approach and support only.
     swing
         Of swings only.
 
@@ -152,13 +152,13 @@ class Phase:
 
     @property
     def agents(self) -> tuple[Agent, ...]:
-        """Who is busy: base and PKM in a swing, else head and PKM."""
+        """Busy agents: base and PKM in a swing, otherwise head and PKM."""
         first = Agent.BASE if self.step is FiveStep.SWING else Agent.HEAD
         return first, Agent.PKM
 
     @property
     def duration_s(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return self.end_s - self.start_s
 
     def document(self) -> dict[str, Any]:
@@ -189,7 +189,7 @@ class Makespan:
     duration_s
         From the start to the end of the last phase [s].
     swing_s
-        What the swings take of that [s].
+        Time of the swings within it [s].
     """
 
     steps: int
@@ -207,7 +207,7 @@ def timeline(
 ) -> tuple[Phase, ...]:
     """Return the phases of every path from one support to the next, without a pause.
 
-    Where the base stays, the PKM alone repositions the head: retract, approach, support. There
+    If the base stays, the PKM alone repositions the head: retract, approach, support. There
     is nothing to park for, as the base does not move.
 
     Parameters
@@ -217,9 +217,9 @@ def timeline(
     sequences
         The base's path to each goal position, as from `along`; empty where the base stays.
     supports_m
-        Where the head supports the sheet after each of them (x, y) [m].
+        Point (x, y) at which the head supports the sheet after each path [m].
     timings
-        Durations; those of the real machine by default.
+        Durations; by default the real machine's.
     home
         Position of the base at the start.
 
@@ -269,7 +269,7 @@ def _detail(bench: Bench, base: int, step: BaseStep) -> SwingDetail:
     if swing is None or swing.end != after:
         really = "is no swing" if swing is None else f"leads to {bench.name(swing.end)}"
         raise ValueError(
-            f"B{action} in {bench.name(before)} {really}; the path says it leads to "
+            f"B{action} in {bench.name(before)} {really}; in the path it leads to "
             f"{bench.name(after)}."
         )
     against = swing.angle_deg if swing.direction is Direction.CW else -swing.angle_deg
@@ -301,7 +301,7 @@ def at(position: str) -> str:
 
 
 class BaseGrounding:
-    """What the base tasks of one bench share.
+    """Data shared by the base tasks of one bench.
 
     Parameters
     ----------

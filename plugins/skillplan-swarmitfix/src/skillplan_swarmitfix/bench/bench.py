@@ -1,4 +1,4 @@
-"""The bench: where the base gets to on a lattice of pins by swings about a docked leg.
+"""The bench: positions on a lattice of pins that a base reaches by swings about a docked leg.
 
 Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 5 and Table 1.
 """
@@ -97,7 +97,7 @@ class PinLattice:
     def legs(self) -> NDArray[np.int32]:
         """Pins of legs 1, 2, 3, shape (positions, 3).
 
-        Of an upward triangle they are bottom-left, apex and bottom-right, of a downward one
+        In an upward triangle they are bottom-left, apex and bottom-right, in a downward one
         top-left, bottom and top-right.
         """
         row, col = np.divmod(np.arange(self.n_positions), self.cols)
@@ -115,7 +115,7 @@ class PinLattice:
     def pin_neighbours(self) -> NDArray[np.int32]:
         """The pin next to each pin by heading, -1 where there is none; shape (pins, 6).
 
-        Headings are those of `swings.HEADINGS`: every 60 degrees counter-clockwise from +x.
+        `swings.HEADINGS` defines headings: every 60 degrees counter-clockwise from +x.
         """
         x, y = self._pin_grid
         neighbours = np.full((self.n_pins, len(HEADINGS)), -1, dtype=np.int32)
@@ -152,20 +152,20 @@ class PinLattice:
         ValueError
             If the bench has no position of that name.
         """
-        found = re.fullmatch(r"[Cc]0*([0-9]{1,18})", name, re.ASCII)
-        number = int(found[1]) if found else 0
+        match = re.fullmatch(r"[Cc]0*([0-9]{1,18})", name, re.ASCII)
+        number = int(match[1]) if match else 0
         if name == f"C{number}" and 1 <= number <= self.n_positions:
             return number - 1
         hint = ""
-        if found:
+        if match:
             hint = f" Did you mean 'C{min(max(number, 1), self.n_positions)}'?"
         raise ValueError(
-            f"There is no position {name!r} on a bench of {self.rows} x {self.cols}, which has C1 "
+            f"Position {name!r} is not on a bench of {self.rows} x {self.cols}, which has C1 "
             f"to C{self.n_positions}.{hint}"
         )
 
     def is_up(self, position: int) -> bool:
-        """Whether a triangle points up, as those of odd names do (positions from 0: even ones)."""
+        """Return whether a triangle points up: odd names, even positions counted from 0."""
         self._check("Position", position, self.n_positions)
         return bool(position % 2 == 0)
 
@@ -216,7 +216,7 @@ class Bench(PinLattice):
     rows, cols, pitch_m
         As in `PinLattice`: rows of triangles, triangles in a row (odd), distance of pins [m].
     actions
-        11 for B0 to B10, or 13 for B11 and B12 besides.
+        11 for B0 to B10, or 13 to include B11 and B12.
 
     Raises
     ------
@@ -233,7 +233,7 @@ class Bench(PinLattice):
 
     @cached_property
     def successors(self) -> NDArray[np.int32]:
-        """Where each action leads, -1 where it leaves the bench; shape (positions, actions).
+        """Successor of each position and action, -1 off the bench; shape (positions, actions).
 
         The triangle is rotated about its docked leg in lattice coordinates. That moves all
         triangles of a kind by the same rows and columns, so that one of each kind is rotated, and
@@ -261,7 +261,7 @@ class Bench(PinLattice):
     def swing_deg(self) -> NDArray[np.int16]:
         """Angle of each action's swing [deg], shape (positions, actions).
 
-        0 where there is no swing: of B0, and where the action leaves the bench.
+        0 without a swing: for B0, and for actions that leave the bench.
         """
         swinging = SWING_ACTIONS[: self.actions - 1]
         by_kind = np.array(
@@ -273,7 +273,7 @@ class Bench(PinLattice):
         return read_only(angles)
 
     def turned(self, position: int, turn: Turn) -> int | None:
-        """Return where a turn leads, be it an action or not; None if it leaves the bench.
+        """Return the position after any turn; None if it leaves the bench.
 
         Raises
         ------
@@ -296,7 +296,9 @@ class Bench(PinLattice):
         """
         up = self.is_up(position)
         if not 0 <= action < self.actions:
-            raise ValueError(f"There is no action {action}; there are B0 to B{self.actions - 1}.")
+            raise ValueError(
+                f"Action {action} does not exist; the actions are B0 to B{self.actions - 1}."
+            )
         if action == 0:
             return None
         turn = SWING_ACTIONS[action - 1].turn(up)
@@ -335,8 +337,8 @@ class Bench(PinLattice):
         Returns
         -------
         frozenset
-            The pivot and those of its neighbours that the two free legs pass, from where they
-            were docked to where they will be; those of the position itself for B0.
+            The pivot and the neighbours that the two free legs pass between their old
+            and new pins; for B0 the pins of the position itself.
 
         Raises
         ------
@@ -376,14 +378,14 @@ class Bench(PinLattice):
         frontier = np.array([goal], dtype=np.int32)
         while frontier.size:
             swings += 1
-            found = self.successors[frontier, 1:].ravel()
-            found = found[found >= 0]
-            found = found[distances[found] < 0]
-            distances[found] = swings
+            successors = self.successors[frontier, 1:].ravel()
+            successors = successors[successors >= 0]
+            successors = successors[distances[successors] < 0]
+            distances[successors] = swings
             # Of several swings into a position the last one counts, which needs no sorting.
-            order = np.arange(found.size, dtype=np.int32)
-            last_found_as[found] = order
-            frontier = found[last_found_as[found] == order]
+            order = np.arange(successors.size, dtype=np.int32)
+            last_found_as[successors] = order
+            frontier = successors[last_found_as[successors] == order]
         return distances
 
     def _swing(self, action: int, turn: Turn, start: int, end: int) -> Swing:
@@ -394,7 +396,7 @@ class Bench(PinLattice):
 
 
 def _overlap(size: int, shift: int) -> tuple[slice, slice]:
-    """Return from where and to where a shift stays within a size."""
+    """Return the source and target slices of a shift that stays within a size."""
     stay = max(0, size - abs(shift))
     first, then = max(0, -shift), max(0, shift)
     return slice(first, first + stay), slice(then, then + stay)
@@ -405,10 +407,10 @@ _SWING_S = MappingProxyType({60: 7.47, 120: 11.63, 180: 15.80, 240: 19.97, 300: 
 
 @dataclass(frozen=True, slots=True)
 class Timings:
-    """How long each step takes.
+    """Durations of the five steps.
 
-    The durations of swings are those of the real machine's plans (2012). Of the PKM these give
-    only 0.75 to 1.62 s for a whole reposition; how that is shared out is our choice, such that
+    The durations of swings come from the real machine's plans (2012). For the PKM these give
+    only 0.75 to 1.62 s for a whole reposition; the shares of its steps are our choice, such that
     a reposition lies in that range both without parking (1.05 s) and with it (1.50 s).
 
     Parameters
@@ -421,7 +423,7 @@ class Timings:
     Raises
     ------
     ValueError
-        If a duration is out of range or not finite, or there is no swing.
+        If a duration is out of range or not finite, or the swing is missing.
     """
 
     swing_s: Mapping[int, float] = field(default_factory=lambda: _SWING_S, hash=False)

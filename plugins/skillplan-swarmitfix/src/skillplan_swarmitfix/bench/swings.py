@@ -3,7 +3,7 @@
 The base stands on the three pins of a triangle. In a swing two legs let go, the base turns about
 the third and docks again (Veeramani and Muthuswamy 2022, section 3 and Table 1). Points are axial
 coordinates (a, b): a steps along the pin lines and b steps 60 degrees counter-clockwise of them,
-so that turning by 60 degrees is a matrix of whole numbers and nothing is ever rounded.
+so that turning by 60 degrees is an integer matrix without rounding.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def corners(up: bool) -> tuple[Axial, ...]:
 
 
 def rotated(point: Axial, sixths: int) -> Axial:
-    """Return a point turned about the origin by so many times 60 degrees, counter-clockwise."""
+    """Turn a point about the origin by a multiple of 60 degrees, counter-clockwise."""
     a, b = point
     for _ in range(sixths % 6):
         a, b = -b, a + b
@@ -50,7 +50,7 @@ def rotated(point: Axial, sixths: int) -> Axial:
 
 
 def triangle_at(points: Sequence[Axial]) -> tuple[int, int, bool]:
-    """Return which triangle of the lattice three pins are.
+    """Find the triangle of the lattice with three given pins.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def triangle_at(points: Sequence[Axial]) -> tuple[int, int, bool]:
     """
     sum_a, sum_b = sum(a for a, _ in points), sum(b for _, b in points)
     up = sum_a % 3 == 1
-    # Of the triangle at the origin the sums are 1 and 1, or -1 and 2.
+    # The triangle at the origin has the sums 1 and 1, or -1 and 2.
     a, b = (sum_a - 1 if up else sum_a + 1) // 3, sum_b // 3
     if sorted(points) != sorted((a + x, b + y) for x, y in corners(up)):
         raise ValueError(f"The points {list(points)} are not the corners of a triangle of side 1.")
@@ -74,7 +74,7 @@ def triangle_at(points: Sequence[Axial]) -> tuple[int, int, bool]:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """How a base swings, wherever it stands.
+    """A swing of a base, independent of its position.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class Turn:
         return sixths if self.direction is Direction.CCW else -sixths
 
     def shift(self, up: bool) -> tuple[int, int]:
-        """Return by how many rows (downwards) and columns the swing moves a triangle."""
+        """Return the shift of a triangle in rows (downwards) and columns."""
         return _shift(self, up)
 
     def swept_headings(self, up: bool) -> tuple[int, ...]:
@@ -156,7 +156,7 @@ ALL_TURNS: tuple[Turn, ...] = tuple(
 
 @dataclass(frozen=True, slots=True)
 class SwingAction:
-    """An action that swings the base: what it does in even and in odd positions.
+    """An action that swings the base: its turn in even and in odd positions.
 
     Parameters
     ----------
@@ -253,5 +253,5 @@ class Swing:
 
     @property
     def turn(self) -> Turn:
-        """The swing apart from where it is made."""
+        """The swing without its position."""
         return Turn(self.leg, self.direction, self.angle_deg)

@@ -9,7 +9,7 @@ from skillplan.views.figures.catalogue import CatalogueEntry
 _HERE = "skillplan_swarmitfix.figures"
 
 POLICY: Final = CatalogueEntry(
-    "the bench, with an arrow for what a policy recommends in every position",
+    "the bench, with an arrow for the action of a policy in every position",
     f"{_HERE}.policy_figure",
 )
 PLACEMENT: Final = CatalogueEntry(

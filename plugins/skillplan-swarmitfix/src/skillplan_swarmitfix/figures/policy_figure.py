@@ -119,7 +119,9 @@ def _find_ends(bench: Bench, recommended: Mapping[int, int]) -> dict[int, int]:
     for here, action in recommended.items():
         name = bench.name(here)
         if not 0 <= action < bench.actions:
-            raise ValueError(f"There is no action {action}; there are B0 to B{bench.actions - 1}.")
+            raise ValueError(
+                f"Action {action} does not exist; the actions are B0 to B{bench.actions - 1}."
+            )
         end = int(bench.successors[here, action])
         if end < 0:
             raise ValueError(f"B{action} leaves the bench in {name}.")

@@ -1,4 +1,4 @@
-"""What is to be said of a solved fleet: paths, parallel steps, and whether a simulator agrees."""
+"""Account of a solved fleet: paths, parallel steps, and the simulator's check."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def parallel_steps(job: Job, moves: Sequence[Move]) -> list[list[Move]]:
 
 
 def _swing_times(job: Job, steps: Sequence[Sequence[Move]]) -> list[list[float]]:
-    """Return how long each swing of each step takes [s]."""
+    """Return the duration of each swing of each step [s]."""
     degrees, of_swing = job.bench.swing_deg, job.timings.of_swing
     return [
         [of_swing(int(degrees[before, action])) for _, action, before, _ in step] for step in steps

@@ -1,4 +1,4 @@
-"""Whether a schedule of swings of several bases keeps every pin to one base at a time.
+"""Simulation of a schedule of swings: every pin holds at most one base at a time.
 
 An independent judge of plans: it knows the pins of the bench and where they are, follows the
 schedule through time, and works out for itself which pins a swing passes. It shares nothing with
@@ -63,13 +63,13 @@ class FleetViolation:
     time_s
         When [s], or in steps.
     robots
-        Who is involved.
+        Names of the robots involved.
     pin
         The pin that two of them need, such as ``P9``; None where something else is wrong.
     reason
         In a sentence.
     in_steps
-        Whether the time is counted in steps.
+        True if the time is counted in steps.
     """
 
     time_s: float
@@ -132,7 +132,7 @@ def simulate_timed(
 
 
 class _Simulation:
-    """Who holds which pin, moment by moment."""
+    """Holder of every pin over time."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -190,10 +190,10 @@ class _Simulation:
         return violation
 
     def _misfit(self, swing: FleetSwing) -> str | None:
-        """Return what is wrong with a swing by itself, if anything."""
+        """Return the fault of a single swing, None if it is valid."""
         robot, bench = swing.robot, self.bench
         if robot not in self.positions:
-            return f"there is no robot {robot}"
+            return f"robot {robot} does not exist"
         what = f"B{swing.action}"
         if robot in self.under_way:
             return f"{robot} starts {what} before its last swing has ended"
@@ -202,15 +202,17 @@ class _Simulation:
             return (
                 f"{robot} starts {what} at position {swing.start + 1}, but is at {bench.name(here)}"
             )
-        made = bench.swing(here, swing.action) if 1 <= swing.action < bench.actions else None
-        if made is None:
+        expected = bench.swing(here, swing.action) if 1 <= swing.action < bench.actions else None
+        if expected is None:
             return f"{robot} cannot make {what} at {bench.name(here)}"
-        if made.end != swing.end:
-            return f"{what} at {bench.name(here)} leads to {bench.name(made.end)}, not elsewhere"
+        if expected.end != swing.end:
+            return (
+                f"{what} at {bench.name(here)} leads to {bench.name(expected.end)}, not elsewhere"
+            )
         return None
 
     def _hold(self, robot: str, pins: frozenset[int], what: str) -> FleetViolation | None:
-        """Give pins to a robot; return who holds one of them already, if anybody does."""
+        """Assign pins to a robot; return the present holder of one of them, if any."""
         for pin in sorted(pins):
             holder = self.holder.setdefault(pin, robot)
             if holder != robot:
@@ -232,18 +234,18 @@ def passed_pins(bench: Bench, position: int, action: int) -> frozenset[int]:
     bench
         The lattice.
     position
-        Where the base stands.
+        Position of the base.
     action
         1 to ``bench.actions - 1``, a swing that stays on the bench.
 
     Raises
     ------
     ValueError
-        If the action is no swing there.
+        If the action is not a swing at the position.
     """
     swing = bench.swing(position, action)
     if swing is None:
-        raise ValueError(f"B{action} is no swing at {bench.name(position)}.")
+        raise ValueError(f"B{action} is not a swing at {bench.name(position)}.")
     x_m, y_m = bench.pins_m[swing.pivot]
     sign = 1.0 if swing.direction == "CCW" else -1.0
 

@@ -1,6 +1,6 @@
 """Several bases on one bench: all of them have to reach their goals, and share the pins.
 
-No pin may be docked or swept by two bases at once, where a swing sweeps its pivot and every
+No pin may be docked or swept by two bases at once. A swing sweeps its pivot and every
 neighbour of the pivot from its old to its new legs. A plan is a sequence of swings; what may run
 at the same time follows from the pins that each occupies.
 """
@@ -18,7 +18,7 @@ from skillplan.task.task import Metric, Place, Task
 from skillplan_swarmitfix.bench.bench import Bench
 
 Fault = tuple[str, tuple[str | int, ...]]
-"""A message, and the keys from the root of the document to what is wrong."""
+"""A message, and the keys from the root of the document to the fault."""
 FEWEST_ROBOTS, MOST_ROBOTS = 2, 8
 SWINGS = Metric("swings", "swings", 0)
 _SWINGS_A_ROBOT = 250
@@ -30,7 +30,7 @@ def robot_at(robot: str, position: str) -> str:
 
 
 def fleet_faults(bench: Bench, robots: Mapping[str, tuple[int, int]]) -> list[Fault]:
-    """Return what is wrong with the robots of a task, each with the path to it.
+    """List the faults of the robots of a task, each with its path.
 
     Parameters
     ----------
@@ -58,10 +58,10 @@ def fleet_faults(bench: Bench, robots: Mapping[str, tuple[int, int]]) -> list[Fa
                     f"{bench.name(0)} to {bench.name(bench.n_positions - 1)}."
                 )
                 faults.append((message, ("robots", robot, key)))
-        for (one, first), (other, second) in combinations(known.items(), 2):
+        for (name, first), (other, second) in combinations(known.items(), 2):
             shared = sorted(set(bench.legs[first].tolist()) & set(bench.legs[second].tolist()))
             if shared:
-                message = _overlap(bench, (one, other), (first, second), shared, verb)
+                message = _overlap(bench, (name, other), (first, second), shared, verb)
                 faults.append((message, ("robots", other, key)))
     return faults
 
@@ -125,7 +125,7 @@ def fleet_task(
 
 
 class _Grounding:
-    """What the skills of one task share.
+    """Data shared by the skills of one task.
 
     Robot k's position p is bit ``k * n_positions + p``.
     """

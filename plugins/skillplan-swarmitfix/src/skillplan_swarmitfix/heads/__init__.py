@@ -1,1 +1,1 @@
-"""Where heads support the sheet; never where bases stand."""
+"""Placement of heads that support the sheet, without the bases."""

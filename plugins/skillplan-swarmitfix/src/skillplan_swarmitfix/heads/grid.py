@@ -1,7 +1,7 @@
 """The heads to choose from along a segment, and which of them may follow which.
 
-Only consecutive heads have to lie apart: others are not below the sheet at the same time. The
-heads at the vertices are given, and may overlap where a segment is short.
+Only consecutive heads must not overlap: other heads are not below the sheet at the same time. The
+heads at the vertices are given, and may overlap on a short segment.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _TOUCH_M = 1e-9
 
 
 class SupportedStretch:
-    """Which stretch of a segment a head supports: what of it lies within the triangle.
+    """The stretch of a segment within the triangle of a head.
 
-    Of a curve it is the connected piece around the centre of the head, followed chord by chord.
+    On a curve it is the connected piece around the centre of the head, followed chord by chord.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class SupportedStretch:
         self._travelled = list(itertools.accumulate(steps, initial=0.0))
 
     def at(self, distance_m: float, yaw_rad: float) -> tuple[float, float]:
-        """Return where the stretch begins and ends, as distances along the segment [m].
+        """Return start and end of the stretch, as distances along the segment [m].
 
         Parameters
         ----------
         distance_m
-            Of the head's centre, in [0, length of the segment] [m].
+            Position of the head's centre, in [0, length of the segment] [m].
         yaw_rad
-            Of the head [rad].
+            Orientation of the head [rad].
         """
         points = self._segment.points
         centre = self._segment.point_at(distance_m)
@@ -68,7 +68,7 @@ class SupportedStretch:
         return max(0.0, distance_m - back_m), min(self._segment.length_m, distance_m + ahead_m)
 
     def _inside(self, centre: Point2, yaw_rad: float, path: Iterable[Point2]) -> float:
-        """Return how long the path from the centre stays within the triangle."""
+        """Return the length of the path from the centre within the triangle [m]."""
         normals = [yaw_rad + math.pi / 3 + k * THIRD_RAD for k in range(3)]
         length_m, here, heights = 0.0, centre, [0.0, 0.0, 0.0]
         for point in path:
@@ -86,10 +86,10 @@ class SupportedStretch:
 
 
 class HeadShapes:
-    """The triangles of some heads, to find which of them lie apart.
+    """Triangles of heads, to find pairs that do not overlap.
 
-    Two triangles lie apart exactly where a line along a side of one of them separates them
-    (separating axis theorem); heads that touch lie apart.
+    Two triangles do not overlap exactly if a line along a side of one of them separates them
+    (separating axis theorem); touching heads do not overlap.
 
     Parameters
     ----------
@@ -112,13 +112,13 @@ class HeadShapes:
         self._normals = -corners
         self._corners = self._centres[:, None] + 2 * self._inradius_m * corners
 
-    def apart(self, one: int, others: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which of the other heads do not overlap with one, shape as `others`."""
+    def apart(self, head: int, others: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return a mask of the other heads that do not overlap with a head, shape as `others`."""
         least_m = self._inradius_m - _TOUCH_M
-        mine = (self._corners[others] - self._centres[one]) @ self._normals[one].T
+        mine = (self._corners[others] - self._centres[head]) @ self._normals[head].T
         theirs = np.einsum(
             "nkc,nac->nka",
-            self._corners[one] - self._centres[others][:, None],
+            self._corners[head] - self._centres[others][:, None],
             self._normals[others],
         )
         separated: NDArray[np.bool_] = (mine.min(axis=1) >= least_m).any(axis=1)
@@ -126,9 +126,9 @@ class HeadShapes:
         return separated
 
 
-def overlap(one: Head, other: Head, rules: HeadRules) -> bool:
-    """Whether two heads overlap; touching is none."""
-    shapes = HeadShapes([one.position, other.position], [one.yaw_rad, other.yaw_rad], rules)
+def overlap(head: Head, other: Head, rules: HeadRules) -> bool:
+    """Return whether two heads overlap; touching does not count."""
+    shapes = HeadShapes([head.position, other.position], [head.yaw_rad, other.yaw_rad], rules)
     return not shapes.apart(0, np.array([1]))[0]
 
 
@@ -145,11 +145,11 @@ class HeadGrid:
     Parameters
     ----------
     segment
-        What to support.
+        Segment to support.
     start, end
         The given heads at its start and its end.
     rules
-        How heads may be placed.
+        Rules for placing heads.
     holdable
         Returns whether a base can hold a head at a point; None if that is not required. The heads
         at the ends are given and not checked.
@@ -168,18 +168,18 @@ class HeadGrid:
 
     @cached_property
     def headings(self) -> tuple[float, ...]:
-        """The yaws tried: evenly from the direction of travel, then those of both ends [rad].
+        """Yaws to try [rad]: evenly spaced from the direction of travel, then those at both ends.
 
         With the latter, heads need not turn where those at the vertices do not.
         """
         rules = self.rules
         along = self.segment.direction_at(self.segment.length_m / 2)
         tried = [along + THIRD_RAD * o / rules.orientations for o in range(rules.orientations)]
-        found: list[float] = []
+        yaws: list[float] = []
         for yaw in (*tried, self.start.yaw_rad, self.end.yaw_rad):
-            if not any(same_yaw(yaw, known) for known in found):
-                found.append(normal_yaw(yaw))
-        return tuple(found)
+            if not any(same_yaw(yaw, known) for known in yaws):
+                yaws.append(normal_yaw(yaw))
+        return tuple(yaws)
 
     @cached_property
     def last(self) -> int:
@@ -192,7 +192,7 @@ class HeadGrid:
         return point + 1, heading
 
     def distance_m(self, node: int) -> float:
-        """Return where a head lies along the segment [m]."""
+        """Return the position of a head along the segment [m]."""
         if node in (0, self.last):
             return 0.0 if node == 0 else self.segment.length_m
         return self.segment.length_m * self.key(node)[0] / self.cells
@@ -216,7 +216,7 @@ class HeadGrid:
 
     @cached_property
     def stretches(self) -> NDArray[np.float64]:
-        """Where the stretch that each head supports begins and ends, shape (heads, 2) [m]."""
+        """Start and end of the stretch supported by each head, shape (heads, 2) [m]."""
         supported = SupportedStretch(self.segment, self.rules)
         nodes = range(self.last + 1)
         return np.array([supported.at(self.distance_m(n), self.yaw_rad(n)) for n in nodes])
@@ -238,15 +238,15 @@ class HeadGrid:
         return others[apart]
 
     def gaps_m(self, node: int, others: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return how much lies bare between a head and each of those after it [m]."""
+        """Return the unsupported length between a head and each later head [m]."""
         bare: NDArray[np.float64] = self.stretches[others, 0] - self.stretches[node, 1]
         return np.maximum(bare, 0.0)
 
     @cached_property
     def arrows(self) -> dict[int, dict[int, float]]:
-        """What lies bare [m] by head and next head, of those on a path from first to last."""
+        """Unsupported length [m] by head and next head, for heads on a path from first to last."""
         limit_m = self.rules.max_gap_m + _TOLERANCE_M
-        found: dict[int, dict[int, float]] = {}
+        following: dict[int, dict[int, float]] = {}
         reached = {0}
         for node in range(self.last):
             if node not in reached:
@@ -254,14 +254,14 @@ class HeadGrid:
             others = self.after(node)
             bare_m = self.gaps_m(node, others)
             near = (bare_m <= limit_m) & self._allowed[others]
-            found[node] = dict(zip(others[near].tolist(), bare_m[near].tolist(), strict=True))
-            reached |= found[node].keys()
+            following[node] = dict(zip(others[near].tolist(), bare_m[near].tolist(), strict=True))
+            reached |= following[node].keys()
         useful = {self.last}
-        for node in sorted(found, reverse=True):
-            found[node] = {n: bare for n, bare in found[node].items() if n in useful}
-            if found[node]:
+        for node in sorted(following, reverse=True):
+            following[node] = {n: bare for n, bare in following[node].items() if n in useful}
+            if following[node]:
                 useful.add(node)
-        return {node: ahead for node, ahead in found.items() if ahead}
+        return {node: ahead for node, ahead in following.items() if ahead}
 
     @cached_property
     def _allowed(self) -> NDArray[np.bool_]:
@@ -303,7 +303,7 @@ class HeadGrid:
         return float(least_m[self.last])
 
     def cost(self, node: int, other: int) -> float:
-        """Return what placing a head after another costs: 1 unless it is the last, and a turn."""
+        """Return the cost of placing a head after another: 1 unless it is the last, plus a turn."""
         same = same_yaw(self.yaw_rad(node), self.yaw_rad(other))
         return (other != self.last) + (0.0 if same else self.rules.reorientation_cost)
 
@@ -319,13 +319,13 @@ class HeadGrid:
             paths = []
             for other, bare_m in self.arrows[node].items():
                 cost, count, uneven = to_go[other]
-                # Rounded, so that equal sums are equal whatever their order.
+                # Rounded, so that sums are equal in any order.
                 cost = round(cost + self.cost(node, other), 9)
                 uneven = round(uneven + bare_m**2, 9)
                 paths.append(((cost, count + 1, uneven), other))
             to_go[node], following[node] = min(paths)
-        found, node = [], 0
+        nodes, node = [], 0
         while node != self.last:
             node = following[node]
-            found.append(node)
-        return tuple(found)
+            nodes.append(node)
+        return tuple(nodes)

@@ -30,7 +30,7 @@ class HeadKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class HeadRules:
-    """How heads may be placed.
+    """Rules for placing heads.
 
     Parameters
     ----------
@@ -89,9 +89,9 @@ class Head:
     yaw_rad
         Direction from its centre to a corner, in [0, 2 pi / 3) [rad].
     kind
-        Whether it stands at a vertex.
+        True for a head at a vertex.
     segment
-        Index of the segment that it lies on; of a vertex the one that starts there.
+        Index of its segment; at a vertex the segment that starts there.
     distance_m
         From the start of that segment along it, >= 0 [m].
 
@@ -121,7 +121,7 @@ def normal_yaw(yaw_rad: float) -> float:
 
 
 def same_yaw(one_rad: float, other_rad: float) -> bool:
-    """Whether two yaws stand for the same triangle."""
+    """Return whether two yaws give the same triangle."""
     return abs(math.remainder(one_rad - other_rad, THIRD_RAD)) <= _SAME_RAD
 
 
@@ -167,7 +167,7 @@ def even_heads(segment: Segment, subdivisions: int) -> tuple[Head, ...]:
     Parameters
     ----------
     segment
-        What to divide.
+        Workpiece to divide.
     subdivisions
         Number of parts, >= 1; there is one head fewer.
 
@@ -200,8 +200,8 @@ def path_between(workpiece: Workpiece, heads: Sequence[Head]) -> Callable[[int, 
     Returns
     -------
     Callable
-        Of the number of the first of two consecutive heads, from 0, and the share in [0, 1] of
-        the path to the next; the point [m].
+        Maps the number of the first of two consecutive heads, from 0, and the share in [0, 1]
+        of the path to the next, to the point [m].
     """
 
     def point(number: int, share: float) -> Point2:

@@ -47,7 +47,7 @@ def head_task(
 
     Skill ``support(K:O)`` places the next head on grid point K, in heading O; ``finish`` places
     the one at the last vertex. A support costs 1, and turning the head against the one before
-    the re-orientation cost besides. Heads from which the end cannot be reached are left out, so
+    the re-orientation cost. Heads from which the end cannot be reached are left out, so
     that every state leads to the goal in fewer skills than there are grid points.
 
     The time of a placement does not depend on the spacing: a time that favoured even spacing
@@ -56,11 +56,11 @@ def head_task(
     Parameters
     ----------
     segment
-        What to support.
+        Segment to support.
     first, last
         The heads at its start and its end.
     rules
-        How heads may be placed.
+        Rules for placing heads.
     name
         The task's.
     sha256
@@ -123,7 +123,7 @@ def heads_of(
     first, last
         The heads at its ends.
     rules
-        How heads may be placed.
+        Rules for placing heads.
     plan
         Names of skills, in order.
 
@@ -153,7 +153,7 @@ def fewest(
 ) -> tuple[str, ...]:
     """Return the cheapest plan of `head_task` by dynamic programming; of equals the most even.
 
-    Even is what has the least sum of squares of the stretches that lie bare.
+    The most even placement has the least sum of squares of the unsupported stretches.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Multi-agent path finding (MAPF): plans for several agents; it never knows what the agents are."""
+"""Multi-agent path finding (MAPF), independent of the kind of agents."""

@@ -75,7 +75,7 @@ class FleetSolver(Solver):
         self._known: tuple[SkillModel, MultiAgentProblem] | None = None
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where the model is not one of agents that move between places."""
+        """Return the reason if the model does not consist of agents that move between places."""
         try:
             self._recognise(model)
         except NotMultiAgent as error:
@@ -99,7 +99,7 @@ class FleetSolver(Solver):
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """A schedule, or none, and what is known of the rest."""
+    """A schedule, if any, with the bounds of the search."""
 
     schedule: ParallelSchedule | None
     complete: bool
@@ -127,18 +127,18 @@ class _Run:
         self.bound_sum, self.bound_max = self._independent_bounds()
 
     def solution(self) -> Solution:
-        """Return the best schedule found as a plan, and what is proved of it."""
+        """Return the best schedule found as a plan, with its proof."""
         if math.isinf(self.bound_sum) or self._shortest_plan() > self.problem.step_limit:
             return self._nothing(complete=True)
         self.stop.bound(self.bound_sum)
         while True:
-            found = self._jointly() if self.method == "joint" else self._by_priority()
-            if found.schedule is None:
-                return self._nothing(found.complete)
-            if self._passes(found.schedule):
-                better = self._improved(found)
+            outcome = self._jointly() if self.method == "joint" else self._by_priority()
+            if outcome.schedule is None:
+                return self._nothing(outcome.complete)
+            if self._passes(outcome.schedule):
+                better = self._improved(outcome)
                 if self._passes(better):
-                    return self._solution(better, found)
+                    return self._solution(better, outcome)
             if self.stop():
                 return self._nothing(complete=False)
 
@@ -178,16 +178,16 @@ class _Run:
         best = min(map(_schedule, result.plans), key=self._key)
         return _Found(best, False, self.bound_sum)
 
-    def _improved(self, found: _Found) -> ParallelSchedule:
+    def _improved(self, outcome: _Found) -> ParallelSchedule:
         """Return a schedule that is no worse; some of its moves may be unchecked."""
-        assert found.schedule is not None
-        if found.complete or any(move.rejected for move in self.problem.all_moves()):
-            return found.schedule
+        assert outcome.schedule is not None
+        if outcome.complete or any(move.rejected for move in self.problem.all_moves()):
+            return outcome.schedule
         search = ScheduleImprovement(self.problem, self.objective, self.rng, self.stop)
         rounds = _MOST_ROUNDS if self.stop.limited else self.options.rounds
-        better = _schedule(search.run(found.schedule.steps(), rounds))
+        better = _schedule(search.run(outcome.schedule.steps(), rounds))
         self.figures["rounds"] += search.rounds
-        return min(better, found.schedule, key=self._key)
+        return min(better, outcome.schedule, key=self._key)
 
     def _key(self, schedule: ParallelSchedule) -> tuple[float, float]:
         cost = sum(timed.move.cost for timed in schedule.moves)
@@ -196,7 +196,7 @@ class _Run:
         return schedule.makespan, cost
 
     def _passes(self, schedule: ParallelSchedule) -> bool:
-        """Whether back ends accept every move; the first that they reject is removed."""
+        """Return whether back ends accept every move; the first rejected move is removed."""
         state, task = self.model.initial, self.model.task
         moves = _in_sequence(schedule)
         for move in moves:
@@ -222,21 +222,21 @@ class _Run:
             self.stop.end(f"limit of {self.options.max_nodes:,} joint places")
 
     def _nothing(self, complete: bool) -> Solution:
-        """Return the incumbent of the stop, if any, where the search found no plan."""
+        """Return the incumbent of the stop, if any, if the search found no plan."""
         if complete:
             return Solution(None, None, proved=True, trace=self._trace(None))
         return Solution(self.stop.best, self.stop.lower_bound, trace=self._trace(None))
 
-    def _solution(self, schedule: ParallelSchedule, found: _Found) -> Solution:
+    def _solution(self, schedule: ParallelSchedule, outcome: _Found) -> Solution:
         moves = _in_sequence(schedule)
         plan = self._plan(moves)
         assert plan.cost is not None
-        exact = found.complete and self.objective is Objective.SWINGS
-        bound = plan.cost if exact else found.floor
+        exact = outcome.complete and self.objective is Objective.SWINGS
+        bound = plan.cost if exact else outcome.floor
         proved = plan.cost - bound <= _TOLERANCE
         trace = self._trace(schedule)
         trace["makespan_proved"] = (
-            found.complete and self.objective is Objective.MAKESPAN
+            outcome.complete and self.objective is Objective.MAKESPAN
         ) or schedule.makespan == self.bound_max
         if len(moves) > self.problem.step_limit:
             # The cheapest plan is too long; where every move costs the same, so is any other.

@@ -19,7 +19,7 @@ _POLL_EVERY = 64
 
 
 class Objective(StrEnum):
-    """What counts first; the other breaks ties."""
+    """First objective; the other breaks ties."""
 
     SWINGS = "swings"
     MAKESPAN = "makespan"
@@ -27,14 +27,14 @@ class Objective(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class JointResult:
-    """What a joint search found.
+    """Result of a joint search.
 
     Parameters
     ----------
     steps
         The moves of every synchronous step; None where no plan was found.
     complete
-        Whether the search ran to its end: the plan is optimal, or there is none.
+        True if the search finished: the plan is optimal, or none exists.
     floor
         Lower bound on the objective.
     expanded
@@ -149,7 +149,7 @@ class TimedMove:
     Parameters
     ----------
     move
-        What is done.
+        Moves of the plan.
     step
         The synchronous step in which it is made, from 0.
     start_s
@@ -177,7 +177,7 @@ class TimedMove:
 
 @dataclass(frozen=True, slots=True)
 class ParallelSchedule:
-    """A sequence of moves, each as early as those that it has to wait for allow.
+    """A sequence of moves, each as early as its predecessors allow.
 
     Parameters
     ----------
@@ -194,9 +194,9 @@ class ParallelSchedule:
 
     def __post_init__(self) -> None:
         for step in self.steps():
-            for i, one in enumerate(step):
-                if any(one.agent == other.agent or one.clashes(other) for other in step[:i]):
-                    raise ValueError(f"{one.skill} clashes with another move of its step.")
+            for i, move in enumerate(step):
+                if any(move.agent == other.agent or move.clashes(other) for other in step[:i]):
+                    raise ValueError(f"{move.skill} clashes with another move of its step.")
 
     @classmethod
     def earliest(cls, moves: Sequence[Move]) -> ParallelSchedule:

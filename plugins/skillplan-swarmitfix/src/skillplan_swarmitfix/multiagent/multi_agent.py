@@ -1,7 +1,7 @@
 """A model as a multi-agent problem: each agent moves between places of its own.
 
 Stern et al., "Multi-agent pathfinding: definitions, variants, and benchmarks" (2019),
-generalised: what a move keeps others from is not one vertex or edge, but whatever its case
+generalised: a move excludes not one vertex or edge, but everything that its case
 forbids and occupies, such as the pins that a swing sweeps. Models that do not have this structure
 are refused in words.
 """
@@ -66,7 +66,7 @@ class Move:
     rejected: tuple[tuple[int, int], ...] = ()
 
     def passes(self, bits: int) -> bool:
-        """Whether it may be made where the agents stand as `bits` say, itself at its start."""
+        """Return whether it is allowed with the agents at `bits` and its own agent at its start."""
         if self.forbids & bits:
             return False
         return not any(
@@ -74,7 +74,7 @@ class Move:
         )
 
     def clashes(self, other: Move) -> bool:
-        """Whether two moves of different agents must not overlap in time.
+        """Return whether two moves of different agents must not overlap in time.
 
         Moves that do not clash may be made in either order and at once. One that back ends
         reject depending on the others is made alone.
@@ -144,7 +144,7 @@ class MultiAgentProblem:
         Raises
         ------
         NotMultiAgent
-            If the model does not have it; the message says what stands against it.
+            If the model does not have this structure; the message gives the reason.
         """
         return cls.from_task(model.task)
 
@@ -155,7 +155,7 @@ class MultiAgentProblem:
         Raises
         ------
         NotMultiAgent
-            If the task does not have it; the message says what stands against it.
+            If the task does not have this structure; the message gives the reason.
         """
         return _Recognition(task).problem()
 
@@ -228,23 +228,23 @@ def cost_of_agents_alone(problem: MultiAgentProblem) -> float:
     total = 0.0
     for agent, (start, goal) in enumerate(zip(problem.starts, problem.goals, strict=True)):
         queue, settled = [(0.0, start)], set[int]()
-        least = math.inf
+        least_cost = math.inf
         while queue:
             cost, place = heapq.heappop(queue)
             if place == goal:
-                least = cost
+                least_cost = cost
                 break
             if place in settled:
                 continue
             settled.add(place)
             for move in problem.moves[agent][place]:
                 heapq.heappush(queue, (cost + move.cost, move.end))
-        total += least
+        total += least_cost
     return total
 
 
 class _Recognition:
-    """What the steps of recognising share."""
+    """Shared state of the recognition of agents."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -265,7 +265,7 @@ class _Recognition:
             raise self._no("two agents share places")
         if everything != self.task.facts.all_bits:
             rest = self.task.facts.names_of(self.task.facts.all_bits & ~everything)
-            raise self._no(f"{rest[0]} is no agent's place")
+            raise self._no(f"{rest[0]} is not the place of an agent")
         if self.task.goal.forbids.bits:
             raise self._no("its goal forbids facts")
         starts = [self._only(i, self.task.initial, "starts at") for i in range(len(self.agents))]
@@ -315,18 +315,18 @@ class _Recognition:
 
     def _only(self, agent: int, facts: State, what: str) -> int:
         """Return the only place of an agent among some facts."""
-        found = [self.place[agent].get(self.task.facts.bit(fact)) for fact in facts]
-        places = [place for place in found if place is not None]
+        facts_places = [self.place[agent].get(self.task.facts.bit(fact)) for fact in facts]
+        places = [place for place in facts_places if place is not None]
         if len(places) != 1:
             raise self._no(f"{self.agents[agent]} {what} {len(places)} places, not one")
         return places[0]
 
     def _add(self, skill: Skill, moves: list[list[list[Move]]]) -> None:
-        """Add the moves of a skill to those of its agent."""
+        """Add the moves of a skill to its agent."""
         agent = self.agents.index(skill.agents[0])
         own, place = self.own[agent], self.place[agent]
         if skill.precondition.requires.bits or skill.precondition.forbids.bits & ~own:
-            raise self._no(f"{skill.name} has a precondition besides its agent's place")
+            raise self._no(f"{skill.name} has a precondition other than its agent's place")
         costs = self._by_place(skill, skill.cost, "cost")
         durations_s = self._by_place(skill, skill.duration_s, "duration")
         for case in skill.cases:

@@ -33,7 +33,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose6:
-    """Where the head stands in the PKM's base frame: position and Euler angles ZYZ.
+    """Pose of the head in the PKM's base frame: position and Euler angles ZYZ.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ def zyz_matrix(first_rad: float, second_rad: float, third_rad: float) -> Matrix:
 def zyz_angles(rotation: Matrix) -> Point3:
     """Return the Euler angles ZYZ [rad] of a rotation matrix, shape (3, 3); the second >= 0.
 
-    The third is read off what the first two leave over, so that the three give the matrix back
-    to rounding, also where the second is 0 or pi and the first is arbitrary.
+    The third follows from the rest after the first two, so that the three reproduce the matrix
+    up to rounding, even if the second is 0 or pi and the first is arbitrary.
     """
     first = math.atan2(rotation[1, 2], rotation[0, 2])
     second = math.atan2(math.hypot(rotation[0, 2], rotation[1, 2]), rotation[2, 2])
@@ -119,7 +119,7 @@ class OutsideWorkspace(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class PkmGeometry:
-    """Lengths of the PKM; the defaults are those of the real machine (2012).
+    """Lengths of the PKM; by default the real machine's (2012).
 
     Parameters
     ----------
@@ -205,20 +205,20 @@ class PkmJoints:
                 raise ValueError(f"PkmJoints leg {name} must be finite and > 0, not {length_m}.")
         rest = (*self.wrist_rad, self.a_rad, self.b_rad, self.h_m)
         if len(self.wrist_rad) != 3 or not all(math.isfinite(value) for value in rest):
-            raise ValueError(f"PkmJoints needs six finite values beside its legs, not {rest}.")
+            raise ValueError(f"PkmJoints needs six finite values after its legs, not {rest}.")
 
 
 def inverse(geometry: PkmGeometry, pose: Pose6) -> PkmJoints:
     """Return the joints that put the head at a pose, in closed form.
 
-    Of the wrist's two solutions it returns the one with w2 in [0, pi]; where w1 and w3 turn
+    The result is the wrist solution with w2 in [0, pi]; if w1 and w3 turn
     about the same axis, w1 is what rounding makes of it and only their sum counts.
 
     Raises
     ------
     OutsideWorkspace
         If the pose needs a wrist centre behind the base, a platform turned over, or one at
-        or beyond a parallel singularity, where the leg lengths no longer fix the platform.
+        or beyond a parallel singularity, because leg lengths no longer determine the platform.
     """
     head = pose.rotation
     x_m, y_m, z_m = (float(v) for v in pose.position_m - geometry.head_offset_m * head[:, 2])
@@ -292,21 +292,21 @@ def forward(geometry: PkmGeometry, joints: PkmJoints) -> Pose6:
 
 
 def _platform(geometry: PkmGeometry, legs_m: Matrix) -> tuple[Matrix, Matrix]:
-    """Follow the platform from upright, where the closure is plain, to the given leg lengths."""
+    """Follow the platform from upright, with its simple closure, to the given leg lengths."""
     height = float(legs_m[0] + legs_m[2]) / 2
     origin, rotation = np.array([0.0, 0.0, height]), np.eye(3)
     home = np.linalg.norm(origin + geometry.platform_points_m - geometry.base_points_m, axis=1)
     done, stride = 0.0, 1.0
     while done < 1.0:
         target = min(1.0, done + stride)
-        found = _newton(geometry, home + target * (legs_m - home), origin, rotation)
-        if found is None:
+        newton = _newton(geometry, home + target * (legs_m - home), origin, rotation)
+        if newton is None:
             stride /= 2
             if stride < 1e-3:
                 text = ", ".join(f"{n} {v:.4f} m" for n, v in zip(LEGS, legs_m, strict=True))
                 raise OutsideWorkspace(f"Legs of {text} do not close in the working mode.")
         else:
-            (origin, rotation), done = found, target
+            (origin, rotation), done = newton, target
     return origin, rotation
 
 
@@ -326,7 +326,7 @@ def _newton(
         if size > 0.3:
             return None
         origin, rotation = origin + step[:3], _turn(step[3:]) @ rotation
-        if size < 1e-10:  # what is left is of its square
+        if size < 1e-10:  # the rest is of second order
             working = rotation[0, 0] > 0 and rotation[1, 1] > 0 and origin @ rotation[:, 2] > 0
             return (origin, rotation) if working else None
     return None

@@ -1,9 +1,9 @@
-"""Which places the PKM can hold the head at from where the mobile base stands.
+"""Places at which the PKM can hold the head from a position of the mobile base.
 
 The harmonic drive of the base turns the PKM towards the head, so that only the horizontal
 distance of the two matters, and the head's turn about the vertical is the wrist's alone.
 
-How the PKM stands on the base and how high the sheet lies is not published; the defaults of
+The mount of the PKM on the base and the height of the sheet are not published; the defaults of
 `Mount` are *calibrated*, not measured:
 
 - `tilt_rad` is that of the head against the PKM's base in half of the poses away from parking
@@ -85,19 +85,19 @@ SAFE_LIMITS = PkmLimits(leg_a_m=(0.242, 0.280), leg_b_m=(0.242, 0.287), leg_c_m=
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """How the PKM stands on the mobile base, and how high the sheet lies; calibrated.
+    """Mount of the PKM on the mobile base, and height of the sheet; calibrated.
 
     Parameters
     ----------
     tilt_rad
-        How far the PKM's z axis leans outward from the vertical [rad], 0 to less than pi/2.
+        Outward tilt of the PKM's z axis from the vertical [rad], 0 to less than pi/2.
     offset_m
         From the base's centre outward to the PKM's base frame [m].
     height_m
-        Of the PKM's base frame above the bench [m], >= 0. Nominal: only the sheet's height
+        Height of the PKM's base frame above the bench [m], >= 0. Nominal: only the sheet's height
         above it counts.
     sheet_m
-        Of the sheet's underside, where the head's origin comes to lie, above the bench [m];
+        Height of the sheet's underside, at the head's origin, above the bench [m];
         greater than `height_m`.
 
     Raises
@@ -282,7 +282,7 @@ def horizontal_reach_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -
 
 
 def _least_point(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function with one minimum between two points is least, by ternary search."""
+    """Find the minimum of a unimodal function between two points by ternary search."""
     for _ in range(60):
         third = (high - low) / 3
         if function(low + third) <= function(high - third):
@@ -385,7 +385,7 @@ def _farthest_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -> float
 
 
 def _worst(limits: PkmLimits, legs_m: Point3) -> tuple[float, str, float, float]:
-    """Return how far the worst leg is out of its limits [m], its name, length and that limit."""
+    """Return the excess of the worst leg [m], its name, its length and the limit."""
     faults = [
         (excess_m, name, length_m, limit_m)
         for name, length_m, (least_m, most_m) in zip(LEGS, legs_m, limits.ranges_m, strict=True)

@@ -10,7 +10,7 @@ from skillplan_swarmitfix.trajectory.schema import PathElementConfig, Trajectory
 
 
 def elements_of(config: TrajectoryConfig) -> tuple[Point2, tuple[Element, ...]]:
-    """Return where a trajectory starts [m] and its elements.
+    """Return the start of a trajectory [m] and its elements.
 
     Raises
     ------

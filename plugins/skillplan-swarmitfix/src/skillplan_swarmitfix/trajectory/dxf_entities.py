@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 CURVE_TOLERANCE_M = 1e-5
-"""How far a SPLINE's or an ELLIPSE's chords may be off it [m]; the `Spline` is nearer still."""
+"""Tolerance of the chords of a SPLINE or an ELLIPSE [m]; the `Spline` is closer."""
 
 _NEEDED = {
     "LINE": ("start", "end"),
@@ -140,13 +140,15 @@ class EntityReader:
             # From an angle to the same one is once around.
             sweep = (float(entity.dxf.end_angle) - first) % 360.0 or 360.0
         to_wcs = entity.ocs().to_wcs
-        start, one, half, other, end = self._points(
+        start, quarter, half, three_quarters, end = self._points(
             to_wcs(centre + Vec3.from_deg_angle(first + quarter * sweep / 4, radius))
             for quarter in range(5)
         )
         if math.dist(start, end) > SAME_POINT_M:
             return self._row(start, [arc_or_line(start, end, half)])
-        return self._row(start, [arc_or_line(start, half, one), arc_or_line(half, start, other)])
+        return self._row(
+            start, [arc_or_line(start, half, quarter), arc_or_line(half, start, three_quarters)]
+        )
 
     def _bulged(self, corners: Sequence[Vec3], bulges: Sequence[float], *, closed: bool) -> Piece:
         """Return the lines and arcs of a polyline; a bulge is the tangent of a quarter arc."""
@@ -214,7 +216,7 @@ class EntityReader:
             self._z_m = z if self._z_m is None else self._z_m
             if not abs(z - self._z_m) <= SAME_POINT_M:
                 raise self._fault(
-                    f"It is at z = {z:.9g} m, where the path is at {self._z_m:.9g} m; "
+                    f"It is at z = {z:.9g} m, but the path is at {self._z_m:.9g} m; "
                     "flatten the drawing."
                 )
             points.append((x, y))
@@ -276,7 +278,7 @@ def dxf_trajectory(path: Path, content: bytes, unit: UnitName | None = None) -> 
     content
         The file's bytes.
     unit
-        What its lengths are in, whatever it says itself; None for what it says.
+        Unit of its lengths, overriding its own; None for its own.
 
     Raises
     ------
@@ -298,7 +300,7 @@ def dxf_trajectory(path: Path, content: bytes, unit: UnitName | None = None) -> 
         message = f"The drawing is damaged ({one_line(str(error))}); save it again as DXF."
         raise TrajectoryFileError(path, message) from None
     except Exception as error:
-        # Of a damaged drawing ezdxf raises whatever the damage leads to.
+        # ezdxf raises arbitrary exceptions on a damaged drawing.
         name = type(error).__name__
         message = f"The drawing is damaged ({name}: {one_line(str(error))}); save it again as DXF."
         raise TrajectoryFileError(path, message) from None
@@ -311,13 +313,15 @@ def _ascii_dxf(path: Path, content: bytes) -> str:
     if content.startswith(b"AutoCAD Binary DXF"):
         raise TrajectoryFileError(path, "This is a binary DXF; save it as ASCII DXF.")
     if content.startswith(b"AC10"):
-        raise TrajectoryFileError(path, "This is a DWG, whatever its name; save it as ASCII DXF.")
-    # What is not ASCII is in names and texts only, which do not matter here.
+        raise TrajectoryFileError(
+            path, "This is a DWG file despite its name; save it as ASCII DXF."
+        )
+    # Non-ASCII characters occur only in names and texts, which are not read.
     return content.decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
 
 
 def _unit_m(path: Path, insunits: int) -> float:
-    """Return the length of the unit that a drawing says itself [m]."""
+    """Return the length of the unit stated in a drawing [m]."""
     if insunits not in INSUNITS_M:
         known = ", ".join(map(str, INSUNITS_M))
         message = f"The unit {insunits!r} is not read here; set it to 4 (mm), or one of {known}."

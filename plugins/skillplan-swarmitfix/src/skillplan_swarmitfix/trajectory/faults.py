@@ -1,4 +1,4 @@
-"""What is wrong with a tool trajectory: every fault, with the element it is in."""
+"""Faults of a tool trajectory, each with its element."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Crossing:
     point
         A common point [m].
     folded
-        Whether the chords are neighbours, of which one leads back along the other.
+        True if the chords are neighbours and one leads back along the other.
     """
 
     first: int
@@ -59,17 +59,17 @@ class Crossing:
 
 
 def crossings(points: _Floats, *, closed: bool) -> list[Crossing]:
-    """Return where chords of a polyline cross, touch or lie on one another, in their order.
+    """Find the places where chords of a polyline cross, touch or overlap, in their order.
 
-    Neighbours share a point, which is no crossing unless one folds back onto the other.
+    Neighbours share a point; this is not a crossing unless one folds back onto the other.
 
     Parameters
     ----------
     points
-        Shape (n, 2), n >= 2, finite, consecutive ones more than `TOUCH_M` apart [m]. A closed
+        Shape (n, 2), n >= 2, finite, with consecutive distances above `TOUCH_M` [m]. A closed
         polyline does not repeat its first point.
     closed
-        Whether a last chord leads back to the first point.
+        True if a last chord leads back to the first point.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def crossings(points: _Floats, *, closed: bool) -> list[Crossing]:
     """
     starts = points if closed else points[:-1]
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
-    found = _folds(starts, ends, closed=closed)
+    folds = _folds(starts, ends, closed=closed)
     count = len(starts)
     for first, second in _near_pairs(starts, ends):
         apart = second > first + 1
@@ -90,11 +90,11 @@ def crossings(points: _Floats, *, closed: bool) -> list[Crossing]:
         place = _common_points(starts[first], ends[first], starts[second], ends[second])
         for i in np.flatnonzero(np.isfinite(place[:, 0])):
             point = (float(place[i, 0]), float(place[i, 1]))
-            found.append(Crossing(int(first[i]), int(second[i]), point, folded=False))
-        if len(found) > MAX_CROSSINGS:
+            folds.append(Crossing(int(first[i]), int(second[i]), point, folded=False))
+        if len(folds) > MAX_CROSSINGS:
             break
-    found.sort(key=lambda crossing: (crossing.first, crossing.second))
-    return found[:MAX_CROSSINGS]
+    folds.sort(key=lambda crossing: (crossing.first, crossing.second))
+    return folds[:MAX_CROSSINGS]
 
 
 def _folds(starts: _Floats, ends: _Floats, *, closed: bool) -> list[Crossing]:
@@ -103,12 +103,12 @@ def _folds(starts: _Floats, ends: _Floats, *, closed: bool) -> list[Crossing]:
     second = (first + 1) % len(starts)
     onto = _distance(ends[second], starts[first], ends[first]) <= TOUCH_M
     under = _distance(starts[first], starts[second], ends[second]) <= TOUCH_M
-    found = []
+    folds = []
     for i in np.flatnonzero(onto | under):
         low, high = sorted((int(first[i]), int(second[i])))
         point = (float(ends[first[i], 0]), float(ends[first[i], 1]))
-        found.append(Crossing(low, high, point, folded=True))
-    return found
+        folds.append(Crossing(low, high, point, folded=True))
+    return folds
 
 
 def _near_pairs(starts: _Floats, ends: _Floats) -> Iterator[tuple[_Indices, _Indices]]:
@@ -125,22 +125,22 @@ def _near_pairs(starts: _Floats, ends: _Floats) -> Iterator[tuple[_Indices, _Ind
     root = np.zeros(1, dtype=np.int64)
     waiting = [(len(levels) - 1, root, root)]
     while waiting:
-        level, one, other = waiting.pop()
+        level, first, second = waiting.pop()
         if level == 0:
-            different = one < other
-            yield one[different], other[different]
+            different = first < second
+            yield first[different], second[different]
             continue
         level -= 1
         low, high = levels[level]
-        one = np.repeat(2 * one, 4) + np.tile(np.array([0, 0, 1, 1]), len(one))
-        other = np.repeat(2 * other, 4) + np.tile(np.array([0, 1, 0, 1]), len(other))
-        keep = (one <= other) & (other < len(low))
-        one, other = one[keep], other[keep]
-        keep = ((low[one] <= high[other]) & (low[other] <= high[one])).all(axis=1)
-        one, other = one[keep], other[keep]
-        for begin in reversed(range(0, len(one), _PAIRS_AT_ONCE)):
+        first = np.repeat(2 * first, 4) + np.tile(np.array([0, 0, 1, 1]), len(first))
+        second = np.repeat(2 * second, 4) + np.tile(np.array([0, 1, 0, 1]), len(second))
+        keep = (first <= second) & (second < len(low))
+        first, second = first[keep], second[keep]
+        keep = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
+        first, second = first[keep], second[keep]
+        for begin in reversed(range(0, len(first), _PAIRS_AT_ONCE)):
             part = slice(begin, begin + _PAIRS_AT_ONCE)
-            waiting.append((level, one[part], other[part]))
+            waiting.append((level, first[part], second[part]))
 
 
 def _axes(along: _Floats) -> _Floats:
@@ -156,12 +156,12 @@ def _axes(along: _Floats) -> _Floats:
 
 
 def _on_both_sides(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> NDArray[np.bool_]:
-    """Whether neither of the chords ab and cd is to one side of the other: most pairs are."""
+    """Return whether neither of the chords ab and cd lies on one side of the other."""
     maybe = np.ones(len(a), dtype=np.bool_)
-    for start, end, one, other in ((a, b, c, d), (c, d, a, b)):
+    for start, end, near, far in ((a, b, c, d), (c, d, a, b)):
         along = end - start
         reach = TOUCH_M * np.hypot(along[:, 0], along[:, 1])
-        of_one, of_other = _cross(along, one - start), _cross(along, other - start)
+        of_one, of_other = _cross(along, near - start), _cross(along, far - start)
         maybe &= (np.minimum(of_one, of_other) <= reach) & (np.maximum(of_one, of_other) >= -reach)
     return maybe
 
@@ -183,7 +183,7 @@ def _common_points(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> _Floats:
 
 
 def _distance(points: _Floats, starts: _Floats, ends: _Floats) -> _Floats:
-    """Return how far each point is from its chord [m]."""
+    """Compute the distance of each point from its chord [m]."""
     along = ends - starts
     share = ((points - starts) * along).sum(axis=1) / (along * along).sum(axis=1)
     nearest = starts + np.clip(share, 0.0, 1.0)[:, None] * along
@@ -191,8 +191,8 @@ def _distance(points: _Floats, starts: _Floats, ends: _Floats) -> _Floats:
     return np.asarray(np.hypot(gap[:, 0], gap[:, 1]))
 
 
-def _cross(one: _Floats, other: _Floats) -> _Floats:
-    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+def _cross(vector: _Floats, other: _Floats) -> _Floats:
+    return np.asarray(vector[:, 0] * other[:, 1] - vector[:, 1] * other[:, 0])
 
 
 Outline = tuple[float, float, float, float]
@@ -203,9 +203,9 @@ MOST_LISTED = 10
 
 
 def joined(start: Point2, elements: Sequence[Element], *, closed: bool) -> list[Element]:
-    """Return the elements such that those of a closed trajectory end at its start exactly.
+    """Return the elements, closed exactly at the start if the trajectory is closed.
 
-    Where they end within `SAME_POINT_M` of it, the last one is led there; elsewhere a line is
+    If they end within `SAME_POINT_M` of it, the last element is extended to it; otherwise a line is
     added.
     """
     whole = list(elements)
@@ -229,11 +229,11 @@ def faults(
     Parameters
     ----------
     start
-        Where the first element starts [m].
+        Start of the first element [m].
     elements
         In order along the trajectory.
     closed
-        Whether the trajectory leads back to its start, by a line where it is not there yet.
+        True if the trajectory leads back to its start, if necessary by a line.
     chord_tolerance_m
         Greatest distance between a curve and its chords [m].
     outline
@@ -254,9 +254,11 @@ def faults(
     if not elements:
         message = "The trajectory has no segment; give at least one element after the start."
         return [(message, ())]
-    found: list[Fault] = []
+    problems: list[Fault] = []
     if not on_any_bench(start):
-        found.append((f"The start {shown(start)} is on no bench; give finite metres.", ("start",)))
+        problems.append(
+            (f"The start {shown(start)} is on no bench; give finite metres.", ("start",))
+        )
     sampled: list[list[Point2]] = []
     position = start
     for i, element in enumerate(joined(start, elements, closed=closed)):
@@ -265,15 +267,15 @@ def faults(
         except ValueError as error:
             # An element that starts where another one has gone wrong is not to blame.
             if on_any_bench(position) and i < len(elements):
-                found.append((str(error), (i,)))
+                problems.append((str(error), (i,)))
             sampled.append([point for point in points_of(element) if on_any_bench(point)])
         position = element.end
-    found += _too_few(elements, sampled, closed=closed)
-    if not found:
-        found += _crossings(start, sampled, len(elements), closed=closed)
+    problems += _too_few(elements, sampled, closed=closed)
+    if not problems:
+        problems += _crossings(start, sampled, len(elements), closed=closed)
     if outline is not None:
-        found += _off_bench(start, sampled, outline, len(elements))
-    return found
+        problems += _off_bench(start, sampled, outline, len(elements))
+    return problems
 
 
 def _too_few(
@@ -324,18 +326,18 @@ def _crossings(
     owner = [i for i, part in enumerate(sampled) for _ in part]
     if closed:
         points.pop()
-    found = _distinct(crossings(np.array(points, dtype=np.float64), closed=closed), owner)
-    for crossing in found[:MOST_LISTED]:
-        one, other = owner[crossing.first], owner[crossing.second]
+    distinct = _distinct(crossings(np.array(points, dtype=np.float64), closed=closed), owner)
+    for crossing in distinct[:MOST_LISTED]:
+        first, other = owner[crossing.first], owner[crossing.second]
         place = shown(crossing.point)
         if not closed and _same(crossing.point, start) and _same(crossing.point, points[-1]):
             message = (
-                f"The trajectory ends where it starts, at {place}, but is said to be open; "
-                "say that it is closed."
+                f"The trajectory ends at its start, {place}, but is declared open; "
+                "declare it closed."
             )
             yield message, ()
             continue
-        rest = "itself" if one == other else f"segment {one + 1}"
+        rest = "itself" if first == other else f"segment {first + 1}"
         verb = "folds back onto" if crossing.folded else "crosses or touches"
         name = f"Segment {other + 1}" if other < given else "The line that closes the trajectory"
         message = (
@@ -343,11 +345,11 @@ def _crossings(
             "or split the trajectory into two."
         )
         yield message, (other,) if other < given else ()
-    if len(found) > MOST_LISTED:
-        yield f"The trajectory meets itself {len(found) - MOST_LISTED} times more at least.", ()
+    if len(distinct) > MOST_LISTED:
+        yield f"The trajectory meets itself {len(distinct) - MOST_LISTED} times more at least.", ()
 
 
-def _distinct(found: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]:
+def _distinct(known: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]:
     """Return one crossing for each place and each two segments.
 
     Touching a joint of chords is found twice, and lines that lie on one another at both ends.
@@ -355,7 +357,7 @@ def _distinct(found: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]
     kept: list[Crossing] = []
     pairs: set[tuple[int, int]] = set()
     places: set[tuple[int, int]] = set()
-    for crossing in found:
+    for crossing in known:
         pair = (owner[crossing.first], owner[crossing.second])
         x, y = crossing.point
         place = (round(x / SAME_POINT_M), round(y / SAME_POINT_M))
@@ -366,5 +368,5 @@ def _distinct(found: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]
     return kept
 
 
-def _same(one: Point2, other: Point2) -> bool:
-    return math.dist(one, other) <= SAME_POINT_M
+def _same(first: Point2, other: Point2) -> bool:
+    return math.dist(first, other) <= SAME_POINT_M

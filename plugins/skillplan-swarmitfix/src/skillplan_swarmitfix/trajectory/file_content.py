@@ -1,4 +1,4 @@
-"""What a trajectory's file holds, as the keys of a task file that would describe it."""
+"""Content of a trajectory file as the equivalent keys of a task file."""
 
 from __future__ import annotations
 

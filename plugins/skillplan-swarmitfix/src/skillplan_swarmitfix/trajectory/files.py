@@ -35,17 +35,17 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the tool trajectory that a file holds.
 
     A trajectory that ends within `JOIN_M` of its start is closed. Whether it crosses itself or
-    leaves the bench is for `workpiece.faults` to say.
+    leaves the bench is checked by `workpiece.faults`.
 
     Parameters
     ----------
     path
-        Read by its suffix: ``.dxf`` as `dxf_trajectory` says; ``.nc``, ``.gcode``, ``.ngc`` and
-        ``.tap`` as `gcode_trajectory` says; ``.csv`` as `csv_trajectory` says.
+        The suffix selects the reader: ``.dxf`` `dxf_trajectory`; ``.nc``, ``.gcode``, ``.ngc`` and
+        ``.tap`` `gcode_trajectory`; ``.csv`` `csv_trajectory`.
     unit
-        What its lengths are in: of a drawing before its own ``$INSUNITS``, of a program until it
-        says G20 or G21, of a table with the header ``x,y``. None for what the file says, and for
-        millimetres where it says nothing.
+        Unit of its lengths: for a drawing it overrides ``$INSUNITS``, for a program it holds until
+        G20 or G21, for a table it needs the header ``x,y``. None for the unit of the file, or
+        millimetres without one.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise TrajectoryFileError(
-            path, f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
+            path, f"The suffix gives the kind of file; use one of {', '.join(SUFFIXES)}."
         )
     content = _content(path)
     if suffix == ".dxf":
@@ -84,7 +84,7 @@ def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Traje
         of two numbers. Empty rows are passed over. A last row equal to the first closes the
         trajectory.
     unit
-        What the numbers under the header ``x,y`` are in.
+        Unit of the numbers under the header ``x,y``.
 
     Raises
     ------
@@ -128,18 +128,18 @@ def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Traje
 
 
 def _unit_of_header(path: Path, header: str, place: str, unit: UnitName | None) -> float:
-    """Return the length of a table's unit [m], which its header or the task file says."""
+    """Return the length of a table's unit [m], from its header or the task file."""
     shown = one_line(header, 40)
     if header == _HEADER_WITHOUT_UNIT and unit is not None:
         return UNITS_M[unit]
     if header == _HEADER_WITHOUT_UNIT:
-        message = f"The header {shown!r} says no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'."
+        message = f"The header {shown!r} has no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'."
         raise TrajectoryFileError(path, message, place)
     if header not in _HEADERS:
         message = f"The header is {shown!r}; write x_m,y_m or x_mm,y_mm."
         raise TrajectoryFileError(path, message, place)
     if unit is not None:
-        message = f"The header {shown!r} says the unit; leave 'unit' out, or write x,y."
+        message = f"The header {shown!r} has a unit; leave 'unit' out, or write x,y."
         raise TrajectoryFileError(path, message, place)
     return _HEADERS[header]
 
@@ -148,7 +148,7 @@ def _number(path: Path, cell: str, place: str) -> float:
     value = float(cell) if _NUMBER.fullmatch(cell) else math.nan
     if not abs(value) <= MAX_COORDINATE_M:
         message = (
-            f"{one_line(cell, 40)!r} is no coordinate; write a number such as 0.34, "
+            f"{one_line(cell, 40)!r} is not a coordinate; write a number such as 0.34, "
             f"within {MAX_COORDINATE_M:g}."
         )
         raise TrajectoryFileError(path, message, place)
@@ -167,5 +167,5 @@ def _text(path: Path, content: bytes) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        message = f"The byte 0x{content[error.start]:02x} is no UTF-8 text; save it as UTF-8."
+        message = f"The byte 0x{content[error.start]:02x} is not UTF-8 text; save it as UTF-8."
         raise TrajectoryFileError(path, message, f"line {line}") from None

@@ -1,11 +1,11 @@
 """The tool trajectory of a G-code program: its feed moves in the XY plane.
 
-Rapid moves (G0) place the tool and are no part of the trajectory; neither is any motion along Z.
-A program is in the unit that the task file says, else in millimetres (G21), and absolute (G90)
-until it says otherwise, and the centres of
+Rapid moves (G0) place the tool and do not belong to the trajectory; neither does motion along Z.
+A program is in the unit of the task file, by default millimetres (G21), and absolute (G90)
+until it changes this, and the centres of
 its arcs are given from their start (G91.1). What could lead the tool elsewhere and is not read
 here (tool compensation, other planes, offsets, canned cycles, subprograms) is refused, not passed
-over. Words and their meaning are those of RS274/NGC (T. R. Kramer, F. M. Proctor, E. Messina,
+over. Words have their meaning in RS274/NGC (T. R. Kramer, F. M. Proctor, E. Messina,
 "The NIST RS274NGC Interpreter - Version 3", NISTIR 6556, 2000).
 """
 
@@ -58,12 +58,12 @@ def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Tra
     text
         The program.
     unit
-        What its lengths are in until it says G20 or G21; None for millimetres.
+        Unit of its lengths until G20 or G21; None for millimetres.
 
     Raises
     ------
     TrajectoryFileError
-        With the line that cannot be read or placed, or if there is no feed move.
+        With the line that cannot be read or placed, or if the program has no feed move.
     """
     machine = _Machine(path, unit)
     for number, line in enumerate(_LINE_END.split(text), 1):
@@ -75,12 +75,12 @@ def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Tra
         raise TrajectoryFileError(
             path, "The program has no feed move in X or Y; give the trajectory by G1, G2 and G3."
         )
-    made = TrajectoryPath.ended(machine.start, machine.elements, machine.places)
-    return replace(made, unit_assumed=unit is None and not machine.unit_said)
+    trajectory = TrajectoryPath.ended(machine.start, machine.elements, machine.places)
+    return replace(trajectory, unit_assumed=unit is None and not machine.unit_said)
 
 
 class _Machine:
-    """What a program has said so far."""
+    """State of a program after the lines read so far."""
 
     def __init__(self, path: Path, unit: UnitName | None) -> None:
         self.path = path
@@ -154,7 +154,7 @@ class _Machine:
 
     def _move(self, words: Mapping[str, float]) -> None:
         if self._motion is None:
-            self._refuse("A position before any of G0, G1, G2, G3; say which motion leads there.")
+            self._refuse("A position before any of G0, G1, G2, G3; give the motion first.")
         curved = self._motion in ("2", "3")
         if not curved and any(letter in words for letter in "IJR"):
             self._refuse(f"I, J and R belong to an arc, but the motion is G{self._motion}.")
@@ -223,7 +223,7 @@ class _Machine:
         if not SAME_POINT_M < chord <= 2 * abs(radius) + JOIN_M or abs(radius) > MAX_COORDINATE_M:
             self._refuse(
                 f"No arc of radius {abs(radius):.9g} m joins points {chord:.9g} m apart; "
-                "mend R, and write a full circle by I and J."
+                "correct R, and write a full circle with I and J."
             )
         height = math.sqrt(max(0.0, radius * radius - chord * chord / 4))
         # The centre of a short arc (R > 0) lies on the side to which the arc turns.

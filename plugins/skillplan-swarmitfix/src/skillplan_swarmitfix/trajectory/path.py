@@ -1,4 +1,4 @@
-"""A tool trajectory as it is read from a file, and what is said of a file that has none."""
+"""A tool trajectory read from a file, and the error for a file without one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class TrajectoryFileError(ValueError):
     path
         The file as the user named it.
     message
-        What is wrong and what to do instead, in one line.
+        The fault and its correction, in one line.
     place
         The line or the entity at fault; empty for the file as a whole.
     """
@@ -46,23 +46,23 @@ class TrajectoryPath:
     Parameters
     ----------
     start
-        Where the first element starts [m].
+        Start of the first element [m].
     elements
         At least one, in order along the trajectory. If it is closed, they lead back to the start.
     closed
-        Whether it ends where it starts.
+        True if it ends at its start.
     places
-        Where in the file each element comes from, for messages: ``line 12``, or
+        Origin of each element in the file, for messages: ``line 12``, or
         ``LWPOLYLINE #2F, vertex 3``.
     start_place
-        Where in the file the start is given; empty where that is with the first element.
+        Origin of the start in the file; empty if it belongs to the first element.
     unit_assumed
-        Whether nothing says in which unit the file is, so that it was read in millimetres.
+        True if the file has no unit, so that millimetres were assumed.
 
     Raises
     ------
     ValueError
-        If there is no element, or not a place for each.
+        If there is no element, or not one place per element.
     """
 
     start: Point2
@@ -100,7 +100,7 @@ class TrajectoryPath:
         return cls(start, tuple(elements), closed, tuple(places), start_place)
 
     def place_of(self, path: tuple[str | int, ...]) -> str:
-        """Return where in the file a fault is, by its path as `workpiece.faults` gives it.
+        """Return the place of a fault in the file, from its path in `workpiece.faults`.
 
         Empty where the fault is in the trajectory as a whole.
         """

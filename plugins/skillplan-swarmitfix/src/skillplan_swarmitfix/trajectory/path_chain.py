@@ -29,11 +29,11 @@ class Piece:
     name
         The entity, for messages.
     start
-        Where the first element starts [m].
+        Start of the first element [m].
     elements
         At least one.
     places
-        Where each comes from, for messages.
+        Origin of each element, for messages.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Piece:
 
     @property
     def end(self) -> Point2:
-        """Where the last element ends [m]."""
+        """End of the last element [m]."""
         return self.elements[-1].end
 
     def reversed(self) -> Piece:
@@ -71,7 +71,7 @@ def chained(path: Path, pieces: Sequence[Piece]) -> TrajectoryPath:
     Raises
     ------
     TrajectoryFileError
-        If they make several paths, or one that forks.
+        If they form several paths, or a fork.
     """
     nodes = _Nodes()
     ends = [(nodes.at(piece.start), nodes.at(piece.end)) for piece in pieces]

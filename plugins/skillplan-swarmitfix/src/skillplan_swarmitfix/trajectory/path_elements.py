@@ -31,8 +31,8 @@ def bezier_spans(points: Sequence[Point2], *, closed: bool) -> list[BezierSpan]:
     points
         At least two, of which no two consecutive ones are the same [m].
     closed
-        Whether the curve goes on smoothly from its last point, which is its first, to its second;
-        needs four points or more. Otherwise it goes on at either end as if its last span were
+        True if the curve continues smoothly from its last point, which is its first, to its second;
+        needs four points or more. Otherwise it continues at either end as if its last span were
         mirrored there, so that the curvature runs out.
     """
     if closed:
@@ -47,7 +47,7 @@ def bezier_spans(points: Sequence[Point2], *, closed: bool) -> list[BezierSpan]:
 
 
 def chords_needed(span: BezierSpan, tolerance_m: float) -> int:
-    """Return how many chords, even in the parameter, stay as near to a span as the tolerance [m].
+    """Return the number of chords, even in the parameter, within the tolerance of a span [m].
 
     A chord over 1/n of a span is off it by no more than |B''| / (8 n^2), and |B''| is no more
     than 6 times the greatest second difference of the control points (Wang's formula).
@@ -56,7 +56,7 @@ def chords_needed(span: BezierSpan, tolerance_m: float) -> int:
 
 
 def deviation_m(span: BezierSpan, chords: int) -> float:
-    """Return an upper bound of the distance of a span from so many chords [m].
+    """Return an upper bound of the distance of a span from its chords [m].
 
     Wang's formula, as in `chords_needed`.
     """
@@ -78,10 +78,10 @@ def point_of(span: BezierSpan, t: float) -> Point2:
 
 def _handle(a: Point2, b: Point2, c: Point2) -> Point2:
     """Return the control point that follows `b` on the curve from `a` through `b` to `c`."""
-    one, two = math.dist(a, b), math.dist(b, c)
-    root = math.sqrt(one * two)
-    scale = 3 * (one + root)
-    back, here, ahead = -two / scale, (2 * one + 3 * root + two) / scale, one / scale
+    before, after = math.dist(a, b), math.dist(b, c)
+    root = math.sqrt(before * after)
+    scale = 3 * (before + root)
+    back, here, ahead = -after / scale, (2 * before + 3 * root + after) / scale, before / scale
     return (
         back * a[0] + here * b[0] + ahead * c[0],
         back * a[1] + here * b[1] + ahead * c[1],
@@ -115,7 +115,7 @@ class Line:
     Parameters
     ----------
     end
-        Where it ends [m].
+        End point [m].
     """
 
     end: Point2
@@ -128,7 +128,7 @@ class Arc:
     Parameters
     ----------
     end
-        Where it ends [m].
+        End point [m].
     through
         A point on the arc between its ends [m].
     """
@@ -139,7 +139,7 @@ class Arc:
 
 @dataclass(frozen=True, slots=True)
 class Spline:
-    """A centripetal Catmull-Rom curve; one that ends where it starts is closed smoothly.
+    """A centripetal Catmull-Rom curve, closed smoothly if it ends at its start.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Spline:
     Raises
     ------
     ValueError
-        If there is no point.
+        If no point is given.
     """
 
     through: tuple[Point2, ...]
@@ -160,7 +160,7 @@ class Spline:
 
     @property
     def end(self) -> Point2:
-        """Where it ends [m]."""
+        """End point [m]."""
         return self.through[-1]
 
 
@@ -206,10 +206,10 @@ def circle_of(start: Point2, arc: Arc) -> ArcCircle:
         If its three points lie on a line or two of them are one.
     """
     points = (start, arc.through, arc.end)
-    for one, other in itertools.combinations(points, 2):
-        if math.dist(one, other) <= SAME_POINT_M:
+    for point, other in itertools.combinations(points, 2):
+        if math.dist(point, other) <= SAME_POINT_M:
             raise ValueError(
-                f"Two of the arc's three points are the same, {shown(one)}; give three that "
+                f"Two of the arc's three points are the same, {shown(point)}; give three that "
                 "differ, and write a full circle as two arcs."
             )
     ax, ay = arc.through[0] - start[0], arc.through[1] - start[1]
@@ -249,9 +249,9 @@ def sample(start: Point2, element: Element, chord_tolerance_m: float) -> list[Po
     Parameters
     ----------
     start
-        Where the element starts [m].
+        Start of the element [m].
     element
-        What is sampled.
+        Element to sample.
     chord_tolerance_m
         Greatest distance between the element and its chords, >= 1e-7 [m].
 
@@ -317,7 +317,7 @@ def refuse_tolerance(chord_tolerance_m: float) -> None:
 def end_directions(start: Point2, element: Element) -> tuple[float, float]:
     """Return the directions of travel at the start and at the end of an element [rad].
 
-    They are the element's own, not those of its chords.
+    They belong to the element, not to its chords.
 
     Raises
     ------
@@ -369,8 +369,8 @@ def reversed_element(start: Point2, element: Element) -> Element:
 
 def _spans(start: Point2, spline: Spline) -> list[BezierSpan]:
     points = (start, *spline.through)
-    for one, other in itertools.pairwise(points):
-        _refuse_equal(one, other)
+    for point, other in itertools.pairwise(points):
+        _refuse_equal(point, other)
     closed = len(points) > 3 and math.dist(start, spline.end) <= SAME_POINT_M
     return bezier_spans(points, closed=closed)
 
@@ -383,8 +383,8 @@ def _arc_chords(circle: ArcCircle, tolerance_m: float) -> int:
 
 def _spline_chords(spans: list[BezierSpan], tolerance_m: float) -> list[int]:
     """Return the chords of each span of a spline."""
-    least = 2 if len(spans) == 1 else 1
-    return [max(least, chords_needed(span, tolerance_m)) for span in spans]
+    fewest = 2 if len(spans) == 1 else 1
+    return [max(fewest, chords_needed(span, tolerance_m)) for span in spans]
 
 
 def _sample_arc(circle: ArcCircle, end: Point2, tolerance_m: float) -> list[Point2]:
@@ -408,10 +408,10 @@ def _direction(a: Point2, b: Point2) -> float:
     return math.atan2(b[1] - a[1], b[0] - a[0])
 
 
-def _refuse_equal(one: Point2, other: Point2) -> None:
-    if math.dist(one, other) <= SAME_POINT_M:
+def _refuse_equal(point: Point2, other: Point2) -> None:
+    if math.dist(point, other) <= SAME_POINT_M:
         raise ValueError(
-            f"Two consecutive points are the same, {shown(one)}, which makes a segment of zero "
+            f"Two consecutive points are the same, {shown(point)}, which makes a segment of zero "
             "length; leave one of them out."
         )
 

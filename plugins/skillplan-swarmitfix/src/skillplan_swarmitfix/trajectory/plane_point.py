@@ -5,14 +5,14 @@ from __future__ import annotations
 Point2 = tuple[float, float]
 
 SAME_POINT_M = 1e-6
-"""Points as near as this are one point [m], which is far below what a bench can place."""
+"""Distance below which points are equal [m], far below the accuracy of a bench."""
 
 MAX_COORDINATE_M = 1e6
 """Greatest absolute value of a coordinate [m]; up to it rounding stays below 1e-9 m."""
 
 
 def on_any_bench(point: Point2) -> bool:
-    """Whether both coordinates are finite and within `MAX_COORDINATE_M`."""
+    """Return whether both coordinates are finite and within `MAX_COORDINATE_M`."""
     return all(abs(coordinate) <= MAX_COORDINATE_M for coordinate in point)
 
 

@@ -53,15 +53,15 @@ class PathElementConfig(Strict):
 
 
 class DrawingConfig(Strict):
-    """How the drawing of a file is read and placed on the bench.
+    """Unit and placement of a file's drawing on the bench.
 
     It is in the coordinates that are read from the file, and so not in the task's hash again.
     """
 
     unit: UnitName | None = Field(
         None,
-        description="what the file's lengths are in: of a drawing before its own unit, of a "
-        "program until it says G20 or G21, of a table with the header x,y; left out: as the file "
+        description="unit of the file's lengths: for a drawing instead of its own unit, for a "
+        "program until G20 or G21, for a table with the header x,y; default: the unit of the file "
         "says, or else mm",
         exclude=True,
     )
@@ -86,9 +86,7 @@ class TrajectoryConfig(DrawingConfig):
         None,
         description="corners of a polygonal trajectory, [[x, y], ...] [m]; or one of path and file",
     )
-    start_m: Planar | None = Field(
-        None, description="where path begins, x y [m]; left out: there is no path"
-    )
+    start_m: Planar | None = Field(None, description="start of path, x y [m]; default: no path")
     path: Annotated[list[PathElementConfig], Field(min_length=1, max_length=10_000)] | None = Field(
         None, description="lines, arcs and splines from start_m on; instead of vertices_m"
     )
@@ -101,7 +99,7 @@ class TrajectoryConfig(DrawingConfig):
         0.001, description="how far a curve may lie from its chords [m]"
     )
 
-    # What the file holds; it says where in the file an element stands, which no key does.
+    # Content of the file, with the place of every element in it.
     _read: TrajectoryPath | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")
@@ -109,7 +107,7 @@ class TrajectoryConfig(DrawingConfig):
     def _read_file(
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
-        """Put what a file holds in the place of its name."""
+        """Replace the name of a file by its content."""
         if not isinstance(data, dict) or not isinstance(data.get("file"), str):
             return handler(data)
         placing = {key: data[key] for key in DrawingConfig.model_fields if key in data}
@@ -120,7 +118,7 @@ class TrajectoryConfig(DrawingConfig):
             return handler(data)
         others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
         if others:
-            raise Located(f"a file says all; leave {', '.join(others)} out.", "file")
+            raise Located(f"a file is complete; leave {', '.join(others)} out.", "file")
         from skillplan_swarmitfix.trajectory.file_content import content_of
 
         folder = Path((info.context or {}).get("folder", Path()))
@@ -132,9 +130,9 @@ class TrajectoryConfig(DrawingConfig):
             fault = list_schema_issues(error, cls)[0]
             place = read.place_of(fault.path[1:2] if fault.path[:1] == ("path",) else ("start",))
             raise Located(in_file(data["file"], place, fault.message), "file") from None
-        made = handler({**data, **content})
-        made._read = read
-        return made
+        config = handler({**data, **content})
+        config._read = read
+        return config
 
     def place_of(self, path: tuple[str | int, ...], message: str) -> str:
         """Return a message with the file, and the place in it, of a fault of the trajectory.
@@ -144,7 +142,7 @@ class TrajectoryConfig(DrawingConfig):
         path
             As `trajectory_faults.faults` gives it.
         message
-            What is wrong; it stays as it is where the trajectory is not read from a file.
+            The fault; unchanged if the trajectory is not read from a file.
         """
         if self.file is None or self._read is None:
             return continue_sentence(message)
@@ -152,7 +150,7 @@ class TrajectoryConfig(DrawingConfig):
 
     @property
     def guessed_unit_extent_m(self) -> float | None:
-        """The longer side of a file's drawing [m] if nothing says its unit; None otherwise."""
+        """The longer side of a file's drawing [m] if its unit is unknown; None otherwise."""
         return max(self._read.extent_m) if self._read and self._read.unit_assumed else None
 
     @model_validator(mode="after")
@@ -171,7 +169,7 @@ class TrajectoryConfig(DrawingConfig):
 
 
 def in_file(name: str, place: str, message: str) -> str:
-    """Return a message that says where in a file the fault is."""
+    """Return a message with the place of the fault in the file."""
     return ": ".join(filter(None, (one_line(name, 200), place, continue_sentence(message))))
 
 

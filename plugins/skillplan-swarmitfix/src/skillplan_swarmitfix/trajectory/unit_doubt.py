@@ -1,4 +1,4 @@
-"""A doubt about the unit of a trajectory's file: none is said, and the size fits no bench."""
+"""Warning on a trajectory file without a unit whose size does not fit a bench."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def unit_doubt(config: TrajectoryConfig) -> Issue | None:
     if config.file is None or extent_m is None or not is_doubtful(extent_m):
         return None
     message = (
-        f"Nothing says its unit, and read in {DEFAULT_UNIT} it is {extent_m:.3g} m long. Give "
+        f"Its unit is not given, and read in {DEFAULT_UNIT} it is {extent_m:.3g} m long. Give "
         "trajectory.unit, such as m or in."
     )
     return Issue(in_file(config.file, "", message), ("file",))

@@ -1,6 +1,6 @@
-"""Units of length in which drawings, tables and programs are made, and what is doubtful of them.
+"""Units of length of drawings, tables and programs, and doubts about them.
 
-How a drawing says its unit ($INSUNITS): `dxf`.
+Units of drawings ($INSUNITS): `dxf`.
 """
 
 from __future__ import annotations
@@ -31,5 +31,5 @@ _MOST_EXTENT_M = 10.0
 
 
 def is_doubtful(extent_m: float) -> bool:
-    """Whether the longer side of a trajectory [m] suggests that its unit was guessed wrongly."""
+    """Return whether the longer side of a trajectory [m] suggests a wrong unit."""
     return not _LEAST_EXTENT_M <= extent_m <= _MOST_EXTENT_M

@@ -36,24 +36,24 @@ ANGLE_TOLERANCE_RAD = math.radians(0.1)
 
 
 class VertexKind(StrEnum):
-    """How a trajectory turns at a vertex."""
+    """Kind of turn at a vertex."""
 
     END = "end"
     """An open trajectory starts or ends here."""
     SMOOTH = "smooth"
     """It goes straight on: two lines in a row, or a curve that leaves along its tangent."""
     CONVEX = "convex"
-    """Of a closed trajectory: the interior angle is less than pi."""
+    """Closed trajectory: the interior angle is less than pi."""
     REFLEX = "reflex"
-    """Of a closed trajectory: the interior angle is more than pi."""
+    """Closed trajectory: the interior angle is more than pi."""
     LEFT = "left"
-    """Of an open trajectory: it turns to the left."""
+    """Open trajectory: it turns to the left."""
     RIGHT = "right"
-    """Of an open trajectory: it turns to the right."""
+    """Open trajectory: it turns to the right."""
 
 
 class Corner(StrEnum):
-    """How wide the two segments at a vertex are apart, on the side where they are nearer."""
+    """Angle between the two segments at a vertex, on the narrower side."""
 
     ACUTE = "acute"
     RIGHT = "right"
@@ -63,17 +63,17 @@ class Corner(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Vertex:
-    """Where two segments meet, or where an open trajectory starts or ends.
+    """A vertex between two segments, or an end of an open trajectory.
 
     Parameters
     ----------
     position
-        Where it is [m].
+        Position [m].
     angle_rad
         The vertex angle, in (0, 2 pi): between the tangents, on the inside of a closed trajectory
         and to the left of an open one. pi is straight on, and is given to an end [rad].
     kind
-        How the trajectory turns here.
+        Kind of turn.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class Vertex:
 
     @property
     def corner(self) -> Corner:
-        """How wide the corner is on its narrower side."""
+        """Angle of the corner on its narrower side."""
         narrower = min(self.angle_rad, math.tau - self.angle_rad)
         if math.pi - narrower <= ANGLE_TOLERANCE_RAD:
             return Corner.STRAIGHT
@@ -102,7 +102,7 @@ class Vertex:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """What a trajectory does between two vertices.
+    """A trajectory between two vertices.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Segment:
         Its number along the trajectory, from 0: that of its element. A line that closes the
         trajectory comes last.
     points
-        Its start and its end; between them, where it is curved, the points it is sampled at [m].
+        Its start and its end; on a curve also the sampled points between them [m].
 
     Raises
     ------
@@ -132,17 +132,17 @@ class Segment:
 
     @property
     def start(self) -> Point2:
-        """Where it starts [m]."""
+        """Start [m]."""
         return self.points[0]
 
     @property
     def end(self) -> Point2:
-        """Where it ends [m]."""
+        """End [m]."""
         return self.points[-1]
 
     @property
     def is_curved(self) -> bool:
-        """Whether it stands for an arc or a spline."""
+        """Return whether it is an arc or a spline."""
         return len(self.points) > 2
 
     @property
@@ -167,7 +167,7 @@ class Segment:
     def direction_at(self, distance_m: float) -> float:
         """Return the direction of travel on the chord at a distance [m], in (-pi, pi] [rad].
 
-        Where two chords meet it is that of the one ahead. Raises what `point_at` does.
+        At a joint of two chords the next one counts. Raises like `point_at`.
         """
         _, (ax, ay), (bx, by) = self._chord(distance_m)
         return math.atan2(by - ay, bx - ax)
@@ -191,7 +191,7 @@ class Workpiece:
     Parameters
     ----------
     closed
-        Whether it ends where it starts.
+        True if it ends at its start.
     vertices
         In order along the trajectory. Segment i leads from vertex i to the next, of a closed one
         the last one back to vertex 0.
@@ -233,11 +233,11 @@ class Workpiece:
         Parameters
         ----------
         start
-            Where the first element starts, in the frame of the bench [m].
+            Start of the first element, in the frame of the bench [m].
         elements
             Its elements in order along the trajectory.
         closed
-            Whether a line leads back to the start, unless the last element does already.
+            True if a line leads back to the start, unless the last element does already.
         chord_tolerance_m
             Greatest distance between a curve and the chords that stand for it, >= 1e-7 [m].
 
@@ -246,9 +246,9 @@ class Workpiece:
         ValueError
             If there are `faults`, with all of them, a line each.
         """
-        found = faults(start, elements, closed, chord_tolerance_m, outline=None)
-        if found:
-            issues = (Issue(message, _within_elements(path)) for message, path in found)
+        problems = faults(start, elements, closed, chord_tolerance_m, outline=None)
+        if problems:
+            issues = (Issue(message, _within_elements(path)) for message, path in problems)
             raise ValueError("\n".join(map(str, issues)))
         whole = joined(start, elements, closed=closed)
         starts = [start, *(element.end for element in whole)]
@@ -266,7 +266,7 @@ class Workpiece:
             before = segments[i - 1]
             turn = _turn(tangents[i - 1][1], tangents[i][0])
             if math.pi - abs(turn) <= 1e-6:
-                # The tip of a cusp: its tangents cannot say on which side the inside is.
+                # The tangents at the tip of a cusp do not determine the inside.
                 turn = _turn(before.direction_at(before.length_m), segment.direction_at(0.0))
             vertices.append(_vertex(segment.start, turn, clockwise))
         if not closed:
@@ -286,7 +286,7 @@ class Workpiece:
 
     @property
     def vertex_counts(self) -> dict[VertexKind, int]:
-        """How many vertices of each kind there are, without the kinds of which there are none."""
+        """Number of vertices of each kind, without absent kinds."""
         counts = Counter(vertex.kind for vertex in self.vertices)
         return {kind: counts[kind] for kind in VertexKind if counts[kind]}
 
@@ -307,7 +307,7 @@ def _within_elements(path: tuple[str | int, ...]) -> tuple[str | int, ...]:
 
 
 def _turn(before_rad: float, after_rad: float) -> float:
-    """Return by how much the direction changes: > 0 to the left, in [-pi, pi]."""
+    """Return the change of direction: > 0 to the left, in [-pi, pi]."""
     return math.remainder(after_rad - before_rad, math.tau)
 
 
